@@ -33,7 +33,6 @@ PIECE = 3 * 2**18
 STATES, _LARGE = 8, 2**22
 # Steps of the first piece of a run that may end early; the length doubles from piece to piece.
 _FIRST = 64
-_WITHOUT_END = 2**62
 _LAST = "components on the last axis, as x[..., 0]"
 
 Surface = Callable[[FloatArray], ArrayLike]
@@ -128,8 +127,8 @@ def found_along(
     at their last crossing keep the statuses that they have after the transient.
     """
     changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
-    limit, batch, (B, D) = most or _WITHOUT_END, march.problem.batch, march.omega0.shape
-    n, is_stopped, counts = transient, False, np.zeros(B, np.int64)
+    batch, (B, D), n, is_stopped = march.problem.batch, march.omega0.shape, transient, False
+    counts, ended = np.zeros(B, np.int64), np.zeros(B, bool)
 
     def values_of(states: FloatArray) -> FloatArray:
         """Return the checked values (rows, B) of the surface at states (rows, ..., D)."""
@@ -151,9 +150,7 @@ def found_along(
     states[0], values[0] = march.final, last
     if transient and n < end and not is_stopped:
         values[0] = values_of(states[:1])[0]
-    found: list[_Piece] = [
-        _crossings_in(n, states[:1].reshape(1, B, D), values[:1], changed, counts)
-    ]
+    found: list[_Piece] = [_crossings_in(n, states[:1].reshape(1, B, D), values[:1], changed, None)]
     length = longest if most is None else min(_FIRST, longest)
     while n < end and not is_stopped and (march.status >= 0).any():
         rows = min(length, end - n)
@@ -161,34 +158,36 @@ def found_along(
         march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
         values[1 : rows + 1] = values_of(states[1 : rows + 1])
         piece = states[: rows + 1].reshape(-1, B, D), values[: rows + 1]
-        found.append(_crossings_in(n, *piece, changed, limit - counts))
+        found.append(_crossings_in(n, *piece, changed, None if most is None else most - counts))
         counts += np.bincount(found[-1][0], minlength=B)
         states[0], values[0] = states[rows], values[rows]
+        ended = counts >= (most or np.inf)
         # Kernels leave out trajectories that have failed, so those that have ended.
-        march.status.reshape(-1)[counts >= limit] = Status.NONFINITE
+        march.status.reshape(-1)[ended] = Status.NONFINITE
         n += rows
         report_steps(n)
-    return _arrays(march, found, counts, counts >= limit, alive), is_stopped
+    return _arrays(march, found, counts, ended, alive), is_stopped
 
 
 def _crossings_in(
-    n: int, states: FloatArray, values: FloatArray, changed: Any, left: NDArray[np.int64]
+    n: int, states: FloatArray, values: FloatArray, changed: Any, left: NDArray[np.int64] | None
 ) -> _Piece:
     """Return the crossings among states (rows, B, D) with values (rows, B); the first is state n.
 
     A value that is not finite makes no crossing, and an orbit has at most `left` (B,) of them.
     """
-    B, is_positive, flat = len(left), values >= 0.0, values.ravel()
+    B, is_positive, flat = values.shape[1], values >= 0.0, values.ravel()
     if n == 0 and len(values) > 1:  # a start on the surface is on the side to which the orbit goes
         is_positive[0] = np.where(values[0] == 0.0, is_positive[1], is_positive[0])
     # Place k B + i is a change after row k of orbit i.
     places = np.flatnonzero(changed(is_positive[1:], is_positive[:-1]))
     places = places[np.isfinite(flat.take(places)) & np.isfinite(flat.take(places + B))]
-    i = places % B
-    order = np.argsort(i, kind="stable")
-    of_orbit, rank = i[order], np.empty_like(i)
-    rank[order] = np.arange(len(i)) - np.searchsorted(of_orbit, of_orbit)
-    places = places[rank < left[i]]
+    if left is not None:
+        i = places % B
+        order = np.argsort(i, kind="stable")
+        of_orbit, rank = i[order], np.empty_like(i)
+        rank[order] = np.arange(len(i)) - np.searchsorted(of_orbit, of_orbit)
+        places = places[rank < left[i]]
     k, i = np.divmod(places, B)
     earlier, later = flat.take(places), flat.take(places + B)
     # Halve both where the difference could overflow.

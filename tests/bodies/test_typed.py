@@ -126,6 +126,20 @@ def test_bits_of_a_member_depend_on_no_other(way):
             assert np.array_equal(found[i], flow(field[i], x, time=0.5, **more).states[-1])
 
 
+def test_f_is_not_called_again_where_its_list_is_no_shorter():
+    calls = []
+
+    def f(x):
+        calls.append(x)
+        return [sum(a * (1 - b) for b in x) for a in x]
+
+    field = QuadraticField.from_function(f, 6)
+    made = len(calls)
+    states(pickle.loads(pickle.dumps(field)))
+    states(field)
+    assert len(calls) == made
+
+
 def test_f_that_has_changed_since_is_not_taken():
     k = 1.0
     field = QuadraticField.from_function(lambda x: (k * (x[1] - x[0]), x[0] * (k - x[1])), 2)

@@ -371,6 +371,10 @@ class _FieldOfTerms(FieldOfFunction):
     def _key(self) -> tuple[Any, ...]:
         return self.dimension, *super()._key
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        typed = None if self._as_typed[1] is None else self._typed
+        return self._of, ({**self.parts, NAMES: self.names, TYPED: typed},)
+
     @property
     def described(self) -> dict[str, Any]:
         parts = self.parts

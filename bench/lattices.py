@@ -30,7 +30,7 @@ SIZES = {
     ("lattice", 2): [(n, n) for n in (2, 4, 8, 11, 16, 22, 32, 45)],
 }
 RTOL, TIME, EPS = 1e-6, 10.0, 1 / 64
-WARM = 12  # calls, after which LLVM has optimised what are loops in the code of motions
+WARM = 8  # calls, after which LLVM has optimised what are loops in the code of motions
 COLUMNS = (
     "", "D", "make, s", "map: first step, s", "step, µs", "in 8", "motion: first, s", "ms", "in 8",
     "steps", "BDF: ms", "steps",

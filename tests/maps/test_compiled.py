@@ -166,19 +166,6 @@ def test_what_does_not_exist_is_nan():
         assert np.isnan(out).all()
 
 
-def test_bodies_and_step_sizes_are_checked():
-    for call, error, words in (
-        (lambda: system(4, 0.1), TypeError, "^body must"),
-        (lambda: system(BODY, np.inf), ValueError, "^eps must"),
-        (lambda: system(BODY, 5e-324), ValueError, "^eps.*use other units"),
-        (lambda: system(BODY, "0.1"), TypeError, "^eps must"),
-        (lambda: system(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
-        (lambda: system(sf.SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
-    ):
-        with pytest.raises(error, match=words):
-            call()
-
-
 @njit
 def one_step(system, x, out, memory):
     return step_system(system, x, out, memory)

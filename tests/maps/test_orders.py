@@ -229,20 +229,6 @@ def test_a_pole_in_a_sub_step(method):
 # ------------------------------------------------------------------------------------- what remains
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_bodies_have_no_higher_orders(body, method):
-    for kind in (body, sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7), sf.SuslovND([1, 2], [0.1, 0.2])):
-        for call in (
-            lambda kind=kind: sf.iterate(kind, [1, 0.5], 0.1, 3, method=method),
-            lambda kind=kind: sf.jacobian(kind, [1, 0.5], 0.1, method=method),
-            lambda kind=kind: compiled.system(kind, 0.1, method=method),
-        ):
-            with pytest.raises(ValueError, match=rf"'{method}'.*QuadraticField\.of\(body\)"):
-                call()
-    run = sf.iterate(sf.QuadraticField.of(body), [1, 0.5], 0.2, 50, method=method)
-    assert abs(run.final - sf.flow(body, [1, 0.5], time=10.0).omega[0]).max() < 1e-4
-
-
 @pytest.mark.parametrize("method", ["auto", *METHODS])
 def test_one_thread_of_numba(method, monkeypatch):
     """A call that Numba is told to make with one thread has no pool to wait for."""

@@ -577,3 +577,5 @@ def test_dictionaries_of_strangers_are_refused():
             read(["x"], **others)
     with pytest.raises(TypeError, match="definitions"):
         read(["x"], definitions=["u"])
+    with pytest.raises(ValueError, match="one of x, y, not 'z'"):
+        read(["x", "z"], names=["x", "y"])

@@ -219,7 +219,7 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
             return known[node.id]
         if node.id in ("inf", "nan"):
             return float(node.id)
-        names = ", ".join(known)
+        names = ", ".join(name for name in known if isinstance(name, str))
         raise ValueError(
             f"equations: a name must be one of {names}, not {short(node.id)}: write its value"
         )

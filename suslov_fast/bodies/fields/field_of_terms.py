@@ -442,7 +442,7 @@ class _FieldOfTerms(FieldOfFunction):
     def right_hand_sides(self) -> list[OfMembers]:
         return self._by_lists(_LONG, lambda field: field.right_hand_sides)
 
-    @property
+    @cached_property
     def listed_right_hand_sides(self) -> list[OfMembers]:
         return self._by_lists(None, lambda field: field.listed_right_hand_sides)
 

@@ -223,7 +223,7 @@ class Field(FieldOfFunction):
     def right_hand_sides(self) -> list[OfMembers]:
         return self._of_members(_for_motion(self._equations, (), False), self._inputs)
 
-    @property
+    @cached_property
     def listed_right_hand_sides(self) -> list[OfMembers]:
         return self.derived_by(())
 

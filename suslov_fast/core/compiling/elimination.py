@@ -15,7 +15,7 @@ import numpy as np
 
 from ..lists.planned_elimination import LEAST_PIVOT
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import for_size, select
+from .llvm import select
 from .numba import formula, function, inlined
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
@@ -121,7 +121,6 @@ def solve(a, units):
     `units` (2, m) receives units of the unknowns, and factors of rows: det A is the product of
     pivot k / units[1, k].
     """
-    for_size()
     weights, undefined, size = units[1], 0.0, 0.0
     m, columns = a.shape
     balance(a, units[0])

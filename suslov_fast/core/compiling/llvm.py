@@ -115,23 +115,7 @@ def _stream_pairs(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-# ------------------------------------------------------------------------------ choices and options
-def for_size():
-    """Let LLVM optimise the function that calls this for size, which compiles faster.
-
-    LLVM then vectorises no loops of unknown lengths, which would need tests at run time.
-    """
-
-
-type_callable(for_size)(lambda context: lambda: types.none)
-
-
-@lower_builtin(for_size)
-def _for_size(context, builder, signature, arguments):
-    builder.function.attributes.add("optsize")
-    return context.get_dummy_value()
-
-
+# ----------------------------------------------------------------------------------------- choices
 def select(condition, first, second):
     """Return `first` where the condition holds, else `second`; compute both, without a branch."""
     return first if condition else second

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..compiling.codes import OK
 from ..compiling.elimination import parts_of_determinant, solve
-from ..compiling.llvm import for_size
 from ..compiling.numba import function
 from .careful import changes_sign, fill_system, solve_lane
 from .generated_tangent import FAR_FROM_1, LENGTHS, NEAR_1, VOLUME
@@ -16,7 +15,6 @@ from .generated_tangent import FAR_FROM_1, LENGTHS, NEAR_1, VOLUME
 @function
 def multiply_columns(indices, half, before, after, columns, system, units):
     """Replace each q = columns[r] by -DPhi q, by `solve`; return det DPhi."""
-    for_size()
     D = len(before)
     fill_system(indices, half, -1.0, after, system)
     for i in range(D):
@@ -46,7 +44,6 @@ def multiply_columns(indices, half, before, after, columns, system, units):
 @function
 def copy_lanes(arguments, memory, lanes):
     """Copy the states, columns and products of lanes before a step to the memory of `solve`."""
-    for_size()
     line, D = memory.line, len(memory.after)
     first = 2 * D + LENGTHS
     for l in range(arguments.W):
@@ -64,7 +61,6 @@ def solve_lanes(arguments, memory, place, stage, step, lanes):
     Return the bits of lanes whose step was from det A < 0, and in which a component changed its
     sign that keeps it along the motion.
     """
-    for_size()
     line, half, after, D = memory.line, memory.half, memory.after, len(memory.after)
     first, indices, halves = 2 * D + LENGTHS, arguments.indices, arguments.halves
     negative, changed = 0, 0

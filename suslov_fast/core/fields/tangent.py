@@ -27,7 +27,7 @@ from ..code.compiler import code_of, compiled
 from ..code.runs_code import ANY
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
-from ..compiling.llvm import call_code, for_size
+from ..compiling.llvm import call_code
 from ..compiling.numba import function, inlined, kernel, share
 from ..lists import sizes
 from ..lists.step import Tangent, length_of
@@ -227,7 +227,6 @@ def fill_line(W, room, line, x, place):
 
     Lanes beyond the last trajectory repeat it.
     """
-    for_size()
     B, D = x.shape
     first = 2 * D + LENGTHS
     line[:] = 0.0
@@ -252,7 +251,6 @@ def copy(target, source):
 @function
 def take_logarithms(g, sums, of_det, begin, of_all):
     """Add the logarithms of products that leave their range, or of all, and begin new products."""
-    for_size()
     for row in range(NEAR_1, len(g)):
         near = row == NEAR_1
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
@@ -322,7 +320,6 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     status, failed_at   (B,), as in `suslov.steps.steps`
     by_signs     (B,), true where a change of sign, and not det A < 0, told the pole
     """
-    for_size()
     arguments, sums, of_det = uncounted(arguments), uncounted(sums), uncounted(of_det)
     (start, stop, last), (B, D), W = span, x0.shape, arguments.W
     counted, stages = memory_of(arguments, D), len(arguments.fractions)

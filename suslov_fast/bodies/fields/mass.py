@@ -126,19 +126,20 @@ class _Cancellation:
         self._expressions, self._done = tracer.values, 0
         self._values = dict(enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, _SAMPLES)))
 
-    @np.errstate(all="ignore")
     def is_zero(self, a: Any) -> bool:
-        """Return whether a formula is a difference of equal terms at all states."""
-        operations = self._expressions.operations
-        evaluate(operations[self._done :], self._values)
-        self._done = len(operations)
+        """Return whether a formula is a difference of equal terms at nearly all states."""
         instruction, operands = self._expressions.of.get(getattr(a, "operand", None), ("", ()))
         if instruction not in ("fadd", "fsub"):
             return False
-        terms = sum(abs(np.array(self._values.get(each, each))) for each in operands)
-        difference = abs(self._values[a.operand])
-        known = np.isfinite(difference)
-        return bool(known.any() and (difference <= _CANCELLED * terms)[known].mean() >= _MOST)
+        operations = self._expressions.operations
+        with np.errstate(all="ignore"):
+            evaluate(operations[self._done :], self._values)
+            self._done = len(operations)
+            terms = sum(abs(np.array(self._values.get(each, each))) for each in operands)
+            difference = abs(self._values[a.operand])
+            known = np.isfinite(difference)
+            is_small = (difference <= _CANCELLED * terms)[known]
+        return bool(len(is_small) and is_small.mean() >= _MOST)
 
 
 def _solved(a: list[list[Any]], b: list[Any], is_zero: Callable[[Any], bool]) -> list[Any]:

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.motion.arguments import NUMBER
-from ..core.motion.engine import (
-    Motion as Engine,
-    Settings,
-    Stops,
-    prepare,
-)
+from ..core.motion.engine import Motion as Engine, Settings, Stops, prepare
 from ..core.motion.few import take_few
 from ..core.motion.rows import Cause, State
 from .arguments import ALL

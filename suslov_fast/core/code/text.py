@@ -75,19 +75,31 @@ class Truth(_Name):
         name = f"select {self.kind} {self}, {value.kind} {a}, {value.kind} {b}"
         return type(value)(value.text, value.text.new(name))
 
+    def _packed(self):
+        """Return an integer with a bit for each lane, and its type."""
+        if self.kind == "i1":
+            return self, self.kind
+        kind = f"i{self.text.W}"
+        return self.text.new(f"bitcast {self.kind} {self} to {kind}"), kind
+
     def bits(self):
         """Return the truth values of all lanes as the bits of an integer."""
-        if self.kind == "i1":
-            return Index(self.text, self.text.new(f"zext i1 {self} to i64"))
-        return Index(self.text, self.text.bits(self))
+        bits, kind = self._packed()
+        return Index(self.text, self.text.new(f"zext {kind} {bits} to i64"))
 
     def any(self):
         """Return whether some lane is true."""
-        return Truth(self.text, self.text.any(self), "i1")
+        return self._compared("ne", 0)
 
     def all(self):
         """Return whether all lanes are true."""
-        return Truth(self.text, self.text.all_true(self), "i1")
+        return self._compared("eq", -1)
+
+    def _compared(self, how, number):
+        if self.kind == "i1":
+            return self
+        bits, kind = self._packed()
+        return Truth(self.text, self.text.new(f"icmp {how} {kind} {bits}, {number}"), "i1")
 
 
 class _Comparable(_Name):
@@ -566,14 +578,6 @@ class Code:
         text = "true" if is_true else "false"
         return text if self.W == 1 else f"<{', '.join([f'i1 {text}'] * self.W)}>"
 
-    def any(self, truth):
-        """Return whether the truth value of some lane is true."""
-        if self.W == 1:
-            return truth
-        return self.new(
-            f"icmp ne i{self.W} {self.new(f'bitcast {self.M} {truth} to i{self.W}')}, 0"
-        )
-
     # ------------------------------------------------------------------------------------ integers
     def integer(self, instruction, a, b):
         return self.new(f"{instruction} i64 {a}, {b}")
@@ -615,26 +619,6 @@ class Code:
 
     def select(self, truth, a, b):
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
-
-    def joined(self, instruction, truths):
-        """Return all truth values joined by an instruction, from left to right."""
-        result, *others = truths
-        for truth in others:
-            result = self.new(f"{instruction} {self.M} {result}, {truth}")
-        return result
-
-    def all_true(self, truth):
-        """Return whether the truth values of all lanes are true."""
-        if self.W == 1:
-            return truth
-        truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
-        return self.new(f"icmp eq i{self.W} {truth}, -1")
-
-    def bits(self, truth):
-        """Return the truth values of all lanes as the bits of an integer."""
-        if self.W > 1:
-            truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
-        return self.new(f"zext i{self.W} {truth} to i64")
 
     def carry_out(self, operations, values, load):
         """Add operations; `load` returns the name of a value that is not in the dict `values`."""
@@ -715,7 +699,7 @@ class Code:
         target, label = self.target, f"{instruction}_{self.target.count}"
         before = target.block
         if x not in self._usual:  # once for all values of x
-            self._usual[x] = self.compare_integers("eq", self.bits(self._is_far(x)), 0)
+            self._usual[x] = self._is_far(Value(self, x)).bits().equals(0)
         is_usual = self._usual[x]
         target.branch(is_usual, f"{label}_end", label, likely=True)
         target.label(label)
@@ -729,8 +713,7 @@ class Code:
         return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
 
     def _is_far(self, x):
-        from_limit = self.compare("oge", x, self.constant(LIMIT))
-        return self.joined("and", [from_limit, self.compare("olt", x, self.constant(np.inf))])
+        return (x >= LIMIT) & (x < np.inf)
 
     def _far_lanes(self):
         """Return the lines of the function for `_far_part`, which loops over lanes."""

@@ -7,6 +7,8 @@ dense field, is a function that the driver calls; then one text serves all field
 (`text_of_called_steps`).
 """
 
+import functools
+import operator
 from typing import NamedTuple
 
 from ..code.text import Carried, Code, Index, Integers, Shared, Truth, Value
@@ -191,10 +193,10 @@ class _Driver:
 
         text = self.text
         bases, state = text.array(bases), text.array(state)
-        is_kept = self.over_signs("and", keeps, bases, state, final).all()
+        is_kept = self.over_signs(operator.and_, keeps, bases, state, final).all()
         with text.when(~is_kept, likely=False):
             # Lanes that have passed a pole have nothing more to tell.
-            changed = self.over_signs("or", changes, bases, state, final).bits()
+            changed = self.over_signs(operator.or_, changes, bases, state, final).bits()
             changed = changed & self.others(0, line, self.of.passed)
             with text.when(changed.differs(0)):
                 self.call_careful(line, 0, changed << CHANGED, n)
@@ -254,10 +256,10 @@ class _Inlined(_Driver):
         x = [rows[i] for i in components]
         stage.take(x)
         after, accurate, good, told, _ = stage.take_rare()
-        after = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
+        after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value
-        bad, told = self.lanes_to_tell(Index(text, good), Index(text, told), line)
+        bad, told = self.lanes_to_tell(good, told, line)
 
         def carefully():
             self.call_careful(line, bad, told, n)
@@ -265,10 +267,10 @@ class _Inlined(_Driver):
 
         return text.otherwise((bad | told).equals(0), after, carefully)
 
-    def over_signs(self, instruction, truth_of, bases, state, final):
+    def over_signs(self, how, truth_of, bases, state, final):
         """Return truth_of(base, after) of all components that keep their signs, joined."""
         truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
-        return Truth(self.text, self.text.joined(instruction, truths))
+        return functools.reduce(how, truths)
 
     def keep_bases(self, bases, state, final):
         for k in sorted(self.step.of_one_sign):
@@ -326,13 +328,12 @@ class _Called(_Driver):
                 self.call_careful(line, bad, told, n)
         return []
 
-    def over_signs(self, instruction, truth_of, bases, state, final):
+    def over_signs(self, how, truth_of, bases, state, final):
         text, signs = self.text, Integers(self.text, self.of.signs)
-        now = Carried(truth=Truth(text, text.truth(instruction == "and")))
+        now = Carried(truth=Truth(text, text.truth(how is operator.and_)))
         for i in text.each(self.of.sign_count, now):
             k = signs[i]
-            truth = truth_of(bases[k], state[k])
-            now.truth = now.truth & truth if instruction == "and" else now.truth | truth
+            now.truth = how(now.truth, truth_of(bases[k], state[k]))
         return now.truth
 
     def keep_bases(self, bases, state, final):

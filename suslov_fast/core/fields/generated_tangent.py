@@ -80,7 +80,6 @@ def text_of_tangent(tangent, name, W, for_each):
 
         def rare(n=now.n, stage=stage, others=others):
             after, _, good, told, values = stage.take_rare()
-            good, told = Index(text, good), Index(text, told)
             told = told & (good & others) * (1 | 1 << OF_CHANGED)
             told = (told & all_lanes) << NEGATIVE | told >> OF_CHANGED << CHANGED
             both = good, Truth(text, values[tangent.derived]).bits()

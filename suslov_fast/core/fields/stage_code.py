@@ -7,7 +7,7 @@ line, for steps (`driver`), for users' loops and for derivatives.
 
 from typing import NamedTuple
 
-from ..code.text import Code, Shared
+from ..code.text import Code, Index, Shared, Truth
 from ..compiling.codes import CHANGED
 
 
@@ -15,9 +15,9 @@ class Rare(NamedTuple):
     """What the rare operations of a stage find."""
 
     after: list  # the next state, where it is accurate
-    accurate: str
-    good: str  # the bits of lanes where it is
-    told: str  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
+    accurate: Truth
+    good: Index  # the bits of lanes where it is
+    told: Index  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
     values: dict
 
 
@@ -41,18 +41,20 @@ class Stage:
 
     def is_good(self):
         """Return whether the usual operations suffice in all lanes."""
-        return self.text.all_true(self.values[self.step.good])
+        return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
         """Carry out the rare operations, too; return `Rare`."""
         text, step, values = self.text, self.step, dict(self.values)
         text.carry_out(step.rare, values, self.load)
-        accurate, told = values[step.accurate], text.bits(values[step.negative])
+        accurate, told = (
+            Truth(text, values[step.accurate]),
+            Truth(text, values[step.negative]).bits(),
+        )
         if step.changed is not None:
-            changed = text.integer("shl", text.bits(values[step.changed]), CHANGED)
-            told = text.integer("or", told, changed)
+            told = told | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)
-        return Rare(after, accurate, text.bits(accurate), told, values)
+        return Rare(after, accurate, accurate.bits(), told, values)
 
 
 def loader(text, step, for_each, state, table, fixed=()):
@@ -102,9 +104,9 @@ def text_of_stage(step, name, *_):
 
     def rare():
         after, accurate, _, told, _ = stage.take_rare()
-        with text.when(text.new(f"xor i1 {accurate}, true")):
+        with text.when(~accurate):
             text.leave("i64 1")
-        return [*after, text.integer("shl", told, 8)]
+        return [*after, told << 8]
 
     kinds = [text.V] * step.D + ["i64"]
     *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)

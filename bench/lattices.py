@@ -30,7 +30,7 @@ SIZES = {
     ("lattice", 2): [(n, n) for n in (2, 4, 8, 11, 16, 22, 32, 45)],
 }
 RTOL, TIME, EPS = 1e-6, 10.0, 1 / 64
-WARM = 8  # calls, after which LLVM has optimised what are loops in the code of motions
+WARM = 8, 6  # calls of one orbit, and of eight, after which LLVM has optimised loops of motions
 COLUMNS = (
     "", "D", "make, s", "map: first step, s", "step, µs", "in 8", "motion: first, s", "ms", "in 8",
     "steps", "BDF: ms", "steps",
@@ -117,8 +117,8 @@ def measure(shape, fields):
     motion = {"time": TIME, "rtol": RTOL, "threads": 1}
     first, found = cost(lambda: flow(field, x0, **motion), 1)
     motions = []
-    for x in (x0, batch):
-        for _ in range(WARM):
+    for x, calls in zip((x0, batch), WARM, strict=True):
+        for _ in range(calls):
             flow(field, x, **motion)
         motions.append(cost(lambda x=x: flow(field, x, **motion))[0])
     options = {"method": "BDF", "rtol": RTOL, "atol": 1e-9, "args": (near, fields)}

@@ -1,9 +1,9 @@
 """Equilibria near given states, of any field: Newton's method, and SciPy's where it is not enough.
 
 Steps of least norm solve f' d = -f, with rows of f' scaled to 1, so that neither the units of rates
-nor a curve of equilibria matter, and columns, too, where f' is not singular then. They are accepted
-as long as each is much shorter than the one before, as near a regular equilibrium; at a fold each
-is half as long.
+nor a curve of equilibria matter, and in units of the given states where f' is not singular then.
+They are accepted as long as each is much shorter than the one before, as near a regular
+equilibrium; at a fold each is half as long.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the 
 _ROUNDING, _SMALL = 1e-14, 1e-8  # last steps beside the state: the end, and with nothing to gain
 _LEAST = 1e-6  # sizes of components beside the largest one, at least
 _RANK = 1e-12  # singular values of the scaled f' beside the largest one, below which they are 0
-_WHOLE = 1e-8  # and above which f' is not singular, if its columns are scaled, too
+_WHOLE = 1e-8  # and above which f' is not singular, in units of the given states
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
 
 
@@ -65,17 +65,24 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
             x = _on_line(system, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
         sizes = _sizes_of(x)
-        found, is_found = (x, has_value) if has_line else _newton(field, x, own, sizes)
+        units = np.where(x == 0.0, sizes, abs(x))
+        found, is_found = (x, has_value) if has_line else _newton(field, x, own, sizes, units)
         if not is_found.all():
-            closer = _damped(field, np.where(is_found[..., np.newaxis], np.nan, x), own, sizes)
-            others, too = _newton(field, closer, own, sizes)
+            closer = _damped(
+                field, np.where(is_found[..., np.newaxis], np.nan, x), own, sizes, units
+            )
+            others, too = _newton(field, closer, own, sizes, units)
             found = np.where(too[..., np.newaxis], others, found)
             is_found = np.array(is_found | too)
         for index in map(tuple, np.argwhere(has_value & ~is_found)):
             member = field[np.unravel_index(members[index], field.shape)] if field.shape else field
-            found[index], is_found[index] = _by_scipy(member, x[index], own, sizes[index])
-        is_regular = is_found if has_line else is_found & _leads_back(field, found, own, sizes)
-        is_degenerate = (is_found | _is_small(field, found, own)) & ~is_regular
+            found[index], is_found[index] = _by_scipy(
+                member, x[index], own, sizes[index], units[index]
+            )
+        is_regular = (
+            is_found if has_line else is_found & _leads_back(field, found, own, sizes, units)
+        )
+        is_degenerate = (is_found | _is_small(field, found, own, units)) & ~is_regular
         slopes = field.jacobian(np.where(is_regular[..., np.newaxis], found, np.nan))
     status = np.select(
         [is_regular, ~has_value, is_degenerate],
@@ -118,23 +125,26 @@ def _sizes_of(x: FloatArray) -> FloatArray:
     return np.maximum(abs(x), np.where(largest > 0, _LEAST * largest, 1.0))
 
 
-def _step(field: Any, x: FloatArray, own: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, Any, Any]:
     """Return the step (..., D) of Newton's method, f (..., k) by its scale, and the step's matrix.
 
-    The matrix (..., k, k) times f is the step.
+    The matrix (..., k, k) times f is the step. `units` are sizes of the components.
     """
     f, slopes = field(x)[..., own], field.jacobian(x)[..., own, :][..., own]
     sizes = abs(slopes).max(axis=-1, initial=0.0)
     sizes = np.where(sizes > 0, sizes, 1.0)
     known = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
     scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
-    columns = abs(scaled).max(axis=-2, initial=0.0)
-    columns = np.where(columns > 0, columns, 1.0)[..., np.newaxis, :]
-    values = np.linalg.svd(scaled / columns, compute_uv=False)
+    units = units[..., np.newaxis, own]
+    inner = scaled * units
+    inner = np.where(np.isfinite(inner), inner, 0.0)
+    rows = abs(inner).max(axis=-1, keepdims=True, initial=0.0)
+    values = np.linalg.svd(inner / np.where(rows > 0, rows, 1.0), compute_uv=False)
     is_whole = values.min(axis=-1, initial=np.inf) > _WHOLE * values.max(axis=-1, initial=0.0)
-    columns = np.where(is_whole[..., np.newaxis, np.newaxis], columns, 1.0)
-    inverse = -np.linalg.pinv(scaled / columns, rcond=_RANK) / sizes[..., np.newaxis, :]
-    inverse /= np.swapaxes(columns, -2, -1)
+    is_whole = is_whole[..., np.newaxis, np.newaxis] & (rows > 0).all(axis=-2, keepdims=True)
+    units, rows = np.where(is_whole, units, 1.0), np.where(is_whole, rows, 1.0)
+    inverse = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
+    inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
     step = _whole(inverse, np.where(known[..., np.newaxis], f, np.nan), own)
     return step, f / sizes, inverse
 
@@ -151,7 +161,9 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
     return length
 
 
-def _newton(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[Any, Any]:
+def _newton(
+    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
+) -> tuple[Any, Any]:
     """Return states to which Newton's method converges at once, and where it does.
 
     `sizes` are those of the components, beside which steps are measured.
@@ -160,7 +172,7 @@ def _newton(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[Any
     before, going = np.full(x.shape[:-1], np.inf), np.isfinite(x).all(axis=-1)
     is_found = np.zeros(x.shape[:-1], bool)
     for _ in range(_MOST):
-        step, f, _ = _step(field, x, own)
+        step, f, _ = _step(field, x, own, units)
         scale = np.maximum(sizes, abs(x))
         length, size = _length(step, scale), scale.max(axis=-1, keepdims=True)
         solved = (abs(f) <= _SMALL * size).all(axis=-1)
@@ -176,11 +188,13 @@ def _newton(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[Any
     return x, is_found
 
 
-def _damped(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> FloatArray:
+def _damped(
+    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
+) -> FloatArray:
     """Return states after parts of Newton's steps that make the next one shorter."""
     part = np.ones(x.shape[:-1])
     for _ in range(_MOST):
-        step, _, inverse = _step(field, x, own)
+        step, _, inverse = _step(field, x, own, units)
         scale = np.maximum(sizes, abs(x))
         length = _length(step, scale)
         part = np.minimum(part, _FARTHEST / length)
@@ -192,7 +206,9 @@ def _damped(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> FloatArra
     return x
 
 
-def _by_scipy(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[FloatArray, Any]:
+def _by_scipy(
+    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
+) -> tuple[FloatArray, Any]:
     """Return the equilibrium that SciPy finds of a single field, and whether it is one."""
     from scipy.optimize import root  # here, because the import takes time
 
@@ -212,28 +228,28 @@ def _by_scipy(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> tuple[F
                 options={"factor": 1},  # the first step is no longer than the state
             ).x
         )
-        found, is_found = _newton(field, last, own, sizes)
+        found, is_found = _newton(field, last, own, sizes, units)
         if is_found:
             return found, True
     return last, False
 
 
-def _leads_back(field: Any, x: FloatArray, own: Any, sizes: FloatArray) -> Any:
+def _leads_back(field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray) -> Any:
     """Return whether Newton's method leads back from beside each state.
 
     A component far smaller than others may be one of digits, or rounding: then none of them lead.
     """
     beside = _PROBE * np.cos(np.arange(x.shape[-1])) * own
-    leads = _newton(field, x + np.maximum(sizes, abs(x)) * beside, own, sizes)[1]
+    leads = _newton(field, x + np.maximum(sizes, abs(x)) * beside, own, sizes, units)[1]
     if not leads.all():
         small = np.where(x == 0.0, sizes, abs(x))
-        leads = leads | _newton(field, x + small * beside, own, small)[1]
+        leads = leads | _newton(field, x + small * beside, own, small, small)[1]
     return leads
 
 
-def _is_small(field: Any, x: FloatArray, own: Any) -> Any:
+def _is_small(field: Any, x: FloatArray, own: Any, units: FloatArray) -> Any:
     """Return whether f is nearly 0 beside what it is where x is moved in its largest component."""
-    _, f, _ = _step(field, x, own)
+    _, f, _ = _step(field, x, own, units)
     size = abs(x).max(axis=-1, keepdims=True)
     return (abs(f) <= 1e-6 * np.where(size > 0, size, 1.0)).all(axis=-1)
 

@@ -211,6 +211,8 @@ def test_clocks_and_curves_of_equilibria():
     assert abs(c - 3 * a * b) < 1e-14
     assert abs(bound.states - [1, 1.1, 1]).max() < 1.0
     assert (abs(bound.eigenvalues) < 1e-14).sum() == 2
+    plane = _near(lambda x: [-x[0] * (1 + a * a) for a in x], [0.1, 0, 1.28, 0, 0])
+    assert (plane.status, abs(plane.states[0]) < 1e-14) == (sf.Status.OK, True)
 
 
 def test_steady_states_near_those_of_bodies():

@@ -143,7 +143,7 @@ def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, 
     is_whole = values.min(axis=-1, initial=np.inf) > _WHOLE * values.max(axis=-1, initial=0.0)
     is_whole = is_whole[..., np.newaxis, np.newaxis] & (rows > 0).all(axis=-2, keepdims=True)
     units, rows = np.where(is_whole, units, 1.0), np.where(is_whole, rows, 1.0)
-    inverse = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
+    inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
     inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
     step = _whole(inverse, np.where(known[..., np.newaxis], f, np.nan), own)
     return step, f / sizes, inverse

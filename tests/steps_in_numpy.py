@@ -401,6 +401,9 @@ class StepsInNumPy:
             inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
             own["inverse"] = inverse[i]
             found = self._apply(rules.RATIO, **own, **sums)
+            if sizes:
+                large = {"noisy": sizes["noisy"], "large": sums.get("large", 0.0)}
+                found |= self._apply(rules.LARGE, **own, **large)
             if not is_implicit:
                 own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
                 found |= self._apply(rules.DIFFERENCES, **own, **sums)
@@ -412,8 +415,8 @@ class StepsInNumPy:
         if self.half.sets:
             sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
-        sums["on_trial"] = 0.0
-        sums |= self._second_trial(sums, (x, f, new, f_new, error, apart, inverse), taken)
+        sums |= {"on_trial": 0.0, "of_length": sums["ratio"]}
+        sums |= self._second_trial(sums, (x, f, new, error, apart, inverse), taken)
         sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
         near = self._apply(rules.NEAR)
@@ -467,30 +470,55 @@ class StepsInNumPy:
         self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
 
     def _second_trial(self, sums, states, taken):
-        x, f, new, f_new, error, apart, inverse = states
+        x, f, new, error, apart, inverse = states
         again = self.row("longer") <= rules.AFTER_TRIAL
         refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
-        refused = refused & (sums["total"] < np.inf) & again
-        if not refused.any():
+        is_finite = sums["total"] < np.inf
+        refused = tried = refused & is_finite & again
+        if not self.half.has_atol:
+            is_noisy = self._apply(rules.IS_NOISY, **sums)["is_noisy"]
+            tried = refused | (is_noisy > 0.0) & is_finite
+        if not tried.any():
             return {}
-        changes = []
-        for state, rates in ((x, f), (new, f_new)):
-            beside = [self._apply_to(rules.BESIDE, i, state=state[i], f=f[i])["beside"]
-                      for i in range(self.D)]  # fmt: skip
-            change = (self._value(np.array(beside)) - rates)[: self.D]
-            changes.append(self._solve(self.factors, change) if self.half.is_implicit else change)
-        trial = {"ratio": 0.0, "of_apart": 0.0}
+        counts = [self.of_component("counts", i) for i in range(self.D)]
+        top = 0.0
+        for i, largest in enumerate(self._rows("largest", self.D)):
+            top = self._apply(rules.TOP, x=x[i], largest=largest, counts=counts[i], top=top)["top"]
+        found = {"least": np.full_like(x, np.inf), "largest": np.zeros_like(x)}
+        found["second"] = np.zeros_like(x)
+        for u, is_end in zip(rules.ALONG, rules.ENDS, strict=True):
+            state = np.array([self._apply(rules.ON_LINE, x=x[i], new=new[i], u=u)["point"]
+                              for i in range(self.D)])  # fmt: skip
+            base, most = self._value(state), np.zeros_like(x)
+            for part in rules.BESIDES:
+                own = [
+                    {"state": state[i], "f": f[i], "x": x[i], "new": new[i]} for i in range(self.D)
+                ]
+                beside = [
+                    self._apply_to(rules.BESIDE, i, part=part, is_end=is_end, **each)["beside"]
+                    for i, each in enumerate(own)
+                ]
+                change = (self._value(np.array(beside)) - base)[: self.D]
+                if self.half.is_implicit:
+                    change = self._solve(self.factors, change)
+                most = np.fmax(abs(change), most)
+            for i in range(self.D):
+                own = {key: value[i] for key, value in found.items()} | {"most": most[i]}
+                for key, value in self._apply(rules.BESIDE_POINTS, is_end=is_end, **own).items():
+                    found[key][i] = value
+        trial = {"ratio": 0.0, "of_length": 0.0, "of_apart": 0.0}
         for i in range(self.D):
-            own = {"before": changes[0][i], "after": changes[1][i], "taken": taken}
+            own = {key: value[i] for key, value in found.items()} | {"taken": taken, "top": top}
             own["grows"] = rules.GROWS[self.half.is_implicit]
             own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
             trial = self._apply(rules.SECOND, **own, **trial)
-            inverse[i] = np.where(refused, trial.pop("inverse"), inverse[i])
-        pairs = zip(("ratio", "apart"), trial.values(), strict=True)
-        found = {name: np.where(refused, value, sums[name]) for name, value in pairs}
+            inverse[i] = np.where(tried, trial.pop("inverse"), inverse[i])
+        counts = refused | tried & (trial["of_length"] < sums["ratio"])
+        pairs = zip(("ratio", "of_length", "apart"), trial.values(), strict=True)
+        found = {name: np.where(counts, value, sums[name]) for name, value in pairs}
         if not self.half.is_implicit:
-            found["rates"] = np.where(refused, 0.0, sums["rates"])
-        return found | {"on_trial": np.where(refused, 1.0, 0.0)}
+            found["rates"] = np.where(counts, 0.0, sums["rates"])
+        return found | {"on_trial": np.where(counts, 1.0, 0.0)}
 
     def _cut(self, states, taken, signed, **found):
         """Return what changes in lanes whose step crosses a surface, or is on the way to one.

@@ -123,3 +123,26 @@ def test_what_decays_for_good_and_what_flows_in_is_not_told_of():
     )
     sf.flow(doses, [0.0, 0.0], time=[100.0, 240.0])
     sf.flow(field(lambda s: (s[1], -s[0]), "x v"), [1.0, 0.0], time=np.linspace(0.0, 50.0, 200))
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.3, 0.7), (1.57, -0.43, 0.0), (-0.92, 0.0, 0.22)])
+@pytest.mark.parametrize("options", [{}, {"stiff": True}, {"derivatives": "x0"}])
+def test_components_that_are_0_but_for_rounding(turn, options):
+    """A quaternion that turns about a fixed axis; its rates cancel in one component."""
+    a, b, c = (each / 2 for each in turn)
+
+    def turning(q):
+        w, x, y, z = q
+        return (
+            -a * x - b * y - c * z,
+            a * w + c * y - b * z,
+            b * w - c * x + a * z,
+            c * w + b * x - a * y,
+        )
+
+    times, angle = np.linspace(0, 20, 41), np.hypot(np.hypot(a, b), c)
+    motion = sf.flow(field(turning, "w x y z"), [1, 0, 0, 0], time=times, **options)
+    axis = np.sin(angle * times)[:, np.newaxis] * np.array([a, b, c]) / angle
+    right = np.column_stack([np.cos(angle * times), axis])
+    np.testing.assert_allclose(motion.x, right, atol=1e-8)
+    assert motion.steps < 200

@@ -125,7 +125,7 @@ class Half:
         self.work = firsts_of(Work, of_f | {
             "line": self.rows.size, "table": self.numbers, "start": D, "a": D, "ends": columns,
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
-            "new": D, "error": D, "factors": factors,
+            "beside": 6 * extended, "new": D, "error": D, "factors": factors,
             "right": D + self.couplings * self.is_implicit,
             "jacobian": f.entries + 1 + D + self.couplings if self.is_implicit else 0,
             "points": (1 + len(POINTS)) * self.surfaces + watched + 1, "point": watched,

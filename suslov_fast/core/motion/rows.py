@@ -116,6 +116,7 @@ class Work(NamedTuple):
     apart: int  # what shows false steps, of each explicit column or of all implicit ones (- D)
     nodes: int  # states at the ends of the first three quarters of an explicit step, and f; of an
     # implicit one they are less x, and those of the last columns follow (6 D)
+    beside: int  # f at a point of the step, the point, and changes of f beside it (6 of f)
     new: int  # the next state (D)
     f_new: int  # f there (D + denominators)
     error: int  # (D)

@@ -19,6 +19,11 @@ A**-1 of that, see `implicit`, because fast modes forget it. There clocks are 2*
 later, and others differ by some 2**-51 of theirs. It takes time, and so it is for steps after one
 that was refused, or that was taken by such a trial.
 
+A component that is 0 but for rounding, because terms of its rate cancel, has nothing but that: no
+step has digits of it, and shorter ones would not help. So an error below NOISY of the largest
+component may be as large as such changes of f at the points ALONG the step, and does not shorten
+the next step. Where such an error decides on a step that is taken, each eighth has the trial.
+
 A component that has been large, falls below its allowed error in two steps in a row, and grows to
 GROWN times that again, or a tenth of its size, may have no digits, and is told of (`LOW`).
 
@@ -68,7 +73,16 @@ from .rows import State
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
-GROWS = {False: 1.0, True: 16.0}  # what rounding of f becomes by the weights of implicit columns
+# Parts of that, and of the step, at which f is looked at: at one it may be the same by chance,
+# where it is nothing but rounding.
+BESIDES, ALONG = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
+ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
+# What rounding of f becomes by the weights of columns, beside an end of the step, where f is looked
+# at with four times its rounding, and at all points.
+GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
+# An error below that part of the largest component may be rounding, also if a step is taken whose
+# ratio is above the other number, beyond which steps become shorter.
+NOISY, SHORTENS = 2.0**-48, 0.05
 TINY_STEP = 2.0**-40  # part of the time
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
 GROWN, STAYS = 1000.0, 0.125
@@ -188,8 +202,8 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 @_rule
 def LEAST_ALLOWED(top, rtol, smallest):
-    """What is allowed in all components, because others are large."""
-    return {"least": larger(rtol * (smallest * top), TINY)}
+    """What is allowed in all components, because others are large; below what they may be noise."""
+    return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
 @_rule
@@ -211,26 +225,69 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 
 
 @_rule
-def BESIDE(t, state, f, counts, seeds):
-    """A component beside its value, within some units in its last place; a clock is later."""
-    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
-    return {"beside": (counts > 0.0).select(state + OF_SEED * seeds * state, later)}
+def ON_LINE(x, new, u):
+    """A state on the straight line along the step."""
+    return {"point": x + u * (new - x)}
 
 
 @_rule
-def SECOND(t, taken, error, apart, inverse, before, after, grows, ratio, of_apart):
+def BESIDE(t, state, x, new, f, counts, seeds, part, is_end):
+    """A component beside its value, within some units in its last place; a clock is later.
+
+    Between the ends they are those of the larger end: a component may begin at 0.
+    """
+    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
+    size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
+    return {"beside": (counts > 0.0).select(state + OF_SEED * part * seeds * size, later)}
+
+
+@_rule
+def MOST(change, most):
+    """The largest change of f at states beside one, where f has a value."""
+    return {"most": larger(abs(change), most)}
+
+
+@_rule
+def BESIDE_POINTS(most, least, largest, second, is_end):
+    """The least of these numbers at both ends of a step, and the two largest at all its points."""
+    return {
+        "least": (is_end > 0.0).select(smaller(most, least), least),
+        "largest": larger(most, largest),
+        "second": larger(smaller(most, largest), second),
+    }
+
+
+@_rule
+def TOP(x, largest, counts, top):
+    """The largest modulus of all components but clocks before a step."""
+    return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
+
+
+@_rule
+def SECOND(
+    t, taken, error, apart, inverse, least, largest, second, top, grows,
+    ratio, of_apart, of_length,
+):  # fmt: skip
     """The largest ratios of a second trial, and the inverse of what it allows.
 
-    `before` and `after` are the changes of f beside both ends of the step. Of a step that is not
-    much longer than what time is rounded to only the first counts, because its sub-steps see little
-    but rounding, which `grows` in the sum of columns.
+    Where rounding is what is allowed, shorter steps have no less of it beside their length, so that
+    the next length depends on other components alone.
+
+    `least` is the change of f beside that end of the step where it is less: f may be steep at one.
+    In a step that is not much longer than what time is rounded to the largest one counts, because
+    its sub-steps see little but rounding, which `grows` in the sum of columns. An error that is
+    rounding beside the largest component may be the change at other points, too: but at the one
+    where it is largest.
     """
     is_short = taken <= TINY_STEP * t
-    at_end = is_short.select(inf, abs(after))
-    of_rounding = grows * (taken * smaller(at_end, abs(before)))
+    at_ends = grows * (taken * is_short.select(largest, least))
+    of_rounding = larger(smaller(OF_NOISE * (taken * second), NOISY * top), at_ends)
     own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
+    found = abs(error) * own
+    counts = ((own < inverse) & (found <= 1.0)).select(0.0, found)
     return {
-        "ratio": larger(abs(error) * own, ratio),
+        "ratio": larger(found, ratio),
+        "of_length": larger(counts, of_length),
         "of_apart": larger(is_short.select(0.0, abs(apart) * own), of_apart),
         "inverse": own,
     }
@@ -267,6 +324,20 @@ def RATIO(error, inverse, f_new, ratio, total):
     """The largest error by what is allowed, and a sum that shows what is not finite."""
     own = abs(error) * inverse
     return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
+
+
+@_rule
+def LARGE(error, inverse, noisy, large):
+    """The largest of these ratios whose error is more than rounding of the largest component."""
+    return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
+
+
+@_rule
+def IS_NOISY(ratio, large, steps, longer):
+    """1 where rounding may decide on a step: looked for at each eighth one, and after one such."""
+    eighth = steps * 0.125
+    is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
+    return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
 
 
 @_rule
@@ -338,7 +409,7 @@ def _is_false(ratio, apart):
 @_rule
 def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    reach, last, longest,
+    of_length, reach, last, longest,
 ):  # fmt: skip
     """Whether a step is taken, or has reached its time aside, and the length of the next one."""
     is_finite = total < inf
@@ -348,7 +419,7 @@ def AFTER(
     # All that follows waits for the factor: what can be known without it is known before.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
-    factor = sees.select(larger(smaller(SAFETY * _root(ratio), most), SHORTER), OF_NAN)
+    factor = sees.select(larger(smaller(SAFETY * _root(of_length), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = served.select(0.0, taken) > 0.0
     reaches = (wanted < reach * (last - t)).select(t + taken, last)

@@ -52,7 +52,7 @@ def take_step(lines):
     if half.sets:
         sums["apart"] = _apart_of_rough(lines, own)
         sums |= _differences_of_sets(lines)
-    sums["on_trial"] = text.value(0.0)
+    sums |= {"on_trial": text.value(0.0), "of_length": sums["ratio"]}
     sums |= _second_trial(lines, own, of_error, sums)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
@@ -132,6 +132,7 @@ def _errors(lines, own, sizes):
     """
     text, half, work = lines.text, lines.half, lines.work
     names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
+    names += [] if half.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     for (first, count), of_part in zip(half.parts, sizes, strict=True):
         for i in text.each(count, sums):
@@ -140,6 +141,9 @@ def _errors(lines, own, sizes):
                 inputs["noise"] = _noise(lines, own, i)
             inverse = lines.apply(half.allowed, i, **inputs)["inverse"]
             found = lines.apply(rules.RATIO, i, inverse=inverse, **vars(sums))
+            if not half.has_atol:
+                own_sums = {"inverse": inverse, "large": sums.large, "noisy": of_part["noisy"]}
+                found |= lines.apply(rules.LARGE, i, **own_sums)
             if not (half.is_implicit or half.sets):
                 inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
                 found |= lines.apply(rules.DIFFERENCES, i, **vars(sums) | inputs)
@@ -173,42 +177,74 @@ def _second_trial(lines, own, of_error, sums):
     text, line, work, half = lines.text, lines.line, lines.work, lines.half
     again = text.value(rules.AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
-    refused = refused & (sums["total"] < inf) & again
-    names = ["ratio", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
-    usual = sums | {"on_trial": text.value(0.0)}
+    is_finite = sums["total"] < inf
+    refused = tried = refused & is_finite & again
+    if not half.has_atol:
+        is_noisy = lines.apply(rules.IS_NOISY, **sums)["is_noisy"]
+        tried = refused | (is_noisy > 0.0) & is_finite
+    names = ["ratio", "of_length", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
 
     def trial():
         change = work.right if half.is_implicit else work.f
         if half.is_implicit:
             text.copy(work.right, work.b, lines.D)
-        for states, rates in ((line.x, line.f), (work.new, work.f_new)):
-            if states is work.new:
-                text.copy(change, work.a, lines.D)
+        parts, along, ends = map(text.constants, (rules.BESIDES, rules.ALONG, rules.ENDS))
+        base, state, most, least, largest, second = (
+            work.beside.after(k * lines.extended) for k in range(6)
+        )
+        top = Carried(top=0.0)
+        for i in text.each(lines.D, top):
+            top.top = lines.apply(rules.TOP, i, top=top.top)["top"]
+            least[i], largest[i], second[i] = inf, 0.0, 0.0
+        for point in text.each(len(rules.ALONG), most=0):
             for i in text.each(lines.D):
-                of_line = {"t": line.t[0], "f": line.f[i], "state": states[i]}
-                found = lines.apply(rules.BESIDE, i, **of_line)
-                work.start.put_chosen(i, found["beside"])
-            lines.call("f", work.start, lines.table, work.f)
+                found = lines.apply(rules.ON_LINE, i, x=line.x[i], u=along[point])
+                state.put_chosen(i, found["point"])
+                most[i] = 0.0
+            lines.call("f", state, lines.table, base)
+            for k in text.each(len(rules.BESIDES), most=0):
+                for i in text.each(lines.D):
+                    of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
+                    of_line |= {"part": parts[k], "is_end": ends[point]}
+                    found = lines.apply(rules.BESIDE, i, **of_line)
+                    work.start.put_chosen(i, found["beside"])
+                lines.call("f", work.start, lines.table, work.f)
+                for i in text.each(lines.D):
+                    change.put_chosen(i, work.f[i] - base[i])
+                if half.is_implicit:
+                    lines.call("solve", work.factors, lines.table, change)
+                for i in text.each(lines.D):
+                    found = text.apply(rules.MOST, change=change[i], most=most[i])
+                    most.put_chosen(i, found["most"])
             for i in text.each(lines.D):
-                change.put_chosen(i, work.f[i] - rates[i])
-            if half.is_implicit:
-                lines.call("solve", work.factors, lines.table, change)
-        found = Carried(ratio=0.0, of_apart=0.0)
+                of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
+                found = text.apply(
+                    rules.BESIDE_POINTS, second=second[i], is_end=ends[point], **of_point
+                )
+                least.put_chosen(i, found["least"])
+                largest.put_chosen(i, found["largest"])
+                second.put_chosen(i, found["second"])
+        found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(lines.D, found):
             apart = work.b[i] if half.is_implicit else _apart(lines, own, i)
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i)), "apart": apart}
-            inputs |= {"inverse": work.error[i], "before": work.a[i], "after": change[i]}
-            inputs |= {"t": line.t[0], "taken": work.taken[0]}
-            inputs["grows"] = rules.GROWS[half.is_implicit]
+            inputs |= {"inverse": work.error[i], "least": least[i], "largest": largest[i]}
+            inputs |= {"second": second[i], "top": top.top}
+            inputs |= {
+                "t": line.t[0],
+                "taken": work.taken[0],
+                "grows": rules.GROWS[half.is_implicit],
+            }
             now = lines.apply(rules.SECOND, i, **inputs, **vars(found))
-            work.error.choose(refused, i, now.pop("inverse"))
+            work.error.choose(tried, i, now.pop("inverse"))
             found.update(now)
-        # Rounding does not make equations stiff: rates are 0.
-        others = found.ratio, found.of_apart, text.value(1.0), text.value(0.0)
+        # Rounding, if it decides, does not make equations stiff: rates are 0.
+        counts = refused | tried & (found.of_length < sums["ratio"])
+        others = found.ratio, found.of_length, found.of_apart, text.value(1.0), text.value(0.0)
         pairs = zip(names, others, strict=False)
-        return [refused.select(value, usual[name]) for name, value in pairs]
+        return [counts.select(value, sums[name]) for name, value in pairs]
 
-    found = text.otherwise(~refused.any(), [usual[name] for name in names], trial)
+    found = text.otherwise(~tried.any(), [sums[name] for name in names], trial)
     return {name: Value(text, value) for name, value in zip(names, found, strict=True)}
 
 

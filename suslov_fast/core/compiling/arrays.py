@@ -1,4 +1,4 @@
-"""Arrays of kernels: without reference counts, or as blocks of lanes on the stack.
+"""Arrays of kernels: without reference counts, flat, or as blocks of lanes on the stack.
 
 Threads that count references to the same array wait for each other. Counting also makes much of the
 code that Numba writes for an array, and so of the time of a first call.
@@ -61,8 +61,21 @@ def uncounted(arrays):
     return arrays
 
 
+def constant(array):
+    """Return an array that is not written, which is part of its type."""
+    return array
+
+
 def keep(arrays):
     """Keep arrays of a kernel, from which it has made uncounted ones, until this line."""
+
+
+def flat(array):
+    """Return the numbers of an array of order C as an array (-,).
+
+    Numba compiles `reshape` for each number of axes.
+    """
+    return array.reshape(-1)
 
 
 def block_of(rows, lanes):
@@ -101,7 +114,13 @@ def block_of(rows, lanes):
 
 
 type_callable(uncounted)(lambda context: uncounted_type)
+type_callable(constant)(lambda context: lambda array: array.copy(readonly=True))
 type_callable(keep)(lambda context: lambda arrays: types.none)
+type_callable(flat)(
+    lambda context: (
+        lambda array: Uncounted(types.Array(array.dtype, 1, "C")) if array.layout == "C" else None
+    )
+)
 
 
 @lower_builtin(uncounted, types.Any)
@@ -109,9 +128,26 @@ def _uncounted(context, builder, signature, arguments):
     return uncounted_value(context, builder, signature.args[0], arguments[0])
 
 
+@lower_builtin(constant, types.Any)
+def _constant(context, builder, signature, arguments):
+    return arguments[0]
+
+
 @lower_builtin(keep, types.Any)
 def _keep(context, builder, signature, arguments):
     return context.get_dummy_value()
+
+
+@lower_builtin(flat, types.Array)
+def _flat(context, builder, signature, arguments):
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    numbers = context.make_array(signature.return_type)(context, builder)
+    numbers.nitems, numbers.itemsize, numbers.data = array.nitems, array.itemsize, array.data
+    word = context.get_value_type(types.intp)
+    for name, value in (("shape", array.nitems), ("strides", array.itemsize)):
+        one = builder.insert_value(ir.Constant(ir.ArrayType(word, 1), ir.Undefined), value, 0)
+        setattr(numbers, name, one)
+    return numbers._getvalue()
 
 
 @intrinsic

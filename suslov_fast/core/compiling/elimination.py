@@ -15,7 +15,7 @@ import numpy as np
 
 from ..lists.planned_elimination import LEAST_PIVOT
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import select
+from .llvm import lesser, select
 from .numba import formula, function, inlined
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
@@ -59,7 +59,7 @@ def eliminate(a, b, lanes):
         for l in range(lanes):
             b[LARGEST, l] = simd_max(abs(a[i, i, l]), b[LARGEST, l])
     for k in range(0, m, 2):
-        for second in range(k, min(k + 2, m)):
+        for second in range(k, lesser(k + 2, m)):
             if second > k:
                 for l in range(lanes):
                     a[second, k, l] *= a[k, k, l]

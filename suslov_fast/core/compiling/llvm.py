@@ -31,6 +31,17 @@ def emit_call(builder, address, result, values):
 
 
 @intrinsic
+def call_address(typing, address, a, b, c, d):
+    """Call the function at an address with four integers; it returns nothing."""
+
+    def emit(context, builder, signature, arguments):
+        emit_call(builder, arguments[0], context.get_value_type(types.none), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 5), emit
+
+
+@intrinsic
 def call_code(typing, address, numbers):
     """Call the code at an address with a tuple of integers; return its integer."""
 
@@ -121,17 +132,34 @@ def select(condition, first, second):
     return first if condition else second
 
 
-@type_callable(select)
-def _type_of_select(context):
-    def kind(condition, a, b):
-        both = context.unify_types(a, b)
-        return both and types.unliteral(both)
+def lesser(a, b):
+    """Return the smaller number, b if they are equal; Numba would compile `min` in each kernel."""
+    return a if a < b else b
 
-    return kind
+
+def _unified(context, *kinds):
+    kind = context.unify_types(*kinds)
+    return kind and types.unliteral(kind)
+
+
+type_callable(select)(lambda context: lambda condition, a, b: _unified(context, a, b))
+type_callable(lesser)(lambda context: lambda a, b: _unified(context, a, b))
+
+
+def _cast(context, builder, signature, values, kinds):
+    result = signature.return_type
+    return [context.cast(builder, *pair, result) for pair in zip(values, kinds, strict=True)]
 
 
 @lower_builtin(select, types.Boolean, types.Any, types.Any)
 def _select(context, builder, signature, arguments):
-    pairs = zip(arguments[1:], signature.args[1:], strict=True)
-    both = [context.cast(builder, *pair, signature.return_type) for pair in pairs]
+    both = _cast(context, builder, signature, arguments[1:], signature.args[1:])
     return builder.select(arguments[0], *both)
+
+
+@lower_builtin(lesser, types.Number, types.Number)
+def _lesser(context, builder, signature, arguments):
+    a, b = _cast(context, builder, signature, arguments, signature.args)
+    is_float = isinstance(signature.return_type, types.Float)
+    compare = builder.fcmp_ordered if is_float else builder.icmp_signed
+    return builder.select(compare("<", a, b), a, b)

@@ -49,7 +49,7 @@ from .cache import (
     use_cache,
 )
 from .interrupts import uninterrupted
-from .llvm import call_code
+from .llvm import call_address, call_code
 from .threads import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
@@ -402,14 +402,14 @@ def in_numpy(kernel):
 @functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
 def _loop(call_part, kernel, data, parts):
     for part in prange(parts):
-        call_code(call_part, (kernel, data, np.int64(part), parts))
+        call_address(call_part, kernel, data, np.int64(part), parts)
 
 
 @functools.partial(_cached, numba.njit(**_OPTIONS))
 def _start(loop, kernel, parts, arguments):
     call_part, data = pack(arguments)
     # Call the loop by its address, because only loading the loop itself starts its threads.
-    call_code(loop, (call_part, kernel, data, parts))
+    call_address(loop, call_part, kernel, data, parts)
 
 
 known_addresses = {}  # results of `_addresses`, by kernel and kind of its arguments

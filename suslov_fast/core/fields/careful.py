@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from ..compiling.arrays import array_at
+from ..compiling.arrays import array_at, constant
 from ..compiling.codes import CHANGED, OK, PASSED_POLE
 from ..compiling.elimination import solve
 from ..compiling.numba import c_function, function
@@ -161,7 +161,7 @@ def careful(address, line, bad, negative, n):
         array_at(a[PLACE.x], (count, D, W), np.float64),
         array_at(a[PLACE.halves], shape, np.float64),
         array_at(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
-        array_at(a[PLACE.indices], (3, T), np.int64),
+        constant(array_at(a[PLACE.indices], (3, T), np.int64)),
         array_at(a[PLACE.status], (B,), np.int8),
         array_at(a[PLACE.failed_at], (B,), np.int64),
         array_at(a[PLACE.poles], (B,), np.float64),

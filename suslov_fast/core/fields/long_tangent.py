@@ -14,6 +14,7 @@ from ..code.runs_code import add_runs, truth_of
 from ..code.text import Carried, Code, Index, Integers, Truth, Value
 from ..compiling.arrays import array_at
 from ..compiling.elimination import simd_max
+from ..compiling.llvm import lesser
 from ..compiling.numba import c_function, function, inlined
 from .careful import crosses_0
 from .dense import fill, solve_rows, spans_of
@@ -233,7 +234,7 @@ def multiply(factors, matrix, columns, new):
     """
     D = len(factors)
     for begin in range(0, D, BLOCK):
-        end = min(begin + BLOCK, D)
+        end = lesser(begin + BLOCK, D)
         for i in range(D):
             row = new[i, begin:end]
             for c in range(len(row)):
@@ -319,7 +320,7 @@ def orthonormalise_columns(columns, products, basis, part):
     """
     D, loss, before = len(basis), 1.0, part[0]
     for begin in range(0, D, BLOCK):
-        end = min(begin + BLOCK, D)
+        end = lesser(begin + BLOCK, D)
         for c in range(end - begin):
             before[c] = 0.0
         for i in range(D):

@@ -7,6 +7,7 @@ of them ignore, and states (B, D). `tangent` has the quantities that need elimin
 
 import numpy as np
 
+from ..compiling.llvm import lesser
 from ..compiling.numba import formula, function, universal
 
 LANES = 128  # states at once
@@ -16,7 +17,7 @@ FIELD = "(c,t),(t),(b),(b,d)->"
 @function
 def read_states(x, first, y):
     """Fill y (D + 1, LANES) with states from `first` on, and x_D = 1; return how many there are."""
-    D, count = x.shape[1], min(y.shape[1], len(x) - first)
+    D, count = x.shape[1], lesser(y.shape[1], len(x) - first)
     for i in range(D):
         for l in range(count):
             y[i, l] = x[first + l, i]

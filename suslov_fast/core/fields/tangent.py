@@ -27,7 +27,7 @@ from ..code.compiler import code_of, compiled
 from ..code.runs_code import ANY
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
-from ..compiling.llvm import call_code
+from ..compiling.llvm import call_code, lesser
 from ..compiling.numba import function, inlined, kernel, share
 from ..lists import sizes
 from ..lists.step import Tangent, length_of
@@ -231,7 +231,7 @@ def fill_line(W, room, line, x, place):
     first = 2 * D + LENGTHS
     line[:] = 0.0
     for l in range(W):
-        k = min(place * W + l, B - 1)
+        k = lesser(place * W + l, B - 1)
         for i in range(D):
             line[i, l] = x[k, i]
             for r in range(D):
@@ -254,7 +254,7 @@ def take_logarithms(g, sums, of_det, begin, of_all):
     for row in range(NEAR_1, len(g)):
         near = row == NEAR_1
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
-        for l in range(min(g.shape[1], len(of_det) - begin)):
+        for l in range(lesser(g.shape[1], len(of_det) - begin)):
             if of_all or g[row, l] <= low or g[row, l] >= high:
                 # By `math`, because the logarithms of NumPy have other digits; it raises at 0.
                 x = g[row, l]
@@ -269,7 +269,7 @@ def take_logarithms(g, sums, of_det, begin, of_all):
 @inlined
 def lanes_beyond(W, B, place):
     """Return the bits of the lanes of line `place` beyond the last of B trajectories."""
-    used = min(W, B - place * W)
+    used = lesser(W, B - place * W)
     return np.int64((1 << W) - (1 << used))
 
 
@@ -295,7 +295,7 @@ def jacobians(part, parts, arguments, x, out):
         ignored = lanes_beyond(W, B, place)
         for stage in range(stages):  # columns become -DPhi q, and the number of stages is odd
             take_steps(arguments, memory, place, stage, ignored, np.int64(1), arguments.solves)
-        for l in range(min(W, B - place * W)):
+        for l in range(lesser(W, B - place * W)):
             for i in range(D):
                 for r in range(D):
                     value = memory.line[first + i * room + r, l]
@@ -340,7 +340,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             kept[len(line)] = of_det[place]
         ignored, n = lanes_beyond(W, B, place), start
         stage = np.int64(0)  # a literal would have a type, and functions, of its own
-        for l in range(min(W, B - place * W)):
+        for l in range(lesser(W, B - place * W)):
             k, undefined = place * W + l, 0.0
             for i in range(D):
                 undefined += 0.0 * line[i, l]
@@ -352,7 +352,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
         while n < stop:
             steps = np.int64(1)
             if stages == 1:
-                steps = np.int64(min(stop, (n // INTERVAL + 1) * INTERVAL) - n)
+                steps = np.int64(lesser(stop, (n // INTERVAL + 1) * INTERVAL) - n)
             if stages > 1 and stage == 0 and arguments.has_signs:
                 for i in range(D):
                     for l in range(W):
@@ -402,7 +402,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 copy(kept[: len(line)], line)
                 copy(of_base, base)
                 kept[D + VOLUME], kept[len(line)] = n * stages + stage, of_det[place]
-        for l in range(min(W, B - place * W)):
+        for l in range(lesser(W, B - place * W)):
             k = place * W + l
             of_det[k] += 0.0 * line[0, l]
             for i in range(D):

@@ -1,6 +1,6 @@
 """Copies of states from blocks of lanes to arrays, by whole cache lines if possible."""
 
-from ..compiling.llvm import LINE, stream_pairs
+from ..compiling.llvm import LINE, lesser, stream_pairs
 from ..compiling.numba import STREAM_FROM, formula, function
 
 
@@ -42,7 +42,7 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
     if lead < 0 or ahead % 2 == 1:
         store_rows(b, row, flat, place, count)
         return
-    head = min(ahead // 2, count)  # pairs ahead of the first cache line
+    head = lesser(ahead // 2, count)  # pairs ahead of the first cache line
     for l in range(0 if after else head):
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
     lines, most = (count - head) // LINE, b.shape[1] // LINE - 1

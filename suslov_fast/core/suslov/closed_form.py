@@ -48,8 +48,8 @@ import math
 
 import numpy as np
 
-from ..compiling.arrays import block_of, uncounted
-from ..compiling.llvm import select
+from ..compiling.arrays import block_of, flat, uncounted
+from ..compiling.llvm import lesser, select
 from ..compiling.numba import are_common, formula, kernel, pick, share, universal
 from .blocks import store_rows
 from .map import RANGE, ZERO_TO_ROUNDING, one_step
@@ -92,7 +92,7 @@ def unit_of(w1, w2, k):
     """
     _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
     least = -800 if k == 0.0 else 0  # in a smaller unit k**2 may be out of range
-    exponent = least if exponent < least else min(exponent, 800)
+    exponent = least if exponent < least else lesser(exponent, 800)
     return math.ldexp(1.0, exponent)
 
 
@@ -350,7 +350,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     lanes, too.
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
-    B, N, target, b = len(omega0), len(n), out.reshape(-1), new_block()
+    B, N, target, b = len(omega0), len(n), flat(out), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
     blocks, rows = (B + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
@@ -358,7 +358,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
         first = block * LANES
-        width, count = min(LANES, B - first), min(abreast, N - row)
+        width, count = lesser(LANES, B - first), lesser(abreast, N - row)
         used = width * count
         if block != started:
             if not filled:

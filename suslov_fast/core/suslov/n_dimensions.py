@@ -37,7 +37,7 @@ import numpy as np
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
-from ..compiling.llvm import select
+from ..compiling.llvm import lesser, select
 from ..compiling.numba import as_python, formula, function, in_numpy, inlined, kernel, share
 from .blocks import write_states
 
@@ -293,14 +293,14 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
-    lanes = min(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
+    lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
     memory = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
     systems = None if by_elimination is None else np.empty((m, m + 1, lanes))
     (c, b, for_solve), a = uncounted(memory), uncounted(systems)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         start_block(c, b, parameters, states, begin, end, start, status, failed_at)
         for k in range(begin, end if start == 0 else begin):
@@ -336,7 +336,7 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
     """Fill a block with trajectories; lanes beyond the last trajectory repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
-        k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
+        k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
         b[EPS, l] = eps[k % len(eps)]
         for i in range(c.shape[1]):
             c[J_, i, l], c[I_, i, l], c[W, i, l] = np.inf, 0.0, 0.0
@@ -344,7 +344,7 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
                 c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
                 c[W, i, l] = states[k, i]
             undefined += 0.0 * c[W, i, l]
-            smallest = min(c[J_, i, l], smallest)
+            smallest = lesser(c[J_, i, l], smallest)
         b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0

@@ -5,9 +5,9 @@ The equations, and the plain and the general form of a state, are those of `susl
 
 import numpy as np
 
-from ..compiling.arrays import block_of, uncounted
+from ..compiling.arrays import block_of, flat, uncounted
 from ..compiling.codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from ..compiling.llvm import select
+from ..compiling.llvm import lesser, select
 from ..compiling.numba import are_common, formula, in_numpy, kernel, pick, share
 from .blocks import alignment, store_rows, write_pairs
 from .map import (
@@ -141,7 +141,7 @@ def take_steps(b, lanes, plains, n, pause):
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
-            for _ in range(begin + 1, min(begin + DECAYING, pause)):
+            for _ in range(begin + 1, lesser(begin + DECAYING, pause)):
                 for l in range(lanes):
                     b[X_, l], b[Y_, l] = decaying_step(b[X_, l], b[Y_, l])
             for l in range(lanes):
@@ -169,7 +169,7 @@ def finish_lanes(b, alone, plains, first, last, span, carry, final, status, fail
     """Write last states, statuses and `carry`; return how many trajectories may have failed."""
     (_, _, start, stop, _, _), to_find = span, FIRST
     if plains == LANES:
-        store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
+        store_rows(b, STATE, flat(final), 2 * first, last - first)
         for j in range(CARRIED_BY_PLAIN):
             for l in range(last - first):
                 carry[j, first + l] = b[j, l]
@@ -210,7 +210,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     parameters, omega0, carry = uncounted(parameters), uncounted(omega0), uncounted(carry)
     final, status, failed_at = uncounted(final), uncounted(status), uncounted(failed_at)
     begin, end, start, stop, every, first_row = span
-    B, out, b = len(omega0), saved.reshape(-1), new_block()
+    B, out, b = len(omega0), flat(saved), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     alone = end - begin <= FEW
     lanes = ONE if alone else LANES
@@ -219,14 +219,14 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     stride, origin = lanes - shared, begin - shift
     first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
     begin = begin if first_block == 0 else origin + first_block * stride
-    end = min(origin + last_block * stride, end)
+    end = lesser(origin + last_block * stride, end)
     first, again, to_find = begin, NO, FIRST
     while first < end:
-        last = min(first + stride - (first - origin) % stride, end)
+        last = lesser(first + stride - (first - origin) % stride, end)
         if again and failed_at[first] != TO_FIND:
             first = last
             continue
-        width = min(last + shared, end) - first
+        width = lesser(last + shared, end) - first
         after, before = shared > 0 and first > begin, shared > 0 and last < end
         if not common or first == begin:
             fill_frames(b, lanes, first, width, parameters)
@@ -255,7 +255,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 next_saved, row = next_saved + every, row + 1
             if n == stop:
                 break
-            pause = min(min(stop, next_saved), (n // PROJECTED + 1) * PROJECTED)
+            pause = lesser(lesser(stop, next_saved), (n // PROJECTED + 1) * PROJECTED)
             if alone:
                 take_steps(b, ONE, plains, n, pause)
             elif not fused:

@@ -408,7 +408,8 @@ TABLE = {
     ("after newstate", "states", ""),
     ("event section condition value trigger", "surface",
      "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "
-     "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there"),
+     "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there, and "
+     "ends=True in place of to, where it ends"),
     ("jump dose impulse dosetime tstop schedule bolus infusion presettime discretecallback",
      "times",
      "changes=Change(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),

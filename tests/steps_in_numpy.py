@@ -484,13 +484,18 @@ class StepsInNumPy:
         top = 0.0
         for i, largest in enumerate(self._rows("largest", self.D)):
             top = self._apply(rules.TOP, x=x[i], largest=largest, counts=counts[i], top=top)["top"]
+        large = 0.0
+        for i in range(self.D):
+            own = {"error": error[i], "inverse": inverse[i], "noisy": rules.NOISY * top}
+            large = self._apply(rules.LARGE, large=large, **own)["large"]
+        is_noise = tried & (large < sums["ratio"])
         found = {"least": np.full_like(x, np.inf), "largest": np.zeros_like(x)}
         found["second"] = np.zeros_like(x)
         for u, is_end in zip(rules.ALONG, rules.ENDS, strict=True):
             state = np.array([self._apply(rules.ON_LINE, x=x[i], new=new[i], u=u)["point"]
                               for i in range(self.D)])  # fmt: skip
             base, most = self._value(state), np.zeros_like(x)
-            for part in rules.BESIDES:
+            for part, first in zip(rules.BESIDES, rules.FIRST, strict=True):
                 own = [
                     {"state": state[i], "f": f[i], "x": x[i], "new": new[i]} for i in range(self.D)
                 ]
@@ -501,6 +506,7 @@ class StepsInNumPy:
                 change = (self._value(np.array(beside)) - base)[: self.D]
                 if self.half.is_implicit:
                     change = self._solve(self.factors, change)
+                change = np.where(is_noise | (is_end * first > 0.0), change, 0.0)
                 most = np.fmax(abs(change), most)
             for i in range(self.D):
                 own = {key: value[i] for key, value in found.items()} | {"most": most[i]}

@@ -75,8 +75,9 @@ SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
 # Parts of that, and of the step, at which f is looked at: at one it may be the same by chance,
 # where it is nothing but rounding.
-BESIDES, ALONG = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
+BESIDES, ALONG = (4.0, -4.0, 3.0, -3.0, 2.0, -2.0, 1.0, -1.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
+FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)  # at the ends all look there, and few at the others
 # What rounding of f becomes by the weights of columns, beside an end of the step, where f is looked
 # at with four times its rounding, and at all points.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0

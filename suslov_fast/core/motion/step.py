@@ -188,7 +188,8 @@ def _second_trial(lines, own, of_error, sums):
         change = work.right if half.is_implicit else work.f
         if half.is_implicit:
             text.copy(work.right, work.b, lines.D)
-        parts, along, ends = map(text.constants, (rules.BESIDES, rules.ALONG, rules.ENDS))
+        parts, firsts = map(text.constants, (rules.BESIDES, rules.FIRST))
+        along, ends = map(text.constants, (rules.ALONG, rules.ENDS))
         base, state, most, least, largest, second = (
             work.beside.after(k * lines.extended) for k in range(6)
         )
@@ -196,13 +197,22 @@ def _second_trial(lines, own, of_error, sums):
         for i in text.each(lines.D, top):
             top.top = lines.apply(rules.TOP, i, top=top.top)["top"]
             least[i], largest[i], second[i] = inf, 0.0, 0.0
-        for point in text.each(len(rules.ALONG), most=0):
+        others = Carried(large=0.0)
+        for i in text.each(lines.D, others):
+            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
+            inputs |= {"inverse": work.error[i], "noisy": rules.NOISY * top.top}
+            others.large = lines.apply(rules.LARGE, i, large=others.large, **inputs)["large"]
+        is_noise = tried & (others.large < sums["ratio"])  # if it decides
+        points = is_noise.any().select(text.value(len(rules.ALONG)), text.value(2))
+        samples = is_noise.any().select(text.value(len(rules.BESIDES)), text.value(1))
+        for point in text.each(points, most=0):
             for i in text.each(lines.D):
                 found = lines.apply(rules.ON_LINE, i, x=line.x[i], u=along[point])
                 state.put_chosen(i, found["point"])
                 most[i] = 0.0
             lines.call("f", state, lines.table, base)
-            for k in text.each(len(rules.BESIDES), most=0):
+            for k in text.each(samples, most=0):
+                counts = is_noise | (ends[point] * firsts[k] > 0.0)
                 for i in text.each(lines.D):
                     of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
                     of_line |= {"part": parts[k], "is_end": ends[point]}
@@ -214,7 +224,8 @@ def _second_trial(lines, own, of_error, sums):
                 if half.is_implicit:
                     lines.call("solve", work.factors, lines.table, change)
                 for i in text.each(lines.D):
-                    found = text.apply(rules.MOST, change=change[i], most=most[i])
+                    own_change = counts.select(change[i], 0.0)
+                    found = text.apply(rules.MOST, change=own_change, most=most[i])
                     most.put_chosen(i, found["most"])
             for i in text.each(lines.D):
                 of_point = {"most": most[i], "least": least[i], "largest": largest[i]}

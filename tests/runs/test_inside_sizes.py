@@ -125,24 +125,31 @@ def test_what_decays_for_good_and_what_flows_in_is_not_told_of():
     sf.flow(field(lambda s: (s[1], -s[0]), "x v"), [1.0, 0.0], time=np.linspace(0.0, 50.0, 200))
 
 
-@pytest.mark.parametrize("turn", [(0.0, 0.3, 0.7), (1.57, -0.43, 0.0), (-0.92, 0.0, 0.22)])
-@pytest.mark.parametrize("options", [{}, {"stiff": True}, {"derivatives": "x0"}])
-def test_components_that_are_0_but_for_rounding(turn, options):
-    """A quaternion that turns about a fixed axis; its rates cancel in one component."""
-    a, b, c = (each / 2 for each in turn)
+TURNS = np.array([[0, 0.3, 0.7], [1.57, -0.43, 0], [-0.92, 0, 0.22], [0.1, 0.2, 0.3]]) / 2
+TURNING = field(
+    lambda q, a, b, c: (
+        -a * q[1] - b * q[2] - c * q[3],
+        a * q[0] + c * q[2] - b * q[3],
+        b * q[0] - c * q[1] + a * q[3],
+        c * q[0] + b * q[1] - a * q[2],
+    ),
+    "w x y z",
+    **dict(zip("abc", TURNS.T, strict=True)),
+)
+SHORT = sf.Change(times=[1e-9], to=lambda q: tuple(q))  # after it steps begin anew, short ones
 
-    def turning(q):
-        w, x, y, z = q
-        return (
-            -a * x - b * y - c * z,
-            a * w + c * y - b * z,
-            b * w - c * x + a * z,
-            c * w + b * x - a * y,
-        )
 
-    times, angle = np.linspace(0, 20, 41), np.hypot(np.hypot(a, b), c)
-    motion = sf.flow(field(turning, "w x y z"), [1, 0, 0, 0], time=times, **options)
-    axis = np.sin(angle * times)[:, np.newaxis] * np.array([a, b, c]) / angle
-    right = np.column_stack([np.cos(angle * times), axis])
+@pytest.mark.parametrize(
+    "options", [{}, {"stiff": True}, {"derivatives": "x0"}, {"changes": SHORT}, {"max_step": 0.3}]
+)
+def test_components_that_are_0_but_for_rounding(options):
+    """Quaternions that turn about fixed axes; rates of one component of the first three cancel."""
+    times, angles = np.linspace(0, 20, 41)[:, np.newaxis], np.linalg.norm(TURNS, axis=1)
+    motion = sf.flow(TURNING, [1, 0, 0, 0], time=times[:, 0], **options)
+    axes = np.sin(angles * times)[..., np.newaxis] * TURNS / angles[:, np.newaxis]
+    right = np.concatenate([np.cos(angles * times)[..., np.newaxis], axes], axis=-1)
     np.testing.assert_allclose(motion.x, right, atol=1e-8)
-    assert motion.steps < 200
+    assert (motion.steps < 200).all()
+    for k in range(4):  # which look at more states than the last one, in the same line
+        alone = sf.flow(TURNING[k], [1, 0, 0, 0], time=times[:, 0], **options)
+        np.testing.assert_array_equal(alone.x, motion.x[:, k])

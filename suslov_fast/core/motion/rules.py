@@ -16,7 +16,7 @@ The state is rounded, and f with it, which shows where components cancel, where 
 or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
 allowed, for states x' beside those at both ends of the step, whichever is less; in an implicit step
 A**-1 of that, see `implicit`, because fast modes forget it. There clocks are 2**-50 of their values
-later, and others differ by some 2**-51 of theirs. It takes time, and so it is for steps after one
+later, and others differ by some 2**-49 of theirs. It takes time, and so it is for steps after one
 that was refused, or that was taken by such a trial.
 
 A component that is 0 but for rounding, because terms of its rate cancel, has nothing but that: no
@@ -73,16 +73,17 @@ from .rows import State
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
-# Parts of that, and of the step, at which f is looked at: at one it may be the same by chance,
-# where it is nothing but rounding.
+# f is looked at beside these points of a step, by these parts of `OF_SEED`. There are many, because
+# at one of them noise may be the same by chance. ENDS is 1 at the ends of the step, which come
+# first, and FIRST at the first part: steps whose error cannot be noise look there alone.
 BESIDES, ALONG = (4.0, -4.0, 3.0, -3.0, 2.0, -2.0, 1.0, -1.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)  # at the ends all look there, and few at the others
-# What rounding of f becomes by the weights of columns, beside an end of the step, where f is looked
-# at with four times its rounding, and at all points.
+FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)
+# What a change of f beside the ends allows, and one beside all points: the weights of columns make
+# noise of f larger, those of implicit columns sixteen times as much.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
-# An error below that part of the largest component may be rounding, also if a step is taken whose
-# ratio is above the other number, beyond which steps become shorter.
+# An error may be noise if it is less than NOISY of the largest component. A ratio above SHORTENS
+# makes the next step shorter.
 NOISY, SHORTENS = 2.0**-48, 0.05
 TINY_STEP = 2.0**-40  # part of the time
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings

@@ -185,67 +185,25 @@ def _second_trial(lines, own, of_error, sums):
     names = ["ratio", "of_length", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
 
     def trial():
-        change = work.right if half.is_implicit else work.f
         if half.is_implicit:
             text.copy(work.right, work.b, lines.D)
-        parts, firsts = map(text.constants, (rules.BESIDES, rules.FIRST))
-        along, ends = map(text.constants, (rules.ALONG, rules.ENDS))
-        base, state, most, least, largest, second = (
-            work.beside.after(k * lines.extended) for k in range(6)
-        )
         top = Carried(top=0.0)
         for i in text.each(lines.D, top):
             top.top = lines.apply(rules.TOP, i, top=top.top)["top"]
-            least[i], largest[i], second[i] = inf, 0.0, 0.0
         others = Carried(large=0.0)
         for i in text.each(lines.D, others):
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
             inputs |= {"inverse": work.error[i], "noisy": rules.NOISY * top.top}
             others.large = lines.apply(rules.LARGE, i, large=others.large, **inputs)["large"]
-        is_noise = tried & (others.large < sums["ratio"])  # if it decides
-        points = is_noise.any().select(text.value(len(rules.ALONG)), text.value(2))
-        samples = is_noise.any().select(text.value(len(rules.BESIDES)), text.value(1))
-        for point in text.each(points, most=0):
-            for i in text.each(lines.D):
-                found = lines.apply(rules.ON_LINE, i, x=line.x[i], u=along[point])
-                state.put_chosen(i, found["point"])
-                most[i] = 0.0
-            lines.call("f", state, lines.table, base)
-            for k in text.each(samples, most=0):
-                counts = is_noise | (ends[point] * firsts[k] > 0.0)
-                for i in text.each(lines.D):
-                    of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
-                    of_line |= {"part": parts[k], "is_end": ends[point]}
-                    found = lines.apply(rules.BESIDE, i, **of_line)
-                    work.start.put_chosen(i, found["beside"])
-                lines.call("f", work.start, lines.table, work.f)
-                for i in text.each(lines.D):
-                    change.put_chosen(i, work.f[i] - base[i])
-                if half.is_implicit:
-                    lines.call("solve", work.factors, lines.table, change)
-                for i in text.each(lines.D):
-                    own_change = counts.select(change[i], 0.0)
-                    found = text.apply(rules.MOST, change=own_change, most=most[i])
-                    most.put_chosen(i, found["most"])
-            for i in text.each(lines.D):
-                of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
-                found = text.apply(
-                    rules.BESIDE_POINTS, second=second[i], is_end=ends[point], **of_point
-                )
-                least.put_chosen(i, found["least"])
-                largest.put_chosen(i, found["largest"])
-                second.put_chosen(i, found["second"])
+        least, largest, second = _changes_beside(lines, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(lines.D, found):
             apart = work.b[i] if half.is_implicit else _apart(lines, own, i)
             inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i)), "apart": apart}
             inputs |= {"inverse": work.error[i], "least": least[i], "largest": largest[i]}
             inputs |= {"second": second[i], "top": top.top}
-            inputs |= {
-                "t": line.t[0],
-                "taken": work.taken[0],
-                "grows": rules.GROWS[half.is_implicit],
-            }
+            inputs |= {"t": line.t[0], "taken": work.taken[0]}
+            inputs["grows"] = rules.GROWS[half.is_implicit]
             now = lines.apply(rules.SECOND, i, **inputs, **vars(found))
             work.error.choose(tried, i, now.pop("inverse"))
             found.update(now)
@@ -257,6 +215,51 @@ def _second_trial(lines, own, of_error, sums):
 
     found = text.otherwise(~tried.any(), [sums[name] for name in names], trial)
     return {name: Value(text, value) for name, value in zip(names, found, strict=True)}
+
+
+def _changes_beside(lines, is_noise):
+    """Return arrays of changes of f beside points of the step, see `rules.BESIDE_POINTS`.
+
+    Lanes whose error may be noise look at all points and states beside them, others at one state
+    beside each end.
+    """
+    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    change = work.right if half.is_implicit else work.f
+    parts, firsts = map(text.constants, (rules.BESIDES, rules.FIRST))
+    along, ends = map(text.constants, (rules.ALONG, rules.ENDS))
+    base, state, most, *found = (work.beside.after(k * lines.extended) for k in range(6))
+    least, largest, second = found
+    for i in text.each(lines.D):
+        least[i], largest[i], second[i] = inf, 0.0, 0.0
+    points = is_noise.any().select(text.value(len(rules.ALONG)), text.value(2))
+    samples = is_noise.any().select(text.value(len(rules.BESIDES)), text.value(1))
+    for point in text.each(points, most=0):
+        for i in text.each(lines.D):
+            on_line = lines.apply(rules.ON_LINE, i, x=line.x[i], u=along[point])
+            state.put_chosen(i, on_line["point"])
+            most[i] = 0.0
+        lines.call("f", state, lines.table, base)
+        for k in text.each(samples, most=0):
+            counts = is_noise | (ends[point] * firsts[k] > 0.0)
+            for i in text.each(lines.D):
+                of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
+                of_line |= {"part": parts[k], "is_end": ends[point]}
+                work.start.put_chosen(i, lines.apply(rules.BESIDE, i, **of_line)["beside"])
+            lines.call("f", work.start, lines.table, work.f)
+            for i in text.each(lines.D):
+                change.put_chosen(i, work.f[i] - base[i])
+            if half.is_implicit:
+                lines.call("solve", work.factors, lines.table, change)
+            for i in text.each(lines.D):
+                of_lane = {"change": counts.select(change[i], 0.0), "most": most[i]}
+                most.put_chosen(i, text.apply(rules.MOST, **of_lane)["most"])
+        for i in text.each(lines.D):
+            of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
+            of_point |= {"second": second[i], "is_end": ends[point]}
+            now = text.apply(rules.BESIDE_POINTS, **of_point)
+            for array, name in zip(found, ("least", "largest", "second"), strict=True):
+                array.put_chosen(i, now[name])
+    return found
 
 
 def _apart(lines, own, i):

@@ -16,7 +16,18 @@ from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.tables import is_table
 from suslov_fast.core.lists.variational import Variational
-from suslov_fast.core.motion import engine, functions, rules
+from suslov_fast.core.motion import (
+    choosing,
+    engine,
+    errors,
+    functions,
+    implicit,
+    inside,
+    lengths,
+    second_trial,
+    step,
+    surfaces,
+)
 from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
 from suslov_fast.core.motion.choosing import shift_of
 from suslov_fast.core.motion.columns import (
@@ -219,7 +230,7 @@ class StepsInNumPy:
         self.p = 1 if half.is_implicit else 2
         self.mode = float(State.IMPLICIT if half.is_implicit else State.EXPLICIT)
         self.own = weights(self.columns, self.p)
-        factor = rules.CAUTION if half.sets else 1.0
+        factor = errors.CAUTION if half.sets else 1.0
         self.of_error = [factor * w for w in weights_of_errors(self.columns, self.p)]
 
     def take(self):
@@ -228,7 +239,7 @@ class StepsInNumPy:
             if (self.row("state") < 0.0).any():
                 self._begin()
             own = {"second": np.inf} if self.half.is_implicit else {}
-            length = self._apply(rules.LENGTH, mode=self.mode, **self._apply(rules.NEAR), **own)
+            length = self._apply(lengths.LENGTH, mode=self.mode, **self._apply(lengths.NEAR), **own)
             if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
         if self.f.conditions:
@@ -282,9 +293,13 @@ class StepsInNumPy:
         sums = dict.fromkeys(("size", "rate", "total"), 0.0)
         for i in range(self.D):
             sums = self._apply(
-                rules.BEGIN_COMPONENT, x=x[i], f=f[i], counts=self.of_component("counts", i), **sums
+                lengths.BEGIN_COMPONENT,
+                x=x[i],
+                f=f[i],
+                counts=self.of_component("counts", i),
+                **sums,
             )
-        found = self._apply(rules.BEGIN, **sums)
+        found = self._apply(lengths.BEGIN, **sums)
         self._keep(found)
 
     # ------------------------------------------------------------------------------------- columns
@@ -305,7 +320,7 @@ class StepsInNumPy:
         if sets := self.half.sets:  # Störmer's rule is half of it
             f_of_b, (A, B) = self._value(b)[: self.D], (np.array(own, int) for own in sets)
             a[B], self.f_last[A] = b[B], f_of_b[A]
-            is_rough = self.row("rough") >= rules.ROUGH
+            is_rough = self.row("rough") >= lengths.ROUGH
             end, apart = np.where(is_rough, end, a), np.where(is_rough, apart, 0.0)
         self.last = a
         self.apart.append(apart)
@@ -362,10 +377,10 @@ class StepsInNumPy:
         for i in range(D):
             if self.f.clocks:
                 of_line = {"x": x[i], "f": f[i], "signed": signed}
-                new[i] = self._apply_to(rules.CLOCK, i, new=new[i], **of_line)["new"]
+                new[i] = self._apply_to(step.CLOCK, i, new=new[i], **of_line)["new"]
             if self.f.of_one_sign:
                 found = self._apply(
-                    rules.KEPT,
+                    step.KEPT,
                     x=x[i],
                     new=new[i],
                     keeps=self.of_component("keeps", i),
@@ -379,7 +394,7 @@ class StepsInNumPy:
             sizes_of[i] = sizes
         f_new = self._value(new)
         for k in range(D, self.extended):
-            kept = self._apply(rules.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
+            kept = self._apply(step.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
         names = ["ratio", "total", "apart"] + ([] if is_implicit else ["rates", "states"])
         if is_implicit:
             apart = self._solve(self.factors, self.apart - signed * 0.5 * f_new[:D])
@@ -396,22 +411,22 @@ class StepsInNumPy:
             sizes = sizes_of[last_of[i]]
             if sizes:
                 is_column = i >= self.half.parts[0][1]
-                smallest = rules.SMALLEST_OF_COLUMNS if is_column else rules.SMALLEST
-                sizes = sizes | self._apply(rules.LEAST_ALLOWED, smallest=smallest, **sizes)
+                smallest = errors.SMALLEST_OF_COLUMNS if is_column else errors.SMALLEST
+                sizes = sizes | self._apply(errors.LEAST_ALLOWED, smallest=smallest, **sizes)
             inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
             own["inverse"] = inverse[i]
-            found = self._apply(rules.RATIO, **own, **sums)
+            found = self._apply(errors.RATIO, **own, **sums)
             if sizes:
                 large = {"noisy": sizes["noisy"], "large": sums.get("large", 0.0)}
-                found |= self._apply(rules.LARGE, **own, **large)
+                found |= self._apply(errors.LARGE, **own, **large)
             if not is_implicit:
                 own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
-                found |= self._apply(rules.DIFFERENCES, **own, **sums)
+                found |= self._apply(errors.DIFFERENCES, **own, **sums)
                 for k, components in enumerate(self.half.sets or ()):
                     if i in components:
-                        of_sets[k] = self._apply(rules.DIFFERENCES, **own, **of_sets[k])
+                        of_sets[k] = self._apply(errors.DIFFERENCES, **own, **of_sets[k])
             own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
-            sums = found | {"apart": self._apply(rules.LARGER_RATIO, **own)["ratio"]}
+            sums = found | {"apart": self._apply(errors.LARGER_RATIO, **own)["ratio"]}
         if self.half.sets:
             sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
@@ -419,18 +434,18 @@ class StepsInNumPy:
         sums |= self._second_trial(sums, (x, f, new, error, apart, inverse), taken)
         sums |= {"taken": taken, "kept": kept, "aside": aside}
         before = self.row("t").copy()
-        near = self._apply(rules.NEAR)
-        found = self._apply(rules.AFTER, **near, **sums)
+        near = self._apply(lengths.NEAR)
+        found = self._apply(lengths.AFTER, **near, **sums)
         sums["accepted"] = accepted = found.pop("accepted")
         served = found.pop("served")
         self._keep(found)
         if self.half.sets:
             of_step = {"taken": taken, "accepted": accepted, "served": served}
             of_step["ratio"] = sums["ratio"]
-            self._keep(self._apply(rules.REFUSALS, **of_step))
+            self._keep(self._apply(lengths.REFUSALS, **of_step))
         if is_implicit:
             sums["rate"] = rate
-        rule = rules.TURN_IMPLICIT if is_implicit else rules.TURN_EXPLICIT
+        rule = lengths.TURN_IMPLICIT if is_implicit else lengths.TURN_EXPLICIT
         self._keep(self._apply(rule, **near, **sums))
         if self.half.watched:
             own = {"before": before, "accepted": accepted, "total": sums["total"]}
@@ -464,43 +479,47 @@ class StepsInNumPy:
         for i, low in enumerate(self._rows("low", self.half.low)):
             own = {"new": new[i], "largest": self._rows("largest", self.D)[i], "low": low}
             own |= {"f_new": f_new[i], "inverse": inverse[i], "watches": watches}
-            found = self._apply(rules.LOW, **own)
+            found = self._apply(errors.LOW, **own)
             low[:] = np.where(is_taken, found["low"], low)
             watches = found["watches"]
         self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
 
     def _second_trial(self, sums, states, taken):
         x, f, new, error, apart, inverse = states
-        again = self.row("longer") <= rules.AFTER_TRIAL
-        refused = (sums["ratio"] > 1.0) | (sums["apart"] > rules.MOST_APART)
+        again = self.row("longer") <= lengths.AFTER_TRIAL
+        refused = (sums["ratio"] > 1.0) | (sums["apart"] > lengths.MOST_APART)
         is_finite = sums["total"] < np.inf
         refused = tried = refused & is_finite & again
         if not self.half.has_atol:
-            is_noisy = self._apply(rules.IS_NOISY, **sums)["is_noisy"]
+            is_noisy = self._apply(second_trial.IS_NOISY, **sums)["is_noisy"]
             tried = refused | (is_noisy > 0.0) & is_finite
         if not tried.any():
             return {}
         counts = [self.of_component("counts", i) for i in range(self.D)]
         top = 0.0
         for i, largest in enumerate(self._rows("largest", self.D)):
-            top = self._apply(rules.TOP, x=x[i], largest=largest, counts=counts[i], top=top)["top"]
+            top = self._apply(second_trial.TOP, x=x[i], largest=largest, counts=counts[i], top=top)[
+                "top"
+            ]
         large = 0.0
         for i in range(self.D):
-            own = {"error": error[i], "inverse": inverse[i], "noisy": rules.NOISY * top}
-            large = self._apply(rules.LARGE, large=large, **own)["large"]
+            own = {"error": error[i], "inverse": inverse[i], "noisy": errors.NOISY * top}
+            large = self._apply(errors.LARGE, large=large, **own)["large"]
         is_noise = tried & (large < sums["ratio"])
         found = {"least": np.full_like(x, np.inf), "largest": np.zeros_like(x)}
         found["second"] = np.zeros_like(x)
-        for u, is_end in zip(rules.ALONG, rules.ENDS, strict=True):
-            state = np.array([self._apply(rules.ON_LINE, x=x[i], new=new[i], u=u)["point"]
+        for u, is_end in zip(second_trial.ALONG, second_trial.ENDS, strict=True):
+            state = np.array([self._apply(second_trial.ON_LINE, x=x[i], new=new[i], u=u)["point"]
                               for i in range(self.D)])  # fmt: skip
             base, most = self._value(state), np.zeros_like(x)
-            for part, first in zip(rules.BESIDES, rules.FIRST, strict=True):
+            for part, first in zip(second_trial.BESIDES, second_trial.FIRST, strict=True):
                 own = [
                     {"state": state[i], "f": f[i], "x": x[i], "new": new[i]} for i in range(self.D)
                 ]
                 beside = [
-                    self._apply_to(rules.BESIDE, i, part=part, is_end=is_end, **each)["beside"]
+                    self._apply_to(second_trial.BESIDE, i, part=part, is_end=is_end, **each)[
+                        "beside"
+                    ]
                     for i, each in enumerate(own)
                 ]
                 change = (self._value(np.array(beside)) - base)[: self.D]
@@ -510,14 +529,16 @@ class StepsInNumPy:
                 most = np.fmax(abs(change), most)
             for i in range(self.D):
                 own = {key: value[i] for key, value in found.items()} | {"most": most[i]}
-                for key, value in self._apply(rules.BESIDE_POINTS, is_end=is_end, **own).items():
+                for key, value in self._apply(
+                    second_trial.BESIDE_POINTS, is_end=is_end, **own
+                ).items():
                     found[key][i] = value
         trial = {"ratio": 0.0, "of_length": 0.0, "of_apart": 0.0}
         for i in range(self.D):
             own = {key: value[i] for key, value in found.items()} | {"taken": taken, "top": top}
-            own["grows"] = rules.GROWS[self.half.is_implicit]
+            own["grows"] = second_trial.GROWS[self.half.is_implicit]
             own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
-            trial = self._apply(rules.SECOND, **own, **trial)
+            trial = self._apply(second_trial.SECOND, **own, **trial)
             inverse[i] = np.where(tried, trial.pop("inverse"), inverse[i])
         counts = refused | tried & (trial["of_length"] < sums["ratio"])
         pairs = zip(("ratio", "of_length", "apart"), trial.values(), strict=True)
@@ -533,13 +554,13 @@ class StepsInNumPy:
         """
         x, new, f, f_new = (each[: self.half.watched] for each in states)
         far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
-        rule, rates = rules.POINT, {"signed": signed, "f": f, "f_new": f_new}
+        rule, rates = surfaces.POINT, {"signed": signed, "f": f, "f_new": f_new}
         if self.half.is_implicit:
             quarters = self.quarters[:, : len(x)]
             rates = {f"quarter{k}": own for k, own in enumerate(quarters, 1)}
-            rule = rules.POINT_IMPLICIT
+            rule = surfaces.POINT_IMPLICIT
         elif self.half.reads_states:
-            rule = rules.POINT_WITH_QUARTIC
+            rule = surfaces.POINT_WITH_QUARTIC
             rates["quartic"] = self._quartic(states, signed)[: len(x)]
         points = [x]
         for u in POINTS[:-1]:
@@ -547,21 +568,21 @@ class StepsInNumPy:
             points.append(np.broadcast_to(point, x.shape))
         points.append(new)
         parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
-        surfaces = [self._surfaces(point) for point in points]
+        values = [self._surfaces(point) for point in points]
         for k, u in enumerate(POINTS):
-            part, crosses, *_ = self._watch(*surfaces[k : k + 2])
+            part, crosses, *_ = self._watch(*values[k : k + 2])
             own = {"part": part, "crosses": crosses, "u": u, "width": u - ends[k], "taken": taken}
-            parts = self._apply(rules.LOOK, **own, **parts)
+            parts = self._apply(surfaces.LOOK, **own, **parts)
             far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), points[k + 1], far)
         found |= {"hidden": 0.0, "twice": 0.0, "known": np.inf, "starts": parts["crossed"]}
         found["goal"] = self.motion.numbers[NUMBER.last]
         if self.half.hidden:
             rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
-            rows = [*np.concatenate(surfaces), *points[MIDDLE], rtol, *self.table]
+            rows = [*np.concatenate(values), *points[MIDDLE], rtol, *self.table]
             found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
             found["known"] = taken if self.half.has_waves else np.inf
-        part, *_ = self._watch(surfaces[-1], self._surfaces(far))
-        whole_part, crosses, jumps, *kinks = self._watch(surfaces[0], surfaces[-1])
+        part, *_ = self._watch(values[-1], self._surfaces(far))
+        whole_part, crosses, jumps, *kinks = self._watch(values[0], values[-1])
         if self.half.reads_states:
             found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
         inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
@@ -569,7 +590,7 @@ class StepsInNumPy:
         aim, since = of_list(self.f.aim[self.half.is_implicit], [*new, *rates, *self.table])
         inputs |= {"aim": np.where(is_far, np.inf, taken + aim)}
         inputs |= {"since": np.where(is_far, 0.0, since)}
-        found = self._apply(rules.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
+        found = self._apply(surfaces.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
         far[:] = np.where(found.pop("beyond") > 0.0, new, far)
         return found, kinks
 
@@ -578,9 +599,9 @@ class StepsInNumPy:
         names = "x", "new", "f", "f_new"
         own = {name: each[: self.D] for name, each in zip(names, states, strict=True)}
         own["signed"] = signed
-        point = _applied(rules.POINT, u=POINTS[0], **own)["point"]
+        point = _applied(surfaces.POINT, u=POINTS[0], **own)["point"]
         f_point = self._value(point)[: self.D]
-        return _applied(rules.QUARTIC, f_point=f_point, **own)["quartic"]
+        return _applied(surfaces.QUARTIC, f_point=f_point, **own)["quartic"]
 
     # ----------------------------------------------------------------------------------- choices
     def _choices_at(self, x):
@@ -624,7 +645,7 @@ class StepsInNumPy:
             after = self._value(new)
         for i, low in enumerate(self._rows("low", self.half.low)):
             own = {"low": low, "before": f_new[i], "after": after[i]}
-            low[:] = np.where(truth, self._apply(rules.INFLOW, **own)["low"], low)
+            low[:] = np.where(truth, self._apply(choosing.INFLOW, **own)["low"], low)
         return new, after
 
     def _columns_after_jump(self, x, before, after, table, surface):
@@ -648,7 +669,7 @@ class StepsInNumPy:
             column += np.where(jump == 0.0, 0.0, jump * (ds / ends[0]))
         if whole.has_trace:
             own = {"jumps": 1.0 * (jump != 0.0).any(axis=0), "u": x[-2]}
-            x[-1] += self._apply(rules.TRACE, before=ends[0], after=ends[1], **own)["change"]
+            x[-1] += self._apply(choosing.TRACE, before=ends[0], after=ends[1], **own)["change"]
         return x
 
     def _renew(self, accepted, jumped, taken, states):
@@ -658,13 +679,13 @@ class StepsInNumPy:
         if jumped.any():
             moved, after = self._choose(jumped, new, f_new)
             new, f_new = np.where(jumped, moved, new), np.where(jumped, after, f_new)
-            self._keep_in(jumped, self._apply(rules.CHOSEN, acted=0.0, mode=mode))
-            ahead = self._apply(rules.LOOK_AHEAD, part=rules.AHEAD)
+            self._keep_in(jumped, self._apply(choosing.CHOSEN, acted=0.0, mode=mode))
+            ahead = self._apply(choosing.LOOK_AHEAD, part=choosing.AHEAD)
             point = new + ahead["signed"] * f_new[: self.D]
             back = jumped & (self._choices_at(point)[0] >= 0.0)
             far = self._rows("far", self.half.watched)
             far[:] = np.where(back, point[: len(far)], far)
-            self._keep_in(back, self._apply(rules.SEEK, ahead=ahead["ahead"]))
+            self._keep_in(back, self._apply(choosing.SEEK, ahead=ahead["ahead"]))
         t = self.row("t")
         ended = (self.row("state") == State.ENDED) & taken
         ended = ended & ((t > self.row("chosen_at")) | (t == 0.0))
@@ -680,13 +701,13 @@ class StepsInNumPy:
         x = np.where(ended & ~accepted, before[0], new)
         f = np.where(ended & ~accepted, before[1], f_new)
         found = {"ahead": 0.0, "signed": 0.0}
-        for part in (rules.NEAREST, 8.0 * rules.NEAREST, rules.AHEAD):
-            own = self._apply(rules.LOOK_AHEAD, part=part)
+        for part in (choosing.NEAREST, 8.0 * choosing.NEAREST, choosing.AHEAD):
+            own = self._apply(choosing.LOOK_AHEAD, part=part)
             point = x + own["signed"] * f[: self.D]
             is_first = (found["ahead"] == 0.0) & (self._choices_at(point)[1] > 0.0)
             found = {name: np.where(is_first, own[name], a) for name, a in found.items()}
         ended, t = ended & (found["ahead"] > 0.0), self.row("t").copy()
-        after = self._apply(rules.GOES_ON, ahead=found["ahead"])
+        after = self._apply(choosing.GOES_ON, ahead=found["ahead"])
         is_saved = ended & (after.pop("slides") < 1.0)
         for lane in np.flatnonzero(is_saved):
             while self.row("next")[lane] <= t[lane] + found["ahead"][lane]:
@@ -704,21 +725,21 @@ class StepsInNumPy:
         self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
         top, size = 0.0, 0.0
         for a in largest:
-            top = self._apply(rules.SIZE, modulus=a, top=top)["top"]
+            top = self._apply(implicit.SIZE, modulus=a, top=top)["top"]
         pairs = zip(largest, mode, strict=True)
-        scales = [self._apply(rules.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
+        scales = [self._apply(implicit.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
         scaled = np.array([found["scaled"] for found in scales])
         own = [*self.entries[: self.f.entries], np.zeros_like(scaled[0]), *scaled]
         products = carried_out(self.half.functions["power"], own)
         own = np.empty_like(x)
         for i in range(D):
             found = self._apply(
-                rules.RATE, product=products[i], scale=scales[i]["scale"], size=size
+                implicit.RATE, product=products[i], scale=scales[i]["scale"], size=size
             )
             own[i], size = found["product"], found["size"]
         for i in range(D):
             seed = self.of_component("seeds", i)
-            found = self._apply(rules.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
+            found = self._apply(implicit.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
             mode[i] = found["mode"]
         return size
 
@@ -729,7 +750,7 @@ class StepsInNumPy:
             nodes, signed = self._nodes(passed)
         while self._passed(passed, np.greater).any():
             of_step = {"t": passed.before, "taken": passed.taken}
-            weights = self._apply(rules.BETWEEN, **of_step)
+            weights = self._apply(inside.BETWEEN, **of_step)
             states = passed.x + self._between(passed, nodes, signed, weights)
             states = self._with_signs(states, passed)
             for lane in np.flatnonzero(self._passed(passed, np.greater)):
@@ -753,30 +774,30 @@ class StepsInNumPy:
         """Return states and rates at the ends of quarters, and their length; refuse steps."""
         of_step, D, zero = {"t": passed.before, "taken": passed.taken}, self.D, 0.0
         own = {"after": self.row("t"), "accepted": passed.accepted}
-        signed = self._apply(rules.QUARTER, **of_step, **own)["signed"]
-        few, more = weights_of_few(EXPLICIT, 2)[rules.FEW - 1 : rules.FEW + 1]
+        signed = self._apply(inside.QUARTER, **of_step, **own)["signed"]
+        few, more = weights_of_few(EXPLICIT, 2)[inside.FEW - 1 : inside.FEW + 1]
         error, ratio = self._sum(few - self.own, passed.ends), zero
         for i in range(D):
             inputs = {"error": error[i], "inverse": passed.inverse[i], "ratio": ratio}
-            ratio = self._apply(rules.LARGER_RATIO, **inputs)["ratio"]
-        needs, x, f, nodes = ratio > rules.OF_FEW, passed.x, passed.f[:D], []
+            ratio = self._apply(errors.LARGER_RATIO, **inputs)["ratio"]
+        needs, x, f, nodes = ratio > inside.OF_FEW, passed.x, passed.f[:D], []
         for _ in range(3):
-            ends = self._ends(x, f, signed, rules.FEW + 1)
-            ends[rules.FEW] = np.where(needs, ends[rules.FEW], 0.0)
-            factors = np.where(needs, more[:, np.newaxis], few[:, np.newaxis])[: rules.FEW + 1]
+            ends = self._ends(x, f, signed, inside.FEW + 1)
+            ends[inside.FEW] = np.where(needs, ends[inside.FEW], 0.0)
+            factors = np.where(needs, more[:, np.newaxis], few[:, np.newaxis])[: inside.FEW + 1]
             x = x + self._sum(factors, ends)
             f = self._value(x)[:D]
             nodes.append((x, f))
         sums = {"ratio": zero, "total": zero}
-        for v in rules.TESTS:
-            of_value, of_slope = rules.weights_of_test(v)
+        for v in inside.TESTS:
+            of_value, of_slope = inside.weights_of_test(v)
             states = passed.x + self._between(passed, nodes, signed, of_value)
             rates = self._value(self._with_signs(states, passed))
             slopes = self._between(passed, nodes, signed, of_slope)
             for i in range(D):
                 inputs = {"slope": slopes[i], "f": rates[i], "inverse": passed.inverse[i]}
-                sums = self._apply(rules.DEFECT, signed=signed, **inputs, **sums)
-        found = self._apply(rules.FAILS, signed=signed, **of_step, **sums)
+                sums = self._apply(inside.DEFECT, signed=signed, **inputs, **sums)
+        found = self._apply(inside.FAILS, signed=signed, **of_step, **sums)
         fails = found.pop("fails") > 0.0
         for name, value in found.items():
             self.row(name)[:] = np.where(fails, value, self.row(name))
@@ -788,13 +809,13 @@ class StepsInNumPy:
         inputs = {"x": passed.x, "f": passed.f[: self.D], "signed": signed}
         for k, (x, f) in enumerate([*nodes, (passed.new, passed.f_new[: self.D])], 1):
             inputs |= {f"x{k}": x, f"f{k}": f}
-        return _applied(rules.INTERPOLATED, **inputs, **weights)["value"]
+        return _applied(inside.INTERPOLATED, **inputs, **weights)["value"]
 
     def _with_signs(self, states, passed):
         if self.f.of_one_sign:
             for i, x in enumerate(passed.x):
                 keeps = self.of_component("keeps", i)
-                found = self._apply(rules.WITH_SIGN, value=states[i], x=x, keeps=keeps)
+                found = self._apply(inside.WITH_SIGN, value=states[i], x=x, keeps=keeps)
                 states[i] = found["value"]
         return states
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
 from ..core.motion.engine import Settings
+from ..core.motion.lengths import MOST_STEPS
 from ..core.motion.rows import Cause
-from ..core.motion.rules import MOST_STEPS
 from .arguments import flat_arrays
 from .motions import Found
 from .problem import MANY

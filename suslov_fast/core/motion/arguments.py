@@ -41,9 +41,9 @@ class Numbers(NamedTuple):
     rtol: float
     last: float  # modulus of the last time
     sign: float  # 1 or -1, forward or backward in time
-    part: float  # see `rules.first_part`
+    part: float  # see `lengths.first_part`
     longest: float  # step
-    limit: float  # see `rules.limit_of`
+    limit: float  # see `lengths.limit_of`
     switches: float  # 1 if lanes may change to the other half, else 0
     first_next: float  # the first time
     second_next: float  # the second one

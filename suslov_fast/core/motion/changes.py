@@ -6,14 +6,128 @@ surface it is. The code is a function of its own, because changes at time 0 act 
 step.
 """
 
+from math import inf
+
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
-from . import choosing, rules, surfaces
+from ..lists.numbers import larger, smaller
+from . import choosing, surfaces
+from .lengths import AT_FIRST, BEGIN_COMPONENT
 from .records import record
 from .rows import OF_CHANGES, State
+from .rules import AT_ONCE, TINY, rule
 from .scope import Lines
 from .sections import record_jumps
+
+# A trajectory ends whose changes follow one another so often within so small a part of the time, or
+# so often at one instant.
+CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 64.0, 2.0**-50
+FASTER = 4.0  # rate after changes, beside that where the step before them began
+
+
+def _level(value, rate, is_above):
+    """Return 0, or more below a surface on which a state rests, which counts as above otherwise."""
+    rests = value.equals(0.0) & rate.equals(0.0)
+    return rests.select(is_above.select(0.0, TINY), 0.0)
+
+
+def _beyond(value):
+    """Return a level that is more than the value of a surface, by rounding."""
+    return value + (ROUNDING * abs(value) + TINY)
+
+
+@rule
+def FIRST_SIDE(value, rate, sign):
+    """On which side of a surface a trajectory starts, on the surface that to which it goes."""
+    is_above = (value > 0.0) | (value.equals(0.0) & (sign * rate > 0.0))
+    return {"side": is_above.select(1.0, 0.0), "level": _level(value, rate, is_above)}
+
+
+@rule
+def LEVEL(value, rate, side):
+    """The level of a surface after an instant in which its change has acted."""
+    return {"level": _level(value, rate, side > 0.5)}
+
+
+@rule
+def CROSSED(value, rate, side, level, is_here, by_motion, sign):
+    """Whether a state is on another side of a surface, up or down.
+
+    A change may leave the state beyond the surface by rounding, on its way back. A step ends there,
+    too, but a crossing by the motion whose rate contradicts it is none: then the surface lies where
+    the state is, until its next change, and just beyond where the state does not move any more.
+    """
+    is_above = value >= level
+    differs = (is_here > 0.0) & (is_above ^ (side > 0.5))
+    ahead = is_above.select(sign * rate, -(sign * rate))
+    is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
+    stays = is_above & value.equals(level)
+    crosses = is_back.select(0.0, differs.select(1.0, 0.0)) > 0.0
+    return {
+        "side": crosses.select(is_above.select(1.0, 0.0), side),
+        "level": is_back.select(stays.select(_beyond(value), value), level),
+        "up": crosses & is_above,
+        "down": is_above.select(0.0, crosses.select(1.0, 0.0)) > 0.0,
+    }
+
+
+@rule
+def AFTER_OWN(value, rate, before, up, by_motion, sign):
+    """The side and the level of a surface after its own change; `before` is its value before.
+
+    A state that lies as near the surface as the crossing left it is on it: its side is that to
+    which the rate leads, and within this instant the level is where it is not crossed again.
+    """
+    is_near = (by_motion > 0.0) & (abs(before) + abs(before) >= abs(value))
+    is_on = value.equals(0.0) | is_near
+    ahead = sign * rate
+    goes_up = ahead.equals(0.0).select(1.0 - up, (ahead > 0.0).select(1.0, 0.0))
+    level = (goes_up > 0.5).select(smaller(value, 0.0), _beyond(larger(value, 0.0)))
+    return {
+        "side": is_on.select(goes_up, (value >= 0.0).select(1.0, 0.0)),
+        "level": is_on.select(level, 0.0),
+    }
+
+
+@rule
+def CHANGED_STATE(
+    size, rate, total, largest, rate_before, number, endless, t, wanted, longer, state, stiff,
+    easy, tries, at, often, pause, since, part, last, longest,
+):  # fmt: skip
+    """The next length after changes of the state.
+
+    It is that of a first step if that is more. Where the rate is FASTER times that at which the
+    last step began, as after a dose, it is at most that of a first step of a state as large as the
+    largest so far.
+
+    Where changes accumulate, their limit follows from the last three times as by Aitken. A surface
+    that has been crossed for longer than since the last change, as far as its rate tells, shows
+    that its value is rounding by now.
+    """
+    is_changed = number > 0.0
+    guess = (size > 0.0).select(part * (size / rate), 0.0)
+    of_largest = part * (larger(size, largest) / rate)
+    least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
+    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
+    own = t - at
+    is_at_once = (own <= AT_ONCE * larger(t, wanted)) | (since > own)
+    limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)
+    often_now = is_at_once.select(often + 1.0, 0.0)
+    piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
+    after = piles_up.select(float(State.ACCUMULATES), state)
+    after = (total < inf).select(after, float(State.ENDED))
+    return {
+        "wanted": is_changed.select(guess, wanted),
+        "longer": is_changed.select(AT_FIRST, longer),
+        "state": is_changed.select(after, state),
+        "stiff": is_changed.select(0.0, stiff),
+        "easy": is_changed.select(0.0, easy),
+        "tries": is_changed.select(0.0, tries),
+        "at": is_changed.select(piles_up.select(limit, t), at),
+        "pause": is_changed.select(own, pause),
+        "often": is_changed.select(often_now, often),
+    }
 
 
 def add_change(text, half, name, for_each):
@@ -41,7 +155,7 @@ def find_sides(lines, begins):
     _look(lines)
     for k in lines.text.each(lines.half.changes.surfaces):
         values = {"value": toward[k * 2], "rate": toward.after(1)[k * 2]}
-        found = lines.apply(rules.FIRST_SIDE, **values)
+        found = lines.apply(FIRST_SIDE, **values)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
 
@@ -112,14 +226,14 @@ def _act_at_surfaces(lines, is_there, by_motion):
     else:
         for now in text.rounds(Carried()):
             noted = work.noted[0]
-            few = is_there & (noted < rules.MOST_AT_ONCE)
+            few = is_there & (noted < MOST_AT_ONCE)
             for k in range(changes.surfaces):
                 _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
             now.goes_on = (work.noted[0] > noted).any()
     for k in text.each(changes.surfaces):
         side, place = lines.line.side, k * 2
         values = {"value": work.toward[place], "rate": work.toward.after(1)[place]}
-        level = lines.apply(rules.LEVEL, side=side[place], **values)["level"]
+        level = lines.apply(LEVEL, side=side[place], **values)["level"]
         side.after(1).choose(work.fired[k] > 0.0, place, level)
 
 
@@ -130,7 +244,7 @@ def _cross(lines, k, is_there, by_motion):
     by_motion = by_motion.select(1.0, 0.0)
     inputs = {"value": value, "rate": work.toward[place + 1], "by_motion": by_motion}
     inputs |= {"side": line.side[place], "level": line.side[place + 1]}
-    found = lines.apply(rules.CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
+    found = lines.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
     up, direction = found["up"], half.changes.directions[k]
@@ -143,7 +257,7 @@ def _cross(lines, k, is_there, by_motion):
             _look(lines)
             after = {"value": work.toward[place], "rate": work.toward[place + 1]}
             after |= {"before": value, "up": up.select(1.0, 0.0), "by_motion": by_motion}
-            own = lines.apply(rules.AFTER_OWN, **after)
+            own = lines.apply(AFTER_OWN, **after)
             line.side.choose(fires, place, own["side"])
             line.side.choose(fires, place + 1, own["level"])
 
@@ -226,17 +340,17 @@ def _go_on(lines, is_at_stop):
     sums = Carried(size=0.0, rate=0.0, total=0.0)
     for i in lines.text.each(lines.D, sums):
         inputs = {"x": work.new[i], "f": work.f_new[i]}
-        sums.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(sums)))
+        sums.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(sums)))
     before = Carried(size=0.0, rate=0.0, total=0.0)  # largest states, f where the step began
     for i in lines.text.each(lines.D, before):
         inputs = {"x": lines.line.largest[i], "f": lines.line.f[i]}
-        before.update(lines.apply(rules.BEGIN_COMPONENT, i, **inputs, **vars(before)))
-    endless = (work.noted[0] >= rules.MOST_AT_ONCE).select(1.0, 0.0)
+        before.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
+    endless = (work.noted[0] >= MOST_AT_ONCE).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
     inputs |= {"since": work.aim[1], "largest": before.size, "rate_before": before.rate}
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
         work.jumped.choose(is_changed, 0, 1.0)
-    for name, value in lines.apply(rules.CHANGED_STATE, **inputs, **vars(sums)).items():
+    for name, value in lines.apply(CHANGED_STATE, **inputs, **vars(sums)).items():
         rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
         getattr(rows, name).put_chosen(0, value)

@@ -1,7 +1,7 @@
 """The choices of right-hand sides with conditions, which are fixed along steps and made anew after.
 
-A step ends just beyond a surface on which a condition changes (`rules.CUT`). There the choices are
-made anew, and f with them. Columns v of derivatives become
+A step ends just beyond a surface on which a condition changes (`surfaces.CUT`). There the choices
+are made anew, and f with them. Columns v of derivatives become
 
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
 
@@ -15,14 +15,85 @@ choices.
 """
 
 import itertools
+from math import inf
 
 from ..code.text import Carried, Intervals
+from ..lists.numbers import larger
 from ..lists.tables import Table, is_table
-from . import inside, rules
+from . import inside
+from .errors import GROWN
 from .rows import State
+from .rules import AT_ONCE, rule
 from .scope import Lines
 
 _BEFORE = 2  # results of `choices` before the choices
+
+# A solution slides that changes its choices so often at once. Parts of the time: within which a
+# surface lies before which a solution ends, at first within NEAREST; and within which one that ends
+# so again slides.
+BACK_AND_FORTH = 12.0
+NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
+
+
+@rule
+def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
+    """Of a solution that has changed its choices; where changes of the state acted they count."""
+    is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
+    often = is_at_once.select(chosen_often + 1.0, 0.0)
+    slides = (often >= BACK_AND_FORTH) & (state.equals(mode) | state.equals(float(State.TOO_MANY)))
+    return {
+        "chosen_at": t,
+        "chosen_often": often,
+        "state": slides.select(float(State.SLIDING), state),
+    }
+
+
+@rule
+def LOOK_AHEAD(t, last, part, sign):
+    """A part of the time, and with the sign of time."""
+    ahead = part * (t > 0.0).select(t, last)
+    return {"ahead": ahead, "signed": sign * ahead}
+
+
+@rule
+def SEEK(wanted, ahead):
+    """Of a solution that crosses a surface at once again: the next steps end on it."""
+    return {
+        "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
+        "rounds": 0.0,
+    }  # fmt: skip
+
+
+@rule
+def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
+    """Of a solution that ends just before a surface, and goes on beyond it."""
+    often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
+    slides, after = often >= BACK_AND_FORTH, t + ahead
+    state = slides.select(float(State.SLIDING), first_state)
+    is_done = (after >= last) & (state < State.DONE)
+    return {
+        "chosen_at": t,
+        "chosen_often": often,
+        "slides": slides.select(1.0, 0.0),
+        "wanted": 16.0 * ahead,
+        "outer": inf,
+        "t": is_done.select(last, after),
+        "state": is_done.select(float(State.DONE), state),
+    }
+
+
+@rule
+def TRACE(before, after, jumps, u):
+    """The change of the integral of u trace f', where f jumps and grad s . f is that."""
+    of_jump = u * (abs(after / before)).then("log")
+    return {"change": (jumps > 0.0).select(of_jump, 0.0)}
+
+
+@rule
+def INFLOW(low, before, after):
+    """Whether a component is low; not where the jump of f is an inflow of its own."""
+    is_inflow = (abs(after - before) > GROWN * abs(before)) & (low < 3.0)
+    return {"low": is_inflow.select(0.0, low)}
 
 
 def add_choices(text, half, name, for_each):
@@ -80,15 +151,15 @@ def _jump(lines, jumped):
     if lines.half.changes and lines.half.changes.acting:
         acted = line.t[0].equals(lines.of_changes.at[0]).select(1.0, 0.0)
     _choose(lines, jumped, acted)
-    lines.keep(line, lines.apply(rules.CHOSEN, mode=lines.mode, acted=acted), jumped)
-    ahead = lines.apply(rules.LOOK_AHEAD, part=rules.AHEAD)
+    lines.keep(line, lines.apply(CHOSEN, mode=lines.mode, acted=acted), jumped)
+    ahead = lines.apply(LOOK_AHEAD, part=AHEAD)
     _put_ahead(lines, work.new, work.f_new, ahead["signed"])
     _look(lines, work.start)
     back = jumped & (work.chosen[0] >= 0.0)
     with lines.text.when(back.any(), likely=False):
         for i in lines.text.each(lines.half.watched):
             line.far.choose(back, i, work.start[i])
-        lines.keep(line, lines.apply(rules.SEEK, ahead=ahead["ahead"]), back)
+        lines.keep(line, lines.apply(SEEK, ahead=ahead["ahead"]), back)
 
 
 def _put_ahead(lines, x, f, signed):
@@ -117,7 +188,7 @@ def _choose(lines, truth, acted):
             lines.call("f", work.new, lines.table, work.f_new)
     for i in text.each(lines.half.low):
         of_f = {"before": work.f_old[i], "after": work.f_new[i]}
-        line.low.choose(truth, i, lines.apply(rules.INFLOW, i, **of_f)["low"])
+        line.low.choose(truth, i, lines.apply(INFLOW, i, **of_f)["low"])
 
 
 def _change_columns(lines, truth):
@@ -154,7 +225,7 @@ def _change_columns(lines, truth):
         move(work.new.from_here(D * (1 + others) + q * D), Carried(sum=ds))
     if f.has_trace:
         of_trace = {"before": ends.before, "after": ends.after, "jumps": ends.jumps}
-        found = lines.apply(rules.TRACE, u=work.new[lines.D - 2], **of_trace)["change"]
+        found = lines.apply(TRACE, u=work.new[lines.D - 2], **of_trace)["change"]
         work.new.choose(truth, lines.D - 1, work.new[lines.D - 1] + found)
 
 
@@ -170,14 +241,14 @@ def _go_on(lines, ended):
     for i in text.each(lines.extended):
         work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f[i]))
     found = {"ahead": none, "signed": none}
-    for part in (rules.NEAREST, 8.0 * rules.NEAREST, rules.AHEAD):
-        own = lines.apply(rules.LOOK_AHEAD, part=part)
+    for part in (NEAREST, 8.0 * NEAREST, AHEAD):
+        own = lines.apply(LOOK_AHEAD, part=part)
         _put_ahead(lines, work.new, work.f_new, own["signed"])
         _look(lines, work.start)
         is_first = found["ahead"].equals(0.0) & (work.chosen[1] > 0.0)
         found = {name: is_first.select(own[name], a) for name, a in found.items()}
     goes_on = ended & (found["ahead"] > 0.0)
-    t, after = line.t[0], lines.apply(rules.GOES_ON, ahead=found["ahead"])
+    t, after = line.t[0], lines.apply(GOES_ON, ahead=found["ahead"])
     is_saved = goes_on & (after.pop("slides") < 1.0)
 
     def passed():

@@ -13,10 +13,12 @@ from ..compiling.threads import in_parts
 from ..fields.lines import zeros
 from ..lists.variational import Variational
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
+from .changes import MOST_AT_ONCE
 from .explicit import lane_numbers
 from .half import Half
+from .lengths import MOST_STEPS, first_part, limit_of
 from .rows import BEGINS, OF_CHANGES, Cause, State
-from .rules import MOST_AT_ONCE, MOST_STEPS, SECTION_PARTS, first_part, limit_of
+from .sections import SECTION_PARTS
 from .text import text_of_half
 
 # Parts of the time: within which f has no value where a solution ends, and in which one that goes
@@ -201,8 +203,8 @@ class Motion:
     states   (count, B, D), to which the states are written; where a solution has ended they stay
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `State`
-    grown    pairs: numbers of trajectories of which a component fell and grew, see `rules.LOW`, and
-             that component of each
+    grown    pairs: numbers of trajectories of which a component fell and grew, see `errors.LOW`,
+             and that component of each
     causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
     stops    `Stops` of changes, if f has them; times may then begin with 0
     records  arrays of what changes did, see `Changes.record`: the trajectory and the number of the

@@ -26,7 +26,7 @@ from .engine import (
 from .rows import BEGINS, OF_CHANGES, State
 
 _NAN = array("d", [math.nan])
-_GREW = array("d", [3.0]).tobytes()  # of a component, see `rules.LOW`
+_GREW = array("d", [3.0]).tobytes()  # of a component, see `errors.LOW`
 
 
 class _Memory:

@@ -14,7 +14,7 @@ from ..lists.sparse import Sparse
 from ..lists.step import Values
 from ..lists.two_sets import Sets, part_of, sets_of
 from ..lists.variational import Variational
-from . import rules
+from . import errors
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     LONGEST,
@@ -30,6 +30,7 @@ from .functions import (
     of_list,
 )
 from .rows import OF_CHANGES, Rows, Work, firsts_of
+from .sections import SECTION_PARTS
 
 
 class Half:
@@ -66,11 +67,11 @@ class Half:
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
         D = f.D
         if has_atol:
-            self.largest, self.allowed = rules.NO_SIZE, rules.ALLOWED_WITH_ATOL
+            self.largest, self.allowed = errors.NO_SIZE, errors.ALLOWED_WITH_ATOL
         elif f.clocks:
-            self.largest, self.allowed = rules.LARGEST_WITH_CLOCKS, rules.ALLOWED_WITH_CLOCKS
+            self.largest, self.allowed = errors.LARGEST_WITH_CLOCKS, errors.ALLOWED_WITH_CLOCKS
         else:
-            self.largest, self.allowed = rules.LARGEST, rules.ALLOWED
+            self.largest, self.allowed = errors.LARGEST, errors.ALLOWED
         # What the derivative has a block of for x, and the same for each column beside it.
         self.block = f.of if isinstance(f, Variational) else f
         self.parts = [(0, self.block.D)]
@@ -139,7 +140,7 @@ class Half:
             "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
             "slopes": len(block.slope_places) if jumps else 0,
             "gradient": block.D + f.q if jumps else 0,
-            "values": (rules.SECTION_PARTS + 1) * sections, "rates": 2 * sections,
+            "values": (SECTION_PARTS + 1) * sections, "rates": 2 * sections,
             "moment": changes, "ok": changes, "tau": changes * D // block.D,
             "scratch": max(function.scratch for function in self.functions.values()),
         })  # fmt: skip

@@ -23,10 +23,44 @@ components z_i measured by their largest moduli S_i,
 w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 """
 
+from math import inf
+
 from ..code.text import Carried, Index
-from . import rules
+from ..lists.numbers import larger
 from .columns import IMPLICIT, QUARTERS, weights
+from .rules import TINY, rule
 from .scope import Scope
+
+SMALLEST_SCALE = 2.0**-60
+
+
+@rule
+def FINITE(entry):
+    """An entry of f' that is not finite counts as 0: J may be any matrix."""
+    return {"entry": (abs(entry) < inf).select(entry, 0.0)}
+
+
+@rule
+def SIZE(modulus, top):
+    return {"top": larger(modulus, top)}
+
+
+@rule
+def SCALE(largest, top, mode):
+    scale = larger(largest, SMALLEST_SCALE * top) + TINY
+    return {"scale": scale, "scaled": scale * mode}
+
+
+@rule
+def RATE(product, scale, size):
+    own = product / scale
+    return {"product": own, "size": larger(abs(own), size)}
+
+
+@rule
+def MODE(product, size, seed, mode):
+    """The next vector; `seed` keeps it from staying in a part of the space."""
+    return {"mode": (size > 0.0).select(product / size + seed, mode)}
 
 
 class ImplicitColumns(Scope):
@@ -130,21 +164,21 @@ def derive(lines):
         (jacobian.after(entries + 1 + lines.D), lines.half.couplings),
     ):
         for k in text.each(count):
-            part[k] = text.apply(rules.FINITE, entry=part[k])["entry"]
+            part[k] = text.apply(FINITE, entry=part[k])["entry"]
     largest = Carried(top=0.0)
     for i in text.each(lines.D, largest):
-        largest.top = text.apply(rules.SIZE, modulus=line.largest[i], top=largest.top)["top"]
+        largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]
     for i in text.each(lines.D):
-        found = lines.apply(rules.SCALE, i, top=largest.top)
+        found = lines.apply(SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
     lines.call("power", jacobian, lines.table, right)
     size = Carried(size=0.0)
     for i in text.each(lines.D, size):
-        found = text.apply(rules.RATE, product=right[i], scale=scale[i], size=size.size)
+        found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)
         right[i], size.size = found["product"], found["size"]
     for i in text.each(lines.D):
         found = text.apply(
-            rules.MODE, product=right[i], size=size.size, mode=line.mode[i],
+            MODE, product=right[i], size=size.size, mode=line.mode[i],
             seed=lines.component("seeds", i),
         )  # fmt: skip
         line.mode.put_chosen(i, found["mode"])

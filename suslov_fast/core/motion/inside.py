@@ -1,9 +1,9 @@
 """States inside a step, at times that were asked for.
 
-A step aside has reached its time: its end is the state (`rules.LENGTH`). An explicit step that has
-passed several times is taken once more as three quarters with few columns, which end at x_1, x_2,
-x_3, and x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the polynomial p of
-degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
+A step aside has reached its time: its end is the state (`lengths.LENGTH`). An explicit step that
+has passed several times is taken once more as three quarters with few columns, which end at x_1,
+x_2, x_3, and x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the polynomial
+p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
 
 p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
 
@@ -12,10 +12,103 @@ defect p' - h / 4 f(p) shows C and the errors of the nodes. If it is too large t
 again, to the next time.
 """
 
+from math import inf, prod
+
 from ..code.text import Carried, Integers, Shared, Value
-from . import rules
+from ..lists.numbers import larger
 from .columns import EXPLICIT, weights, weights_of_few
+from .errors import LARGER_RATIO
+from .lengths import AFTER_REFUSED
+from .rows import State
+from .rules import rule
 from .scope import weighted
+
+# The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
+# its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
+# step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
+FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = 3, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
+_NODES = range(5)
+_SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
+_SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
+
+
+@rule
+def QUARTER(t, after, taken, next, accepted, sign):
+    """The length of a quarter of a step that has passed a time, else 0."""
+    is_inside = (accepted > 0.0) & (next < after)
+    return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
+
+
+def weights_at(v):
+    """Return the weights of states less x, and of rates times the length of a quarter, by name."""
+    of_states, of_rates = {}, {}
+    for j in _NODES:
+        product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
+        square, own = product * product, v - float(j)
+        of_rates[f"rate{j}"] = own * square
+        if j:
+            of_states[f"state{j}"] = (1.0 - _SLOPES[j] * own) * square
+    return of_states | of_rates
+
+
+@rule
+def BETWEEN(t, taken, next):
+    """The weights at the next time."""
+    return weights_at(4.0 * ((next - t) / taken))
+
+
+def weights_of_test(v):
+    """Return the weights of the polynomial at v quarters, and those of its derivative by v."""
+    weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
+    return (
+        {name: weight.real for name, weight in weights},
+        {name: weight.imag * 2.0**60 for name, weight in weights},
+    )
+
+
+@rule
+def INTERPOLATED(
+    x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
+    rate0, rate1, rate2, rate3, rate4,
+):  # fmt: skip
+    """A component of the polynomial, or of its derivative, less x."""
+    rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
+    states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
+    return {"value": states + signed * rates}
+
+
+@rule
+def DEFECT(slope, f, signed, inverse, ratio, total):
+    """The largest error of the polynomial by what is allowed, as far as f tells."""
+    ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
+    return {"ratio": ratio, "total": total + abs(f)}
+
+
+@rule
+def FAILS(t, taken, next, signed, ratio, total, steps, state):
+    """Whether a step is taken again, to the next time, because its inside is not known.
+
+    Where that is a long step, which goes on to the last time, a step aside reaches the next time.
+    """
+    length = next - t
+    is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
+    is_known = (ratio <= 1.0) & (total < inf)
+    return {
+        "fails": is_inside.select(is_known.select(0.0, 1.0), 0.0),
+        "wanted": length,
+        "second": inf,
+        "t": t,
+        "steps": steps - 1.0,
+        "state": state.equals(float(State.TOO_MANY)).select(state, float(State.EXPLICIT)),
+        "longer": AFTER_REFUSED,
+    }
+
+
+@rule
+def WITH_SIGN(value, x, keeps):
+    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
+    return {"value": (keeps > 0.0).select(signed, value)}
 
 
 def save_states(lines):
@@ -32,7 +125,7 @@ def save_states(lines):
             with text.when(passed(Value.__gt__).any()):
                 _find_nodes(lines)
                 for now in text.rounds(Carried()):
-                    _put_between(lines, lines.apply(rules.BETWEEN, **_of_step(lines)))
+                    _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
                     save(lines, passed(Value.__gt__).bits(), work.start)
                     now.goes_on = passed(Value.__gt__).any()
         if not lines.half.changes:
@@ -61,34 +154,34 @@ def _of_step(lines):
 def _find_nodes(lines):
     """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
     text, line, work, D = lines.text, lines.line, lines.work, lines.D
-    lines.keep(work, lines.apply(rules.QUARTER, after=line.t[0], **_of_step(lines)))
-    few, more = weights_of_few(EXPLICIT, 2)[rules.FEW - 1 : rules.FEW + 1]
+    lines.keep(work, lines.apply(QUARTER, after=line.t[0], **_of_step(lines)))
+    few, more = weights_of_few(EXPLICIT, 2)[FEW - 1 : FEW + 1]
     of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
     for i in text.each(D, largest):
         inputs = {"error": weighted(of_few, lines.of_columns(work.ends, i))}
         inputs |= {"inverse": work.error[i], "ratio": largest.ratio}
-        largest.update(lines.apply(rules.LARGER_RATIO, **inputs))
-    needs = largest.ratio > rules.OF_FEW
-    count = needs.any().bits() + rules.FEW
+        largest.update(lines.apply(LARGER_RATIO, **inputs))
+    needs = largest.ratio > OF_FEW
+    count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
-    factors = factors[: rules.FEW + 1]
+    factors = factors[: FEW + 1]
 
     def end(i):
-        ends = lines.of_columns(work.ends, i)[: rules.FEW + 1]
-        ends[rules.FEW] = needs.select(ends[rules.FEW], 0.0)  # it may not be there
+        ends = lines.of_columns(work.ends, i)[: FEW + 1]
+        ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
         return weighted(factors, ends)
 
     _take_quarters(lines, count, end)
     sums = Carried(ratio=0.0, total=0.0)
-    for v in rules.TESTS:
-        of_value, of_slope = rules.weights_of_test(v)
+    for v in TESTS:
+        of_value, of_slope = weights_of_test(v)
         _put_between(lines, of_value)
         lines.call("f", work.start, lines.table, work.f)
         for i in text.each(D, sums):
             inputs = {"slope": _between(lines, of_slope, i), "f": work.f[i]}
             inputs |= {"signed": work.signed[0], "inverse": work.error[i]}
-            sums.update(lines.apply(rules.DEFECT, **inputs, **vars(sums)))
-    found = lines.apply(rules.FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
+            sums.update(lines.apply(DEFECT, **inputs, **vars(sums)))
+    found = lines.apply(FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
     fails = found.pop("fails") > 0.0
     with text.when(fails.any(), likely=False):
         lines.keep(line, found, fails)
@@ -105,7 +198,7 @@ def put_points(lines):
         lines, len(EXPLICIT), lambda i: weighted(own, lines.of_columns(lines.work.ends, i))
     )
     for part in range(1, 8):
-        _put_between(lines, rules.weights_at(0.5 * part))
+        _put_between(lines, weights_at(0.5 * part))
         yield part
 
 
@@ -130,7 +223,7 @@ def _between(lines, weights, i):
         node = work.nodes.after(2 * k * lines.D)
         inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(lines.D)[i]}
     inputs |= {"x4": work.new[i], "f4": work.f_new[i], "signed": work.signed[0]}
-    return lines.apply(rules.INTERPOLATED, i, **inputs, **weights)["value"]
+    return lines.apply(INTERPOLATED, i, **inputs, **weights)["value"]
 
 
 def _put_between(lines, weights):
@@ -139,7 +232,7 @@ def _put_between(lines, weights):
         x = lines.line.x[i]
         value = x + _between(lines, weights, i)
         if lines.f.of_one_sign:
-            value = lines.apply(rules.WITH_SIGN, i, value=value, x=x)["value"]
+            value = lines.apply(WITH_SIGN, i, value=value, x=x)["value"]
         lines.work.start.put_chosen(i, value)
 
 

@@ -4,7 +4,7 @@
 """
 
 from ..code.text import Integers, Shared, Truth
-from . import rules
+from . import lengths
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
 from .columns import EXPLICIT, IMPLICIT
 from .rows import OF_CHANGES, State
@@ -88,8 +88,8 @@ class Lines(Scope):
     def near(self):
         """Return the results of `NEAR`, which are constants where no surface ends steps."""
         if self.half.watched:
-            return self.apply(rules.NEAR)
-        return {"reach": rules.REACH, "shortest": rules.SHORTEST}
+            return self.apply(lengths.NEAR)
+        return {"reach": lengths.REACH, "shortest": lengths.SHORTEST}
 
     def of_columns(self, rows, i):
         """Return what rows such as `work.ends` have of component i, of each column."""
@@ -98,7 +98,7 @@ class Lines(Scope):
 
     def goal(self):
         """Return what rules take for the last time: that of the next change, if it is earlier."""
-        return self.apply(rules.GOAL) if self.half.changes else {}
+        return self.apply(lengths.GOAL) if self.half.changes else {}
 
     def lanes_with(self, bits):
         """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""

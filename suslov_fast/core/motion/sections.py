@@ -8,23 +8,187 @@ short ones lead on, and lies on the side to which the motion goes. Steps and sta
 motion without the surfaces.
 """
 
+from math import inf, nan
+
 import numpy as np
 
 from ..code.text import Carried
-from . import rules
+from ..lists.numbers import larger, smaller
 from .columns import EXPLICIT, IMPLICIT, weights
 from .inside import put_points
 from .records import record
 from .rows import State
+from .rules import AT_ONCE, TINY, rule
 from .scope import weighted
 from .surfaces import find_quartic, put_point
 
+# Of crossings that are recorded: parts of a step at whose ends signs are compared, and part of the
+# step beside a part where its crossing may lie; steps that look for it; its width, or the part of
+# the step from where Newton's method goes to it at once; the part within which short steps of
+# order 4 have an error of some 2**-45; parts of the time by which its state goes on, each four
+# times the one before, to lie beyond.
+SECTION_PARTS, MARGIN, MOST_LOOKS = 8, 2.0**-5, 70
+FOUND, WIDTH, WITHIN, NUDGE, NUDGES = 2.0**-29, 2.0**-48, 2.0**-10, 2.0**-54, 20
+# A step is looked at more closely where OF_POINTS times the error of its points is as large as the
+# least of the values there.
+OF_POINTS = 4.0
+# Of a surface that comes near 0 and goes back: how near, beside its bend over a part of the step,
+# that a step looks whether it is crossed; how many such steps at most; and what is almost 0 beside
+# the values at both neighbours of a point.
+CLOSE, LOWER, ALMOST_0 = 0.5, 4, 2.0**-10
 # Where the least of three values may lie, in parts from the middle one: nearest to that, or in the
 # first or last part of the step.
 _LIMITS = [
-    (-1.0 if part == 0 else -0.5, 1.0 if part == rules.SECTION_PARTS - 2 else 0.5)
-    for part in range(rules.SECTION_PARTS - 1)
+    (-1.0 if part == 0 else -0.5, 1.0 if part == SECTION_PARTS - 2 else 0.5)
+    for part in range(SECTION_PARTS - 1)
 ]
+
+
+@rule
+def FIRST_VALUE(value, rate, sign):
+    """The value of a surface at the start, on which a trajectory lies where it goes.
+
+    Where it rests there, the first part of a step tells.
+    """
+    is_on, ahead = value.equals(0.0), sign * rate
+    on = ahead.equals(0.0).select(nan, (ahead < 0.0).select(-TINY, 0.0))
+    return {"first": is_on.select(on, value)}
+
+
+@rule
+def IS_ROUGH(error, least, rough):
+    """Whether errors of points in a step may hide a crossing."""
+    return {"rough": (abs(error) * OF_POINTS > least).select(1.0, rough)}
+
+
+@rule
+def KNOWN(value, before, after):
+    """A value of a surface, that before it if it is no number, and whether they differ in sign.
+
+    One that is almost 0 between two of the other sign counts as one of theirs: whether it lies
+    beyond 0 is for `DIP` to find out.
+    """
+    is_number = abs(value) < inf
+    before = (abs(before) < inf).select(before, value)
+    value = is_number.select(value, before)
+    is_above = before >= 0.0
+    is_alone = ((value >= 0.0) ^ is_above) & ((value >= 0.0) ^ (after >= 0.0))
+    is_alone = is_alone & (abs(value) <= ALMOST_0 * smaller(abs(before), abs(after)))
+    value = is_alone.select(is_above.select(0.0, -TINY), value)
+    differs = is_number & ((value >= 0.0) ^ (before >= 0.0))
+    return {"value": value, "before": before, "differs": differs}
+
+
+@rule
+def IN_PART(a, b, direction, first, accepted):
+    """Whether a surface with these values at both ends is crossed in a part, and where."""
+    is_above = b >= 0.0
+    crosses = (accepted > 0.0) & (is_above ^ (a >= 0.0)) & (abs(a) < inf) & (abs(b) < inf)
+    crosses = crosses & (is_above.select(1.0, -1.0) * direction >= 0.0)
+    low = larger(first - MARGIN, 0.0)
+    high = smaller(first + (1.0 / SECTION_PARTS + MARGIN), 1.0)
+    part = a / (a - b)
+    part = ((part >= 0.0) & (part <= 1.0)).select(part, 0.5)
+    return {
+        "crosses": crosses,
+        "up": is_above.select(1.0, 0.0),
+        "u": first + part * (1.0 / SECTION_PARTS),
+        "low": low,
+        "high": high,
+        "a": a,
+        "b": b,
+    }
+
+
+@rule
+def DIP(a, b, c, first, last, accepted):
+    """Whether a surface with these values at the ends of two parts comes near 0 in between.
+
+    The parabola through them has its least value at `place` parts from the middle, which is from
+    `first` to `last`; `bend` is its second difference, with the sign of b.
+    """
+    side = (b >= 0.0).select(1.0, -1.0)
+    before, here, after = side * a, side * b, side * c
+    slope, bend = 0.5 * (after - before), (before - here) + (after - here)
+    # Where they come near 0: here - slope**2 / (2 * bend) <= CLOSE * bend, without a division.
+    is_near = bend * (here - CLOSE * bend) <= 0.5 * (slope * slope)
+    is_inside = (-slope >= first * bend) & (-slope < last * bend)
+    dips = (before >= 0.0) & (after >= 0.0) & (bend > 0.0) & is_inside & is_near & (accepted > 0.0)
+    return {"dips": dips & (bend < inf), "place": -slope / bend, "bend": side * bend}
+
+
+@rule
+def DEEPER(value, rate, bend, u, middle, left, taken, sign):
+    """Whether a surface is beyond 0 at a part u of the step, and where its least value may be."""
+    side = (bend >= 0.0).select(1.0, -1.0)
+    is_beyond = (left > 0.0) & (side * value < 0.0)
+    ahead = side * (sign * rate) * taken
+    next_ = u - ahead / (abs(bend) * float(SECTION_PARTS**2))
+    part = 1.0 / SECTION_PARTS
+    next_ = larger(smaller(next_, smaller(middle + part, 1.0)), larger(middle - part, 0.0))
+    goes_on = (left > 0.0) & (side * value >= 0.0) & (next_ < inf)
+    return {
+        "u": goes_on.select(next_, u),
+        "left": goes_on.select(1.0, 0.0),
+        "found": is_beyond,
+        "half": (abs(value / bend) * 2.0).sqrt() * (1.0 / SECTION_PARTS),
+    }
+
+
+@rule
+def BESIDE_LEAST(u, middle, half):
+    """Where both crossings beside a value at u beyond 0 may lie, and a guess."""
+    part = 1.0 / SECTION_PARTS + MARGIN
+    low, high = larger(middle - part, 0.0), smaller(middle + part, 1.0)
+    return {
+        "u_before": larger(u - half, 0.5 * (low + u)),
+        "low_before": low,
+        "high_before": u,
+        "u_after": smaller(u + half, 0.5 * (high + u)),
+        "low_after": u,
+        "high_after": high,
+    }
+
+
+@rule
+def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
+    """Where to look next for a crossing, or the crossing.
+
+    Where the surface has no slope it is the upper end of a bracket, unless values grow there.
+    """
+    ahead = sign * rate
+    is_right = (up > 0.5).select(ahead, -ahead) > 0.0
+    move = -value / ahead
+    is_beyond = (value >= 0.0) ^ (up < 0.5)
+    low, high = is_beyond.select(low, u), is_beyond.select(u, high)
+    part = move / taken
+    next_ = u + part
+    is_near = is_right & (abs(part) <= FOUND)
+    is_narrow = high - low <= WIDTH
+    is_end = is_narrow & is_beyond & (abs(value) <= larger(abs(a), abs(b)))
+    is_found = (left > 0.0) & (is_near | is_end)
+    is_inside = (next_ > low) & (next_ < high) & is_right
+    is_last = (is_narrow & is_beyond) | (low >= high)
+    goes_on = (is_last | is_found).select(0.0, left)
+    move = is_near.select(move, 0.0)
+    return {
+        "u": is_inside.select(next_, is_narrow.select(high, 0.5 * (low + high))),
+        "low": low,
+        "high": high,
+        "left": goes_on,
+        "found": is_found,
+        "move": move,
+        "moment": start + (u * taken + move),
+    }
+
+
+@rule
+def COUNTS(truth, up, direction, moment, latest, since):
+    """Whether a crossing counts: not one that follows another at once, as where f slides."""
+    way = (up > 0.5).select(1.0, -1.0) * direction
+    counts = (truth > 0.0) & (way >= 0.0) & (moment > since)
+    counts = counts & (abs(moment - latest) > AT_ONCE * moment)  # pairs follow in any order
+    return {"counts": counts, "latest": (truth > 0.0).select(larger(moment, latest), latest)}
 
 
 def begin_sections(lines, begins):
@@ -34,14 +198,14 @@ def begin_sections(lines, begins):
         _rates(lines, work.new, work.f_new)
         for k in lines.text.each(count):
             values = {"value": work.rates[k * 2], "rate": work.rates.after(1)[k * 2]}
-            first = lines.apply(rules.FIRST_VALUE, **values)["first"]
+            first = lines.apply(FIRST_VALUE, **values)["first"]
             lines.line.section.choose(begins, k, first)
             lines.line.latest.choose(begins, k, -np.inf)
 
 
 def find_crossings(lines):
     """Record the crossings in steps that are taken."""
-    text, line, work, parts = lines.text, lines.line, lines.work, rules.SECTION_PARTS
+    text, line, work, parts = lines.text, lines.line, lines.work, SECTION_PARTS
     count, values = lines.half.changes.sections, work.values
     accepted = work.accepted[0] > 0.0
     _restore_length(lines)
@@ -63,7 +227,7 @@ def find_crossings(lines):
             if part == parts:
                 line.section.choose(accepted, k, own[k])
             after = values.after(min(part + 1, parts) * count)[k]
-            known = lines.apply(rules.KNOWN, value=own[k], before=before[k], after=after)
+            known = lines.apply(KNOWN, value=own[k], before=before[k], after=after)
             own[k], before[k] = known["value"], known["before"]
             found.some = known["differs"].select(1.0, found.some)
             if part > 1:
@@ -92,7 +256,7 @@ def find_crossings(lines):
 
 def _look_closer(lines, accepted):
     """Find values at the parts of steps anew, by shorter steps, where points are not known."""
-    text, work, parts = lines.text, lines.work, rules.SECTION_PARTS
+    text, work, parts = lines.text, lines.work, SECTION_PARTS
     count, values = lines.half.changes.sections, work.values
     put_point(lines, text.value(0.5), work.start, "sections")
     lines.call("sections", work.start, lines.table, work.rates)
@@ -103,7 +267,7 @@ def _look_closer(lines, accepted):
             value = abs(values.after(part * count)[k])
             least = (value < least).select(value, least)
         error = work.rates[k] - values.after(parts // 2 * count)[k]
-        found.update(lines.apply(rules.IS_ROUGH, error=error, least=least, **vars(found)))
+        found.update(lines.apply(IS_ROUGH, error=error, least=least, **vars(found)))
     is_rough = accepted & (found.rough > 0.0)
     with text.when(is_rough.any(), likely=False):
         work.signed[0] = is_rough.select(0.25 * work.signed[0], 0.0)
@@ -121,10 +285,10 @@ def _first_after(lines, k, last, first, direction):
     """
     text, values, count = lines.text, lines.work.values, lines.half.changes.sections
     found = Carried(first=np.inf, u=0.0, low=0.0, high=1.0, a=0.0, b=0.0, up=0.0)
-    for part in text.each(rules.SECTION_PARTS, found, most=0):
+    for part in text.each(SECTION_PARTS, found, most=0):
         inputs = {"a": values[part * count + k], "b": values[(part + 1) * count + k]}
         inputs |= {"first": first[part], "accepted": lines.work.accepted[0]}
-        inside = lines.apply(rules.IN_PART, direction=direction, **inputs)
+        inside = lines.apply(IN_PART, direction=direction, **inputs)
         is_first = inside.pop("crosses") & (found.first >= np.inf) & (first[part] > last)
         for name, value in (inside | {"first": first[part]}).items():
             setattr(found, name, is_first.select(value, getattr(found, name)))
@@ -132,11 +296,11 @@ def _first_after(lines, k, last, first, direction):
 
 
 def _dip(lines, i, first, last):
-    """Return what `rules.DIP` says of the values of a surface from row i on."""
+    """Return what `DIP` says of the values of a surface from row i on."""
     values, count = lines.work.values, lines.half.changes.sections
     a, b, c = (values.after(j * count)[i] for j in range(3))
     inputs = {"a": a, "b": b, "c": c, "first": first, "last": last}
-    return lines.apply(rules.DIP, accepted=lines.work.accepted[0], **inputs)
+    return lines.apply(DIP, accepted=lines.work.accepted[0], **inputs)
 
 
 def record_jumps(lines, is_there):
@@ -149,7 +313,7 @@ def record_jumps(lines, is_there):
         accepted = is_there.select(1.0, 0.0)
         inputs = {"a": line.section[k], "b": work.values[k], "first": 0.0, "accepted": accepted}
         inputs |= {"direction": 0.0}
-        found = lines.apply(rules.IN_PART, **inputs)
+        found = lines.apply(IN_PART, **inputs)
         with text.when(found["crosses"].any(), likely=False):
             _note(lines, k, found["crosses"], found["up"])
         line.section.choose(is_there, k, work.values[k])
@@ -175,23 +339,23 @@ def _rates(lines, x, f):
 
 def _find_pair(lines, k, dip, middle):
     """Find both crossings of surface k beside its least value, if that lies beyond 0."""
-    text, part = lines.text, 1.0 / rules.SECTION_PARTS
+    text, part = lines.text, 1.0 / SECTION_PARTS
     begin = {"u": middle + part * dip["place"], "left": dip["dips"].select(1.0, 0.0)}
     for now in text.rounds(Carried(**begin, deep=0.0, half=0.0, value=0.0, round=0)):
         _step_to(lines, now.u, now.left)
         value, rate = _look(lines, k)
         inputs = {"value": value, "rate": rate, "bend": dip["bend"], "middle": middle}
-        found = lines.apply(rules.DEEPER, u=now.u, left=now.left, **inputs)
+        found = lines.apply(DEEPER, u=now.u, left=now.left, **inputs)
         is_found = found["found"]
         now.deep = is_found.select(1.0, now.deep)
         now.half = is_found.select(found["half"], now.half)
         now.value = is_found.select(value, now.value)
         now.u, now.left = found["u"], found["left"]
         now.round = now.round + 1
-        now.goes_on = (now.left > 0.0).any() & (now.round < rules.LOWER)
+        now.goes_on = (now.left > 0.0).any() & (now.round < LOWER)
     crosses, value = now.deep > 0.0, now.value
     up = (dip["bend"] > 0.0).select(0.0, 1.0)
-    ends = lines.apply(rules.BESIDE_LEAST, middle=middle, u=now.u, half=now.half)
+    ends = lines.apply(BESIDE_LEAST, middle=middle, u=now.u, half=now.half)
     before, after = ({key: ends[f"{key}_{side}"] for key in ("u", "low", "high")}
                      for side in ("before", "after"))  # fmt: skip
     with text.when(crosses.any()):
@@ -246,7 +410,7 @@ def _find(lines, k, crosses, found):
     """
     text, work, taken = lines.text, lines.work, lines.work.taken[0]
     up, sign = found.up, lines.number("sign")
-    within = 0.0 if lines.half.is_implicit else rules.WITHIN
+    within = 0.0 if lines.half.is_implicit else WITHIN
     bracket = {"u": found.u, "low": found.low, "high": found.high}
     left = crosses.select(1.0, 0.0)
     work.moment[0] = 0.0
@@ -268,7 +432,7 @@ def _find(lines, k, crosses, found):
             work.f_before.choose(is_far, i, work.f[i])
         inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
         inputs |= {"a": found.a, "b": found.b}
-        result = lines.apply(rules.NEWTON, **inputs, **{name: getattr(now, name) for name in
+        result = lines.apply(NEWTON, **inputs, **{name: getattr(now, name) for name in
                              ("u", "low", "high", "left")})  # fmt: skip
         is_found = result.pop("found")
         with text.when(is_found.any()):
@@ -281,7 +445,7 @@ def _find(lines, k, crosses, found):
         for name in ("u", "low", "high", "left"):
             setattr(now, name, result[name])
         now.round = now.round + 1
-        now.goes_on = (now.left > 0.0).any() & (now.round < rules.MOST_LOOKS)
+        now.goes_on = (now.left > 0.0).any() & (now.round < MOST_LOOKS)
     is_found = work.ok[0] > 0.0
     _go_beyond(lines, k, is_found, up)
     _note(lines, k, is_found, up)
@@ -290,7 +454,7 @@ def _find(lines, k, crosses, found):
 def _go_beyond(lines, k, truth, up):
     """Let states move on along their rates until they lie beyond the surface."""
     text, work = lines.text, lines.work
-    step = (work.t[0] + work.taken[0]) * rules.NUDGE
+    step = (work.t[0] + work.taken[0]) * NUDGE
     for now in text.rounds(Carried(step=step, round=0)):
         lines.call("sections", work.before, lines.table, work.rates)
         value = work.rates[k]
@@ -304,7 +468,7 @@ def _go_beyond(lines, k, truth, up):
             work.before.choose(is_short, i, moved)
         now.step = now.step * 4.0
         now.round = now.round + 1
-        now.goes_on = is_short.any() & (now.round < rules.NUDGES)
+        now.goes_on = is_short.any() & (now.round < NUDGES)
 
 
 def _note(lines, k, truth, up):
@@ -312,7 +476,7 @@ def _note(lines, k, truth, up):
     text, line, work, changes = lines.text, lines.line, lines.work, lines.half.changes
     inputs = {"truth": truth.select(1.0, 0.0), "up": up, "direction": _directions(lines)[k]}
     inputs |= {"moment": work.moment[0], "latest": line.latest[k]}
-    found = lines.apply(rules.COUNTS, **inputs)
+    found = lines.apply(COUNTS, **inputs)
     line.latest.put_chosen(k, found["latest"])
     counts = found["counts"]
     with text.when(counts.any()):

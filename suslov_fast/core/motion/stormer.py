@@ -9,16 +9,16 @@ at the end of the column b_B = b_B + s f_B(a_A). There a_A and b_B are both the 
 nothing has to be smoothed. The rule is symmetric, and has the weights of Gragg's.
 
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns where the
-estimates are the same; therefore the estimate is multiplied by `rules.CAUTION`.
+estimates are the same; therefore the estimate is multiplied by `errors.CAUTION`.
 
 Nor are there two sequences that may lie apart, and the estimate of the error alone does not see all
 layers of f that are thinner than a sub-step: where a step is tried again and again, it may be small
-by chance. After ROUGH refusals (`rules.REFUSALS`) a lane has Gragg's columns for some steps.
+by chance. After ROUGH refusals (`lengths.REFUSALS`) a lane has Gragg's columns for some steps.
 """
 
 from ..code.text import Index
 from .explicit import ARGUMENTS, OF_SETS, ExplicitColumns
-from .rules import ROUGH
+from .lengths import ROUGH
 
 
 class StormerColumns(ExplicitColumns):

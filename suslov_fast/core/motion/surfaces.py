@@ -1,22 +1,186 @@
 """Surfaces on which conditions of f change: steps end just beyond them.
 
-A step looks for surfaces at POINTS of its length, where the state is (`rules.POINT`)
+A step looks for surfaces at POINTS of its length, where the state is (`POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
-and `watch` of the half compares both ends of each part. A step that crosses a surface is taken
-again, shorter, until it ends just beyond (`rules.CUT`); and so is one that may hide two crossings
-between points, see `lists.hidden`. Then states there are better known, by f at one of them. In an
-implicit step they lie on the polynomial of degree 4 through the states at its quarters.
+and `watch` of the half compares both ends of each part. A step that may hide two
+crossings between points, see `lists.hidden`, is taken again, shorter. Then states there are better
+known, by f at one of them. In an implicit step they lie on the polynomial of degree 4 through the
+states at its quarters.
+
+A step that crosses a surface is taken again and again from the same state, with lengths between
+`inner`, at whose end none is crossed, and `outer` (`CUT`). To the surface Newton's method leads, by
+values and rates at the ends of these steps (`lists.aim`). Where it does not, the next length is
+where a straight line between states at both sides crosses the surface. If it is always the same
+side that comes nearer, the other one counts half, a quarter, ... (the rule of Illinois); after
+ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, or a surface has
+been crossed for less, the step of length `outer` is taken. Points inside an implicit step are
+rough, so there the first length is that of the part. A motion that starts on a surface of a change,
+as a ball after a bounce, comes back where a parabola does (`START`).
 """
 
 import itertools
+from math import inf
 
 import numpy as np
 
 from ..code.text import Carried
 from ..lists.hidden import MIDDLE, POINTS
-from . import rules
+from ..lists.numbers import larger, smaller
+from .lengths import AFTER_REFUSED, SAFETY
+from .rows import State
+from .rules import rule
+
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
+HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
+LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
+ROUNDS = 14.0
+ON = 2.0**-8  # part of its value at the end of a part, by which a start on a surface is beside it
+
+
+def _point(x, new, f, f_new, signed, u, quartic=0.0):
+    """A component at a part u of an explicit step: the cubic with values and rates at the ends.
+
+    The rate at another point, see `QUARTIC`, makes it a polynomial of degree 4.
+    """
+    change, product = new - x, u * (u - 1.0)
+    bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+    return {"point": x + u * change + (bend + product * quartic) * product}
+
+
+POINT, POINT_WITH_QUARTIC = rule(_point), rule(_point, "quartic")
+
+
+@rule
+def QUARTIC(x, new, f, f_new, signed, f_point):
+    """What to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is that of f.
+
+    It is 0 where f has no value there.
+    """
+    u = POINTS[0]
+    change, slope = new - x, u * (u - 1.0)
+    of_bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+    of_cubic = (
+        change + (2.0 * u - 1.0) * of_bend
+        + slope * (signed * f + signed * f_new - 2.0 * change)
+    )  # fmt: skip
+    own = (signed * f_point - of_cubic) * (1.0 / (2.0 * slope * (2.0 * u - 1.0)))
+    return {"quartic": (abs(own) < inf).select(own, 0.0)}
+
+
+@rule
+def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
+    """The same in an implicit step, whose rates tell of fast modes: by states at its quarters.
+
+    The polynomial of degree 4 through them, which are given less x, has no rates.
+    """
+    v = [4.0 * u - float(k) for k in range(5)]
+    of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
+    outer, inner = v[0] * v[2] * v[4] * (-1.0 / 6.0), v[0] * v[1] * v[3] * v[4] * 0.25
+    sides = outer * v[3] * quarter1 + outer * v[1] * quarter3
+    return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
+
+
+@rule
+def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
+    """Where in a step a surface is crossed first, from what `watch` finds in the part up to u."""
+    is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
+    return {
+        "crossed": is_first.select(1.0, crossed),
+        "place": is_first.select(u - (1.0 - part) * width, place),
+        "end": is_first.select(u, end),
+        "is_first": is_first.select(1.0, 0.0),
+    }
+
+
+@rule
+def CUT(
+    before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
+    crosses, jumps, starts, hidden, twice, known, whole_part, part, inner, outer, weight, rounds,
+    whole, longer, mode, most, last, goal, aim, since,
+):  # fmt: skip
+    """A step that crosses a surface: is it taken, and how long is the next one?
+
+    One that may hide two crossings (`hidden`, see `lists.hidden`) is taken again with half of its
+    length or more. Where points tell of two, `twice` is 1. A search starts by `starts`, and after
+    it a step has at most the length `known`, within which values were told. At a `goal` steps end.
+
+    A straight line to the end of this step crosses the surface at `whole_part`, one from there to
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Once
+    a step has ended near a surface `aim` is the length of that which ends there, and `since` the
+    longest time since which one is crossed, see `lists.aim`.
+    """
+    is_near = outer < inf
+    sought = PLACE * (before + taken) + PLACE_AT_0 * last
+    seen = is_near.select(larger(crosses, twice), starts) > 0.0
+    seen = seen & (taken > 0.0) & (total < inf)
+    is_last = is_near & ((taken - inner <= sought) | (since <= sought))
+    cut = seen & (is_last.select(0.0, 1.0) > 0.0)
+    is_long = taken > HIDDEN_FROM * last
+    again = (hidden >= 1.0) & is_long & (cut.select(0.0, accepted + served) > 0.0)
+    is_right = (seen | again).select(0.0, accepted + served) > 0.0
+    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
+    misses = holds & (taken >= outer)  # the surface lies farther
+    searches = cut | holds
+    told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
+    forgets = (searches.select(0.0, 1.0) > 0.0) & (taken > 0.0)
+    searches = searches | again
+    moved = searches.select(0.0, accepted) > 0.0
+    first = (crossed > 0.0).select(end, 1.0) * taken
+    outer_now = cut.select(first, misses.select(4.0 * taken, outer))
+    inner_now = holds.select(taken, inner)
+    width = outer_now - inner_now
+    of_step = (crossed > 0.0).select(place, whole_part)
+    own = cut.select((of_step * taken - inner_now) / width, part)
+    own = smaller(larger(own, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
+    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
+    a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
+    guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
+    guess = has_aim.select(aim + 0.5 * sought, guess)
+    guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
+    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, mode) > 0.0))
+    guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    after_this = (moved & is_near).select(whole, wanted)
+    after_this = (moved & is_long).select(smaller(after_this, told), after_this)
+    of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
+    running = (tries > most).select(float(State.TOO_MANY), mode)
+    stopped = (state >= State.DONE).select(running, state)
+    jumped = moved & seen & (jumps > 0.0) & (t < last)
+    after = jumped.select(running, state)
+    return {
+        "accepted": moved.select(1.0, 0.0),
+        "served": (cut | again).select(0.0, served),
+        "t": searches.select(before, t),
+        "steps": searches.select(steps - accepted, steps),
+        "state": searches.select(stopped, after),
+        "wanted": again.select(told, searches.select(guess, after_this)),
+        "longer": again.select(AFTER_REFUSED, longer),
+        "inner": forgets.select(0.0, inner_now),
+        "outer": forgets.select(inf, outer_now),
+        "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
+        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
+        "whole": is_near.select(whole, smaller(wanted, known)),
+        "beyond": (cut & is_near).select(1.0, 0.0),
+        "at_surface": (moved & seen).select(1.0, 0.0),
+        "jumped": jumped.select(1.0, 0.0),
+    }
+
+
+@rule
+def START(value, rate, side, level, ahead, end, taken, first, sign):
+    """Where a motion that starts on a surface comes back to it, in the first part of a step.
+
+    It is where a parabola with this rate at the start, and the value `ahead` at the end of the
+    part, crosses the surface.
+    """
+    a, b, of_rate = value - level, ahead - level, sign * rate * (end * taken)
+    is_above = side > 0.5
+    leads = is_above.select(of_rate, -of_rate) > 0.0
+    is_on = ((b >= 0.0) ^ is_above) & leads & (abs(a) <= ON * abs(b)) & (end <= POINTS[0])
+    return {"first": smaller(is_on.select(end * (of_rate / (of_rate - b)), inf), first)}
 
 
 def cut(lines, before, total):
@@ -57,7 +221,7 @@ def cut(lines, before, total):
             text.copy(point, middle, watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = look("part", "crosses") | parts | {"u": end, "width": end - begin}
-        parts = lines.apply(rules.LOOK, taken=taken, **inputs)
+        parts = lines.apply(LOOK, taken=taken, **inputs)
         keep_far((parts.pop("is_first") > 0.0) & is_far, state)
     inputs = {"total": total, "before": before, "taken": taken}
     inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
@@ -77,7 +241,7 @@ def cut(lines, before, total):
             inputs["known"] = taken
         if lines.half.reads_states:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
-    found = lines.apply(rules.CUT, **inputs | _aim(lines, inputs, is_far))
+    found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far))
     keep_far(found.pop("beyond") > 0.0, new)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
@@ -93,7 +257,7 @@ def look_at_changes(lines, x, f, to):
 
 
 def _aim(lines, inputs, is_far):
-    """Return `aim` and `since` of `rules.CUT`, and where `rules.START` finds a surface.
+    """Return `aim` and `since` of `CUT`, and where `START` finds a surface.
 
     `is_far` is true in lanes that were not looking for a surface before this step.
     """
@@ -128,7 +292,7 @@ def _start(lines, is_first, inputs):
         own = {"value": work.toward[2 * k], "rate": work.toward.after(1)[2 * k]}
         own |= {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
         own |= {"ahead": work.ahead[2 * k], "end": inputs["end"], "taken": inputs["taken"]}
-        sums.update(lines.apply(rules.START, **own, **vars(sums)))
+        sums.update(lines.apply(START, **own, **vars(sums)))
     work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
 
 
@@ -137,15 +301,15 @@ def put_point(lines, u, to, of="surfaces", quartic=None):
 
     `quartic` of them may be known.
     """
-    rule = rules.POINT if quartic is None else rules.POINT_WITH_QUARTIC
+    of_point = POINT if quartic is None else POINT_WITH_QUARTIC
     signed, is_implicit, inputs = lines.work.signed[0], lines.half.is_implicit, {}
     if is_implicit:
-        rule = rules.POINT_IMPLICIT
+        of_point = POINT_IMPLICIT
     quarters = [lines.work.nodes.after(k * lines.D) for k in range(3)]
     for i in _read(lines, of):
         if is_implicit:
             inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
-        to[i] = lines.apply(rule, i, signed=signed, u=u, **inputs)["point"]
+        to[i] = lines.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
 
 
 def _read(lines, of="surfaces"):
@@ -158,8 +322,8 @@ def find_quartic(lines, of="surfaces"):
     text, work = lines.text, lines.work
     signed, u = work.signed[0], text.value(POINTS[0])
     for i in text.each(lines.D):
-        work.start[i] = lines.apply(rules.POINT, i, signed=signed, u=u)["point"]
+        work.start[i] = lines.apply(POINT, i, signed=signed, u=u)["point"]
     lines.call("f", work.start, lines.table, work.f)
     for i in _read(lines, of):
         of_point = {"f_point": work.f[i], "signed": signed}
-        work.quartic[i] = lines.apply(rules.QUARTIC, i, **of_point)["quartic"]
+        work.quartic[i] = lines.apply(QUARTIC, i, **of_point)["quartic"]

@@ -5,7 +5,8 @@ The two halves share everything but their columns and the rule for the next step
     functions        f, f', elimination, products, as functions of rows
     explicit, stormer, implicit   the function `columns` of a half
     trajectories     which trajectory a lane takes next
-    step             a step of all lanes, with `inside`, `surfaces` and `choosing`
+    step             a step of all lanes, with `errors`, `second_trial`, `lengths`, `inside`,
+                     `surfaces`, `choosing`, `sections` and `changes`
     rules            lists of operations that decide, on the numbers of one lane
     scope            the arrays that all of these read and write, by name
 
@@ -17,8 +18,9 @@ from .changes import add_change
 from .choosing import add_choices
 from .explicit import ExplicitColumns
 from .implicit import ImplicitColumns
+from .lengths import choose_length
 from .scope import Lines
-from .step import choose_length, take_step
+from .step import take_step
 from .stormer import StormerColumns
 from .trajectories import pause_if_spent, take_next
 

@@ -5,7 +5,7 @@ of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
 from ..code.text import Carried, Integers, Truth
-from . import changes, choosing, inside, rules, sections
+from . import changes, choosing, inside, lengths, sections
 from .arguments import SLOT
 from .records import is_full
 from .rows import State
@@ -75,8 +75,8 @@ def _begin(lines, begins):
         x, f = line.x[i], f_new[i]
         line.largest.choose(begins, i, abs(x))
         line.mode.choose(begins, i, 1.0)
-        sums.update(lines.apply(rules.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
-    lines.keep(line, lines.apply(rules.BEGIN, **vars(sums)), begins)
+        sums.update(lines.apply(lengths.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
+    lines.keep(line, lines.apply(lengths.BEGIN, **vars(sums)), begins)
     if lines.half.changes:
         _begin_with_changes(lines, begins)
 

@@ -9,7 +9,7 @@ from math import inf
 
 from .derivative import gradients
 from .numbers import Number, larger, operand_of, smaller
-from .right_hand_side import Expressions, List, needed_for
+from .right_hand_side import Expressions, List, emitted, needed_for
 from .tables import is_table
 
 
@@ -27,10 +27,7 @@ def aim_of(f, kinds, choices, is_implicit):
     count = first + len(f.table)
     values = Expressions(count, range(D, count))
     new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
-    for name, number, operands in f.watched.operations:
-        of = (a if isinstance(a, float) else new[a] for a in operands)
-        new[number] = values.emit(name, *of)
-    results = [a if isinstance(a, float) else new[a] for a in f.watched.results]
+    results = emitted(values, f.watched, new)
     slopes = gradients(values, [*values.operations], results, D)
     aim, since = inf, 0.0
     kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]

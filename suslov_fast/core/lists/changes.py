@@ -15,7 +15,7 @@ from math import inf
 from typing import NamedTuple
 
 from .derivative import gradients
-from .right_hand_side import Expressions, List, needed_for, renumbered
+from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 
 
 class Act(NamedTuple):
@@ -141,15 +141,6 @@ def changes_of(acts, D, P, by=(), with_columns=False):
     )
     most = tuple(act.most for act in acts)
     return Changes(directions, of_sections, most, parts, tuple(components), P)
-
-
-def emitted(values, list_):
-    """Add the operations of a `List` on the same first values; return its results there."""
-    new = {}
-    for name, number, operands in list_.operations:
-        of = (a if isinstance(a, float) else new.get(a, a) for a in operands)
-        new[number] = values.emit(name, *of)
-    return [a if isinstance(a, float) else new.get(a, a) for a in list_.results]
 
 
 def _toward(acts, D, P):

@@ -12,12 +12,12 @@ import functools
 import itertools
 
 from .aim import aim_of
-from .changes import changes_of, emitted, is_section
+from .changes import changes_of, is_section
 from .elapsed import Elapsed
 from .hidden import hidden_of
 from .numbers import Number, larger, operand_of, smaller
 from .records import same
-from .right_hand_side import Expressions, List, RightHandSide, needed_for
+from .right_hand_side import Expressions, List, RightHandSide, emitted, needed_for
 from .stairs import with_stairs
 from .step import Values
 from .tables import LARGEST, Table, is_table

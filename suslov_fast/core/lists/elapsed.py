@@ -10,8 +10,8 @@ whole turns.
 import math
 from typing import NamedTuple
 
-from .changes import components_of, emitted
-from .right_hand_side import Expressions, List, needed_for
+from .changes import components_of
+from .right_hand_side import Expressions, List, emitted, needed_for
 from .step import OF_TRUTH_VALUES
 from .tables import is_table
 

@@ -12,7 +12,7 @@ count as 1 in the error, also small ones: variables are these plus SHIFT.
 
 import functools
 
-from .right_hand_side import Expressions, RightHandSide
+from .right_hand_side import Expressions, List, RightHandSide, emitted
 
 SHIFT = 2.0
 
@@ -27,23 +27,17 @@ def _with_frame(f, moving):
     first = D + n * n + n
     values = Expressions(first + len(f.table), range(first, first + len(f.table)))
     known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
-    lists = f.f, f.derivative
-    operations = {each[1]: each for list_ in lists for each in list_.operations}
-    emit = values.emit
-
-    def named(a):
-        return a if isinstance(a, float) else known[a]
-
-    for number in sorted(operations):
-        name, _, operands = operations[number]
-        known[number] = emit(name, *map(named, operands))
+    operations = {each[1]: each for list_ in (f.f, f.derivative) for each in list_.operations}
+    both = [operations[number] for number in sorted(operations)]
+    found = emitted(values, List(both, [*f.f.results, *f.derivative.results]), known)
+    of_x, entries = found[:D], found[D:]
     place = {i: k for k, i in enumerate(moving)}
     slopes = {
-        (place[i], place[j]): named(a)
-        for (i, j), a in zip(f.pattern, f.derivative.results, strict=True)
+        (place[i], place[j]): a
+        for (i, j), a in zip(f.pattern, entries, strict=True)
         if i in place and j in place
     }
-    rows = range(n)
+    rows, emit = range(n), values.emit
     Q = {(i, j): emit("fsub", D + i * n + j, SHIFT) for i in rows for j in rows}
     turned = {(j, i): a for (i, j), a in Q.items()}
     M = _product(emit, turned, _product(emit, slopes, Q, n), n)
@@ -53,7 +47,7 @@ def _with_frame(f, moving):
             S[i, j], S[j, i] = a, emit("fmul", -1.0, a)
     of_Q = _product(emit, Q, S, n)
     rates = [of_Q.get((i, j), 0.0) for i in rows for j in rows]
-    results = [*map(named, f.f.results), *rates, *(M.get((i, i), 0.0) for i in rows)]
+    results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in rows)]
     kept = range(first, first + len(f.table))
     return RightHandSide(values, results, len(f.table), kept=kept)
 

@@ -1,9 +1,8 @@
 """Elementary functions as lists of operations on doubles.
 
-Each function takes `emit`, which adds an operation and returns the number of its value
-(`lists.step.Values`), and the numbers of its operands, and returns the number of its value. Lists
-have no branches and no FMA, so their bits are the same wherever they are carried out. Errors are
-at most 1 ulp, but of `logaddexp`; special values are those of the C library.
+Each function takes a `Number` for each operand, and returns that of its value. Lists have no
+branches and no FMA, so their bits are the same wherever they are carried out. Errors are at most
+1 ulp, but of `logaddexp`; special values are those of the C library.
 
 A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
 Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
@@ -13,7 +12,6 @@ double before the next one is fitted.
 import struct
 
 from .far import PARTS
-from .numbers import Number
 
 
 def from_bits(bits):
@@ -141,50 +139,48 @@ def _exp_of(r, low):
     return high, rest + (low + (r * r) * _polynomial(_EXP, r))
 
 
-def exp(emit, x):
+def exp(x):
     """Return the exponential function."""
-    n, *r = _less_log_2(Number(emit, x).within(-746.0, 710.0))
+    n, *r = _less_log_2(x.within(-746.0, 710.0))
     high, low = _exp_of(*r)
-    return _scaled(high + low, n).number
+    return _scaled(high + low, n)
 
 
-def exp2(emit, x):
+def exp2(x):
     """Return 2**x."""
-    x = Number(emit, x).within(-1080.0, 1025.0)
+    x = x.within(-1080.0, 1025.0)
     n = _nearest(x)
     f = x - n
     r, low = _product(f, _LN2_DOUBLE[0])
     high, low = _exp_of(r, low + f * _LN2_DOUBLE[1])
-    return _scaled(high + low, n).number
+    return _scaled(high + low, n)
 
 
-def expm1(emit, x):
+def expm1(x):
     """Return exp(x) - 1 = 2**n ((1 - 2**-n) + (exp(r) - 1)).
 
     1 - 2**-n and r may cancel, so r**2 is in two parts.
     """
-    given = Number(emit, x)
-    n, r, low = _less_log_2(given.within(-50.0, 710.0))
+    n, r, low = _less_log_2(x.within(-50.0, 710.0))
     z, error = _square(r)
     of_cube = (r * z) * _polynomial(_EXP[1:], r)
     high, first = _difference(1.0, _power_of_two(-1.0 * n.within(-99.0, 99.0)))
     high, second = _sum(high, r)
     high, third = _sum(high, 0.5 * z)
     low = ((first + second) + third) + ((low + 0.5 * error) + of_cube)
-    return given.equals(0.0).select(given, _scaled(high + low, n)).number
+    return x.equals(0.0).select(x, _scaled(high + low, n))
 
 
-def expit(emit, x):
+def expit(x):
     """Return 1 / (1 + exp(-x)), by exp(-abs(x))."""
-    given = Number(emit, x)
-    n, *r = _less_log_2((-1.0 * abs(given)).within(-750.0, 0.0))
+    n, *r = _less_log_2((-1.0 * abs(x)).within(-750.0, 0.0))
     high, low = _exp_of(*r)
     scale = _power_of_two(n.within(-99.0, 0.0))
     below, rest = _sum(1.0, scale * high)
-    is_negative = given < 0.0
+    is_negative = x < 0.0
     above = is_negative.select(high, 1.0), is_negative.select(low, 0.0)
     quotient, correction = _quotient(above, (below, rest + scale * low))
-    return _scaled(quotient + correction, is_negative.select(n, 0.0)).number
+    return _scaled(quotient + correction, is_negative.select(n, 0.0))
 
 
 def _hyperbolic(x):
@@ -210,25 +206,23 @@ def _hyperbolic(x):
     return n, (sinh, first), (cosh, second)
 
 
-def sinh(emit, x):
+def sinh(x):
     """Return the hyperbolic sine."""
-    x = Number(emit, x)
     n, (high, low), _ = _hyperbolic(abs(x).within(0.0, 712.0))
-    return _scaled(high + low, n - 1.0).then("copysign", x).number
+    return _scaled(high + low, n - 1.0).then("copysign", x)
 
 
-def cosh(emit, x):
+def cosh(x):
     """Return the hyperbolic cosine."""
-    n, _, (high, low) = _hyperbolic(abs(Number(emit, x)).within(0.0, 712.0))
-    return _scaled(high + low, n - 1.0).number
+    n, _, (high, low) = _hyperbolic(abs(x).within(0.0, 712.0))
+    return _scaled(high + low, n - 1.0)
 
 
-def tanh(emit, x):
+def tanh(x):
     """Return the hyperbolic tangent."""
-    x = Number(emit, x)
     _, above, below = _hyperbolic(abs(x).within(0.0, 40.0))
     high, low = _quotient(above, below)
-    return (high + low).then("copysign", x).number
+    return (high + low).then("copysign", x)
 
 
 # --------------------------------------------------------------------------------- logarithms
@@ -288,32 +282,29 @@ def _log(k, f, rest=None):
     return k * _LN2[0] - (low - f)
 
 
-def log(emit, x):
+def log(x):
     """Return the natural logarithm."""
-    x = Number(emit, x)
-    return _with_special_values(x, 0.0, _log(*_exponent(x))).number
+    return _with_special_values(x, 0.0, _log(*_exponent(x)))
 
 
-def log1p(emit, x):
+def log1p(x):
     """Return log(1 + x), by log(u + rest) = log(u) + rest / u, u = 1 + x rounded."""
-    x = Number(emit, x)
     u = 1.0 + x
     rest = (x > 1.0).select(1.0 - (u - x), x - (u - 1.0))
     result = _log(*_exponent(u), rest / u)
     result = x.equals(0.0).select(x, result)
-    return _with_special_values(x, -1.0, result).number
+    return _with_special_values(x, -1.0, result)
 
 
-def logaddexp(emit, x, y):
+def logaddexp(x, y):
     """Return log(exp(x) + exp(y)), the larger one plus log1p(exp(-abs(x - y))).
 
     The error is at most 4 ulp of the larger one, or of the result if that is larger.
     """
-    x, y = Number(emit, x), Number(emit, y)
     a, b = x.then("max", y), x.then("min", y)
     below = a.equals(b).select(0.0, b - a)  # not the difference of infinities
-    result = a + Number(emit, log1p(emit, exp(emit, below.number)))
-    return x.equals(x).select(y.equals(y).select(result, y), x).number
+    result = a + log1p(exp(below))
+    return x.equals(x).select(y.equals(y).select(result, y), x)
 
 
 def _log_in_parts(f):
@@ -336,30 +327,28 @@ def _log_in_parts(f):
 
 def _of_other_base(x, per_log, of_two):
     """Return log(x) times a constant in two parts, which is `of_two` for x = 2."""
-    x = Number(x.emit, x.number)
     k, f = _exponent(x)
     high, low = _log_in_parts(f)
     product, rest = _product(high, per_log[0])
     rest = rest + (high * per_log[1] + low * per_log[0])
     high, low = _sum(k * of_two[0], product)
     result = high + (low + (rest + k * of_two[1] if of_two[1] else rest))
-    return _with_special_values(x, 0.0, result).number
+    return _with_special_values(x, 0.0, result)
 
 
-def log2(emit, x):
+def log2(x):
     """Return the logarithm with base 2, exact for powers of 2."""
-    return _of_other_base(Number(emit, x), _PER_LN2_PARTS, (1.0, 0.0))
+    return _of_other_base(x, _PER_LN2_PARTS, (1.0, 0.0))
 
 
-def log10(emit, x):
+def log10(x):
     """Return the logarithm with base 10, exact for powers of 10."""
-    return _of_other_base(Number(emit, x), _PER_LN10, _LOG10_2)
+    return _of_other_base(x, _PER_LN10, _LOG10_2)
 
 
 # -------------------------------------------------------------------------------------- powers
-def pow(emit, x, y):
+def pow(x, y):
     """Return x**y = exp(y log(x)), where log(x) is in two parts."""
-    x, y = Number(emit, x), Number(emit, y)
     size = abs(x)
     k, f = _exponent(size)
     high, low = _log_in_parts(f)
@@ -382,16 +371,15 @@ def pow(emit, x, y):
     result = is_integer.select(result, has_none.select(float("nan"), result))
     result = y.equals(y).select(result, y)
     is_one = x.equals(1.0) | y.equals(0.0) | (size.equals(1.0) & abs(y).equals(_INFINITY))
-    return is_one.select(1.0, result).number
+    return is_one.select(1.0, result)
 
 
-def cbrt(emit, x):
+def cbrt(x):
     """Return the cube root: 2**k m**(1/3), m from 1/2 to 4.
 
     One step of Halley's method improves a polynomial. The last one starts at a number of 26 bits,
     whose square is exact.
     """
-    x = Number(emit, x)
     size = abs(x)
     is_small = size < _LEAST_NORMAL
     scaled = is_small.select(size * 2.0**54, size)
@@ -405,12 +393,12 @@ def cbrt(emit, x):
     t = t + t * ((quotient - t) / ((t + t) + quotient))
     k = is_small.select(k - 18.0, k)
     t = t.then("bits_add", (k + _SHIFT).then("bits_shl", _TO_EXPONENT)).then("copysign", x)
-    return ((size > 0.0) & (size < _INFINITY)).select(t, x).number
+    return ((size > 0.0) & (size < _INFINITY)).select(t, x)
 
 
-def hypot(emit, x, y):
+def hypot(x, y):
     """Return sqrt(x**2 + y**2) without overflow; inf where x or y is infinite."""
-    x, y = abs(Number(emit, x)), abs(Number(emit, y))
+    x, y = abs(x), abs(y)
     a, b = x.then("max", y), x.then("min", y)
     is_large, is_small = a > 2.0**500, a < 2.0**-500
     scale = is_large.select(2.0**-600, is_small.select(2.0**600, 1.0))
@@ -424,7 +412,7 @@ def hypot(emit, x, y):
     result = a.equals(0.0).select(a, root * back)
     total = x + y
     result = total.equals(total).select(result, total)
-    return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result).number
+    return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result)
 
 
 # ------------------------------------------------------------------------------------- angles
@@ -486,28 +474,26 @@ def _signed(x, n, *others):
     return x
 
 
-def sin(emit, x):
+def sin(x):
     """Return the sine."""
-    x = Number(emit, x)
     n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
-    return _signed(_is_odd(n).select(cosine + second, sine + first), n, x).number
+    return _signed(_is_odd(n).select(cosine + second, sine + first), n, x)
 
 
-def cos(emit, x):
+def cos(x):
     """Return the cosine."""
-    n, (sine, first), (cosine, second) = _sine_and_cosine(abs(Number(emit, x)))
-    return _signed(_is_odd(n).select(sine + first, cosine + second), n + 1.0).number
+    n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
+    return _signed(_is_odd(n).select(sine + first, cosine + second), n + 1.0)
 
 
-def tan(emit, x):
+def tan(x):
     """Return the tangent, as the quotient of sine and cosine, or of minus cosine and sine."""
-    x = Number(emit, x)
     n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
     is_odd = _is_odd(n)
     above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
     below = [is_odd.select(-1.0 * a, b) for a, b in zip(sine, cosine, strict=True)]
     high, low = _quotient(above, below)
-    return (high + low).then("bits_xor", x.then("bits_and", -0.0)).number
+    return (high + low).then("bits_xor", x.then("bits_and", -0.0))
 
 
 # The functions by the names of their instructions, with the number of operands.

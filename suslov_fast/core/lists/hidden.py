@@ -19,7 +19,7 @@ from itertools import zip_longest
 from math import inf, prod
 
 from .numbers import Number, larger, smaller
-from .right_hand_side import List, needed_for
+from .right_hand_side import List, emitted, needed_for
 from .step import Values
 from .tables import LARGEST, is_table
 
@@ -59,9 +59,7 @@ def _list_of(f, own, by_states, kinks):
     of_table = {number: rtol + 1 + place for number, place in f.places.items()}
     values = Values(rtol + 1 + len(f.table), ())
     state = {i: middle + i for i in range(f.D)} | of_table
-    for name, number, operands in f.watched.operations:
-        of = (a if isinstance(a, float) else state[a] for a in operands)
-        state[number] = values.emit(name, *of)
+    emitted(values, f.watched, state)
     sizes, largest, some = _sizes(values.emit, f.watched.operations, state), 0.0, 0.0
     for k, a, kind, choice in own:
         points = [Number(values.emit, n * count + k) for n in range(len(_ENDS))]

@@ -8,7 +8,7 @@ import numpy as np
 
 from .derivative import gradients
 from .grouped import Groups
-from .records import RECORDS, same
+from .records import RECORDS, not_, same
 from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
@@ -116,11 +116,9 @@ def in_order(values, results):
     given = values.count - len(values.operations)
     ordered = Expressions(given, [a for a in values.fixed if a < given])
     new = {a: a for a in range(given)}
-    for operation in _depth_first(values, results):
-        operands = [a if isinstance(a, float) else new[a] for a in operation[2]]
-        new[operation[1]] = ordered.emit(operation[0], *operands)
+    results = emitted(ordered, List([*_depth_first(values, results)], results), new)
     ordered.take_written(values, new)
-    return ordered, [a if isinstance(a, float) else new[a] for a in results]
+    return ordered, results
 
 
 def _depth_first(values, results):
@@ -355,6 +353,21 @@ def needed_for(operations, results):
     return found[::-1]
 
 
+def emitted(values, list_, new=None):
+    """Add the operations of a `List` to values; return its results there.
+
+    `new` has the operands there of given ones, which those of the operations join; others stay.
+    """
+    new = {} if new is None else new
+
+    def named(a):
+        return a if isinstance(a, float) else new.get(a, a)
+
+    for name, number, operands in list_.operations:
+        new[number] = values.emit(name, *map(named, operands))
+    return [*map(named, list_.results)]
+
+
 def renumbered(list_, given):
     """Return a `List` with other numbers of values that are given, a dict; others follow."""
     new, count, operations = dict(given), 1 + max(given.values()), []
@@ -402,11 +415,11 @@ def _taken(values, f):
                 continue
             condition = 1.0
             if name == "select" and k:
-                condition = operands[0] if k == 1 else _not(emit, operands[0])
+                condition = operands[0] if k == 1 else not_(values, operands[0])
             elif name == "fmul":
                 other = operands[1 - k]
                 if other in values.fixed or values.of.get(other, ("",))[0] == "select":
-                    condition = _not(emit, emit("oeq", other, 0.0))
+                    condition = not_(values, emit("oeq", other, 0.0))
             own = _both(emit, truth, condition)
             before = found.get(a, 0.0)
             if 0.0 in (own, before):
@@ -414,10 +427,6 @@ def _taken(values, f):
             else:
                 found[a] = 1.0 if 1.0 in (own, before) else emit("or", own, before)
     return found
-
-
-def _not(emit, truth):
-    return emit("xor", truth, emit("oeq", 0.0, 0.0))
 
 
 def _both(emit, *truths):

@@ -31,6 +31,7 @@ import numpy as np
 from . import sizes
 from .far import PARTS
 from .functions import ELEMENTARY
+from .numbers import Number
 from .planned_elimination import (
     Factors,
     Given,
@@ -234,7 +235,7 @@ def list_of(name):
     """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
     function, count = ELEMENTARY[name]
     values = Values(count, ())
-    return values.operations, function(values.emit, *range(count))
+    return values.operations, function(*[Number(values.emit, k) for k in range(count)]).number
 
 
 def of_one_sign(indices):

@@ -13,6 +13,7 @@ change at once: these have no quotients and roots.
 import functools
 from typing import NamedTuple
 
+from .planned_elimination import bits_of
 from .right_hand_side import List, needed_for
 from .step import OF_LISTS
 
@@ -35,7 +36,7 @@ def sets_of(f):
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
     still = sum(1 << i for i in range(f.D) if not f.reads[i])
-    colours = _colours({i: [*_places(f.reads[i] & ~still)] for i in moving})
+    colours = _colours({i: [*bits_of(f.reads[i] & ~still)] for i in moving})
     if colours is None:
         return None
     sets = [[i for i in moving if colours[i] == colour] for colour in (False, True)]
@@ -46,7 +47,7 @@ def sets_of(f):
         return None
     of_A, of_B = (functools.reduce(int.__or__, [f.reads[i] for i in own]) for own in (A, B))
     return Sets(
-        sorted([*A, *_places(still & of_B)]), sorted([*B, *_places(still & (of_A | ~of_B))])
+        sorted([*A, *bits_of(still & of_B)]), sorted([*B, *bits_of(still & (of_A | ~of_B))])
     )
 
 
@@ -55,14 +56,6 @@ def part_of(list_, numbers):
     of = {*numbers}
     own = [a if k in of else None for k, a in enumerate(list_.results)]
     return List(needed_for(list_.operations, own), own)
-
-
-def _places(bits):
-    """Yield the places of the bits of an integer that are 1."""
-    while bits:
-        lowest = bits & -bits
-        yield lowest.bit_length() - 1
-        bits ^= lowest
 
 
 def _colours(reads):

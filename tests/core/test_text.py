@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.code.compiler import call, compiled
-from suslov_fast.core.code.text import Array, Carried, Code, Integers, Shared, Value
+from suslov_fast.core.code.text import Array, Carried, Code, Integers, Shared
 
 WIDTHS = pytest.mark.parametrize("W", [1, 2, 8])
 NUMBERS = np.random.default_rng(1).normal(size=(7, 8))
@@ -106,7 +106,7 @@ def test_arrays_begin_at_rows_and_share_numbers():
             y[i] = later[i] * shared[i]
         lanes = Code(2, text)
         pairs = Array(lanes, y.at(5))
-        pairs[0] = Value(lanes, lanes.splat(shared[0], 2)) + Array(lanes, x.base)[0]
+        pairs[0] = lanes.splat(shared[0]) + Array(lanes, x.base)[0]
         integers[1] = text.constants([3, 5])[1]
         text.array(y.at(7))[0] = text.constants([2.5, 3.5])[1]
 

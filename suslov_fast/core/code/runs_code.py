@@ -56,7 +56,7 @@ def text_of_stage_by_runs(_, name, W, for_each):
         return rows[Integers(text, results)[k]]
 
     def truth(results, k):
-        return Truth(text, truth_of(text, result(results, a.D + k)))
+        return truth_of(text, result(results, a.D + k))
 
     with text.when(a.is_rare.equals(0), likely=True):
         run(0, a.heads, a.places, a.runs)
@@ -81,9 +81,9 @@ def text_of_stage_by_runs(_, name, W, for_each):
 
 def truth_of(text, value):
     """Return truth values from a row, in which all bits of a lane are equal."""
-    integers = f"<{text.W} x i64>" if text.W > 1 else "i64"
-    value = text.new(f"bitcast {text.V} {value} to {integers}")
-    return text.new(f"icmp slt {integers} {value}, {'zeroinitializer' if text.W > 1 else 0}")
+    value = text.new(f"bitcast {text.V} {value} to {text.I}")
+    zero = "zeroinitializer" if text.W > 1 else 0
+    return Truth(text, text.new(f"icmp slt {text.I} {value}, {zero}"))
 
 
 def add_runs(text, name, for_each, called=(), only_sums=False):
@@ -127,16 +127,15 @@ def _add_run(text, number, size, for_each, begin, end):
 
 def _address(text, kind, at, k, for_each):
     """Return the address of an operand, whose place is the k-th number at an address."""
-    place = text.new(f"zext i32 {text.load('i32', text.plus(at, 4 * k), 4)} to i64")
-    base = Index(text, "%rows" if kind == "r" else "%table")
-    return base + Index(text, place) * (text.size if kind == "r" or for_each else 8)
+    place, base = text.short(at, k), Index(text, "%rows" if kind == "r" else "%table")
+    return base + place * (text.size if kind == "r" or for_each else 8)
 
 
 def _load(text, kind, address, for_each):
     """Return a row at an address, or a number of the table for all lanes."""
-    if kind == "r" or for_each or text.W == 1:
+    if kind == "r" or for_each:
         return Value(text, text.load(text.V, address))
-    return Value(text, text.splat(text.load("double", address), text.W))
+    return text.splat(text.load("double", address))
 
 
 def _value(text, number, operand, begin, end):
@@ -156,9 +155,8 @@ def _value(text, number, operand, begin, end):
     text.carry_out([(instruction, -1, tuple(values))], values, None)
     if instruction in OF_NUMBERS:
         return values[-1]
-    kinds = f"<{text.W} x i64>" if text.W > 1 else "i64"
-    bits = text.new(f"sext {text.M} {values[-1]} to {kinds}")
-    return text.new(f"bitcast {kinds} {bits} to {text.V}")
+    bits = text.new(f"sext {text.M} {values[-1]} to {text.I}")
+    return text.new(f"bitcast {text.I} {bits} to {text.V}")
 
 
 def _sum(text, number, operand, begin, end):
@@ -171,8 +169,8 @@ def _sum(text, number, operand, begin, end):
         total = term if total is None else total + term
     if instruction != "sum0":
         return total
-    at = text.plus(begin, 4 * (first + 2 * (not start)))
-    for now in text.rounds(Carried(at=Index(text, at), total=total)):  # it has more products
+    at = begin + 4 * (first + 2 * (not start))
+    for now in text.rounds(Carried(at=at, total=total)):  # it has more products
         term = operand(0, one, now.at) * operand(1, other, now.at)
         now.at, now.total = now.at + 8, now.total + term
         now.goes_on = now.at < end

@@ -36,12 +36,6 @@ def lengths_of(plan):
     return len(plan.order), len(plan.rows), len(plan.lower), len(plan.upper)
 
 
-def number_at(text, address, k):
-    """Return the k-th integer of 4 bytes from an address on."""
-    number = text.load("i32", address + k * 4, 4)
-    return Index(text, text.new(f"zext i32 {number} to i64"))
-
-
 def _between(text, begin, end):
     """Add a loop over integers, of which there may be none."""
     with text.when(begin < end):
@@ -64,7 +58,7 @@ def _along(text, of, begin, end, rows, numbers=0):
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
         for now in text.rounds(Carried(span=begin, number=numbers)):
-            first, count = (number_at(text, of.spans, now.span * 2 + k) for k in range(2))
+            first, count = (text.short(of.spans, now.span * 2 + k) for k in range(2))
             first, rest = rows + first * size, 0
             if text.W == 1:
                 rest = count - (count & (AT_ONCE - 1))
@@ -80,7 +74,7 @@ def _for_rows(text, value):
     """Return a value by the number of lanes of a text, see `_along`."""
     if text.W > 1:
         return {text.W: value}
-    return {1: value, AT_ONCE: text.splat(value, AT_ONCE)}
+    return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
 
 
 def add_factors(text, name, arrays_of):
@@ -101,11 +95,11 @@ def add_factors(text, name, arrays_of):
                 inner.array(row)[0] = 0.0
             w[j] = 0.0
             for n in _between(text, own.entries, after.entries):
-                product = s * entries[number_at(text, of.numbers, n)]
-                w[number_at(text, of.rows, n)] = 0.0 - product
+                product = s * entries[text.short(of.numbers, n)]
+                w[text.short(of.rows, n)] = 0.0 - product
             w[j] = 1.0 + w[j]
             for n in _between(text, own.pivots, after.pivots):
-                pivot = number_at(text, of.pivots, n)
+                pivot = text.short(of.pivots, n)
                 is_single = (pivot & 1).equals(0)
                 k = pivot >> 1
                 (column, following), factor = _head(text, of, k), _for_rows(text, w[k])
@@ -147,14 +141,14 @@ def add_solution(text, name, arrays_of):
         upper = lower.from_here(of.of_lower)
 
         def subtract(numbers, places, n):
-            row, column = (number_at(text, places, n * 2 + k) for k in range(2))
+            row, column = (text.short(places, n * 2 + k) for k in range(2))
             product = numbers[n] * v[column]
             v[row] = v[row] - product
 
         for n in _between(text, 0, of.of_lower):
             subtract(lower, of.lower, n)
         for k in text.each(of.D):
-            own = number_at(text, of.order, k)
+            own = text.short(of.order, k)
             v[own] = v[own] * inverses[k]
         for n in _between(text, 0, of.of_upper):
             subtract(upper, of.upper, (of.of_upper - 1) - n)

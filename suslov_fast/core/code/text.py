@@ -143,7 +143,7 @@ class Value(_Comparable):
 
 
 class Index(_Comparable):
-    """An integer, or an address, with operators; comparisons and `//` are those without a sign."""
+    """An integer, or an address, with operators; `<` and the like, and `//`, are without a sign."""
 
     comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
 
@@ -151,6 +151,10 @@ class Index(_Comparable):
         if instruction == "add" and isinstance(b, int) and b == 0:
             return a
         return super()._operate(instruction, a, b)
+
+    def is_at_most(self, number):
+        """Return whether this integer, with its sign, is at most a number."""
+        return self._compare("sle", number)
 
 
 _add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
@@ -205,10 +209,10 @@ class Shared(Array):
     """Numbers of 8 bytes from an address on, each of which all lanes share."""
 
     def _place(self, i):
-        return self.text.at(self.text.plus(self.base, 8 * self.first), i)
+        return Index(self.text, self.base) + 8 * self.first + i * 8
 
     def __getitem__(self, i):
-        return Value(self.text, self.text.shared(self._place(i)))
+        return self.text.splat(self.text.load("double", self._place(i)))
 
 
 class Integers(Shared):
@@ -536,23 +540,17 @@ class Code:
 
     def place(self, base, first, i=0):
         """Return the address of row first + i from an address on."""
+        base = Index(self, base)
         if isinstance(i, int):
-            return self.plus(base, self.size * (first + i))
-        offset = self.integer("mul", i, self.size)
+            return base + self.size * (first + i)
         # One counter for all rows of a loop: of sums that it can take apart LLVM makes many.
-        row = self.new(f"freeze i64 {self.integer('add', base, offset)}")
-        return self.plus(row, self.size * first)
+        row = Index(self, self.new(f"freeze i64 {base + i * self.size}"))
+        return row + self.size * first
 
-    def shared(self, address):
-        """Return a number at an address, in all lanes."""
-        number = self.load("double", address)
-        return number if self.W == 1 else self.splat(number, self.W)
-
-    def at(self, address, i):
-        """Return the address of the i-th number of 8 bytes."""
-        if isinstance(i, int):
-            return self.plus(address, 8 * i)
-        return self.integer("add", address, self.integer("mul", i, 8))
+    def short(self, address, k):
+        """Return the k-th integer of 4 bytes, without a sign, from an address on."""
+        number = self.load("i32", Index(self, address) + k * 4, 4)
+        return Index(self, self.new(f"zext i32 {number} to i64"))
 
     def apply(self, rule, **inputs):
         """Carry out a rule; return its results by name."""
@@ -578,27 +576,19 @@ class Code:
         text = "true" if is_true else "false"
         return text if self.W == 1 else f"<{', '.join([f'i1 {text}'] * self.W)}>"
 
-    # ------------------------------------------------------------------------------------ integers
-    def integer(self, instruction, a, b):
-        return self.new(f"{instruction} i64 {a}, {b}")
-
-    def plus(self, address, offset):
-        return self.integer("add", address, offset) if offset else address
-
-    def compare_integers(self, how, a, b):
-        return self.new(f"icmp {how} i64 {a}, {b}")
-
     # --------------------------------------------------------------------------------------- lists
     def constant(self, number):
         """Return W equal constants, without the type V."""
         bits = f"0x{np.float64(number).view(np.uint64):016X}"
         return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
 
-    def splat(self, number, W):
-        """Return a vector of W numbers that are equal to a number."""
-        kind = f"<{W} x double>"
-        first = self.new(f"insertelement {kind} undef, double {number}, i32 0")
-        return self.new(f"shufflevector {kind} {first}, {kind} undef, <{W} x i32> zeroinitializer")
+    def splat(self, number):
+        """Return a number in all lanes."""
+        V, order = self.V, f"<{self.W} x i32> zeroinitializer"
+        if self.W > 1:
+            first = self.new(f"insertelement {V} undef, double {number}, i32 0")
+            number = self.new(f"shufflevector {V} {first}, {V} undef, {order}")
+        return Value(self, number)
 
     def _call(self, name, *operands):
         function = f"{self.V} @llvm.{name}.{self.suffix}"

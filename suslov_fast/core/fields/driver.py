@@ -146,7 +146,7 @@ class _Driver:
         now.row = saves.select(row + of.row_bytes, row)
         now.goes_on = now.n < of.steps
         with text.when(now.goes_on, likely=True):
-            is_spent = text.compare_integers("sle", self.slots[SLOT.budget], 0)
+            is_spent = self.slots[SLOT.budget].is_at_most(0)
             with text.when(is_spent, likely=False):
                 places = {"n": now.n, "stage": now.stage, "until": now.until, "row": now.row}
                 self.leave_at(DONE, line=lo, **places)
@@ -320,7 +320,7 @@ class _Called(_Driver):
         text, of = self.text, self.of
         bits = Index(text, text.call("i64", of.stage_code, state, self.table, of.stage_plan))
         with text.when(bits.differs(0), likely=False):
-            with text.when(text.compare_integers("slt", bits, 0)):
+            with text.when(bits.is_at_most(-1)):
                 self.leave_at(STOPPED, **self.at)
             good = (bits & self.all_lanes) ^ self.all_lanes
             bad, told = self.lanes_to_tell(good, bits >> 8, line)

@@ -124,7 +124,7 @@ def _columns(text, tangent, values):
         width = at_once
         used = {operand for _, _, operands in tangent.columns for operand in operands}
         for number in sorted(used & values.keys() - {*tangent.column}):
-            values[number] = text.splat(values[number], width)
+            values[number] = text.lanes(width).splat(values[number])
     inner = Code(width, text, text.size * room)  # from component to component of a column
     first = text.array("%line").at(2 * D + LENGTHS)
     for now in text.rounds(Carried(r=0, length=0.0)):

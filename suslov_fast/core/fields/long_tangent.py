@@ -11,7 +11,7 @@ from numba import types
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs, truth_of
-from ..code.text import Carried, Code, Index, Integers, Truth, Value
+from ..code.text import Carried, Code, Index, Integers, Value
 from ..compiling.arrays import array_at
 from ..compiling.elimination import simd_max
 from ..compiling.llvm import lesser
@@ -140,7 +140,7 @@ def text_of_runs(_, name, *_others):
         text.invoke(f"{name}_runs", kept, "%table", a.heads, a.places, a.runs)
         others = [kept[results[a.D + k]] for k in range(6)]
         near_1, far = others[:2]
-        accurate, derived, negative, changed = (Truth(text, truth_of(text, x)) for x in others[2:])
+        accurate, derived, negative, changed = (truth_of(text, x) for x in others[2:])
         with text.when(~(accurate & derived)):
             text.leave(f"i64 {now.n | 1 << STEP}")
         for k in text.each(a.gathered):

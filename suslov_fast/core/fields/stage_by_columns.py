@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from ..code.runs import program_of
 from ..code.runs_code import add_runs, truth_of
-from ..code.sparse_code import Arrays, add_factors, add_solution, number_at
-from ..code.text import Code, Integers, Truth
+from ..code.sparse_code import Arrays, add_factors, add_solution
+from ..code.text import Code, Integers
 from ..compiling.codes import CHANGED
 
 
@@ -73,7 +73,7 @@ def text_of_stage_by_columns(_, name, W, for_each):
         text.invoke(f"{name}_solution", a.factors, "%plan", right, a.scratch)
 
     def truth(result, k):
-        return Truth(text, truth_of(text, result(D + k)))
+        return truth_of(text, result(D + k))
 
     text.copy(x, a.x, D)
     result = run(ENTRIES, 1)
@@ -86,7 +86,7 @@ def text_of_stage_by_columns(_, name, W, for_each):
     pivots, diagonal, inverses = map(text.array, (a.pivots, a.diagonal, a.factors))
     on_diagonal = Integers(text, a.on_diagonal)
     for k in text.each(D):
-        pivots[number_at(text, of.order, k)] = 1.0 / inverses[k]
+        pivots[text.short(of.order, k)] = 1.0 / inverses[k]
         diagonal[k] = entries[on_diagonal[k]]
     result = run(TESTS, GIVEN[TESTS])
     with text.when(truth(result, 0).all(), likely=True):

@@ -78,8 +78,7 @@ def add_table(text, step, halves, fraction):
 
     `halves` is the address of h v for one line, `fraction` the one of a stage.
     """
-    fraction, fixed = fraction if text.W == 1 else text.splat(fraction, text.W), {}
-    halves = text.array(halves)
+    halves, fraction, fixed = text.array(halves), text.splat(fraction), {}
 
     def half_of(number):
         return halves[number - step.D] * fraction

@@ -281,8 +281,8 @@ class ExplicitColumns(Scope):
         apart = ends.after(rounds_D)
         parts, last, begin = (inner.array(each.base) for each in (parts, last, begin))
         scratch = apart.at(rounds_D)
-        signed = in_all_lanes(inner, work.signed[0])
-        x, f_of_x = InAllLanes(inner, text.array("%x")), InAllLanes(inner, text.array("%f"))
+        signed = inner.splat(work.signed[0])
+        x, f_of_x = Shared(inner, "%x"), Shared(inner, "%f")
 
         def call(name, of):
             text.invoke(f"{self.name}_{name}_lanes", of, "%table", f, scratch)
@@ -317,21 +317,6 @@ class ExplicitColumns(Scope):
                             target.after(of_column)[i] = number
             work.a[i] = text.array(a.at(i))[0]
             work.f_last[i] = text.array(f.at(i))[0]
-
-
-class InAllLanes:
-    """Rows of one lane, each number of which another text has in all of its lanes."""
-
-    def __init__(self, text, rows):
-        self.text, self.rows = text, rows
-
-    def __getitem__(self, i):
-        return in_all_lanes(self.text, self.rows[i])
-
-
-def in_all_lanes(text, number):
-    """Return a number of one lane in all lanes of another text."""
-    return Value(text, text.splat(number, text.W))
 
 
 def added(x, factor, change):

@@ -147,7 +147,7 @@ class OfLongList:
         rows, to = text.array("%scratch"), text.array("%to")
         with text.function(name):
             heads, places = (text.constants(each).base for each in runs)
-            table = text.plus("%table", size * first)
+            table = Index(text, "%table") + size * first
             text.copy("%from", rows, self.inputs)
             text.invoke("runs", rows, table, heads, places, len(runs.heads))
             places = text.constants([*self._rows.values()])

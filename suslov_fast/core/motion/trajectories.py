@@ -4,7 +4,7 @@ A lane whose trajectory ends writes it back, and takes the next one that waits. 
 of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
-from ..code.text import Carried, Integers, Truth
+from ..code.text import Carried, Integers
 from . import changes, choosing, inside, lengths, sections
 from .arguments import SLOT
 from .records import is_full
@@ -50,7 +50,7 @@ def _write_back(lines, offset, own):
 def pause_if_spent(lines):
     """Return 0 where the budget is spent."""
     text, left = lines.text, lines.arguments[SLOT.budget]
-    is_spent = Truth(text, text.compare_integers("sle", left, 0), "i1")
+    is_spent = left.is_at_most(0)
     if lines.half.changes:
         is_spent = is_spent | is_full(lines)
     with text.when(is_spent, likely=False):

@@ -22,7 +22,7 @@ from suslov_fast.core.fields import (
     steps as steps_field,
     tangent,
 )
-from suslov_fast.core.fields.generated_tangent import text_of_tangent
+from suslov_fast.core.fields.generated_tangent import text_of_orthonormalise, text_of_tangent
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.engine import derivatives, stretches
 
@@ -49,7 +49,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
+    for module, name in ((steps_field, "_step_of"), (tangent, "tangent_of")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -76,7 +76,7 @@ def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
 
     Texts declare all that they call: LLVM of the oldest Numba knows no function without.
     """
-    texts = [long_tangent.text_of_runs(None, "f")]
+    texts = [long_tangent.text_of_runs("f")]
 
     def refuse(text, *others):
         texts.append(text)
@@ -227,7 +227,7 @@ def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_colum
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {key[0] for key, *_ in machine_code.known_codes}  # which take no plan
-    assert made <= {"orthonormalise", driver.text_of_called_steps, text}
+    assert made <= {text_of_orthonormalise, driver.text_of_called_steps, text}
 
 
 def test_old_codes_are_freed(monkeypatch, anew):
@@ -343,7 +343,7 @@ def test_frames(text_of):
     options = False, 64, False
     if text_of is text_of_tangent:
         options = (False,)
-        step = tangent._tangent_of(step.indices.tobytes(), D)
+        step = tangent.tangent_of(step)
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")

@@ -3,11 +3,8 @@
 import functools
 from typing import NamedTuple
 
-import numpy as np
-
 from ..compiling.codes import CHANGED
-from ..lists.step import OF_NUMBERS, Step
-from .compiler import code_of
+from ..lists.step import OF_NUMBERS
 from .runs import CALLED, JOINING, KINDS
 from .text import Carried, Code, Index, Integers, Truth, Value
 
@@ -32,7 +29,7 @@ class StagePlan(NamedTuple):
 SLOT = StagePlan(*range(len(StagePlan._fields)))
 
 
-def text_of_stage_by_runs(_, name, W, for_each):
+def text_of_stage_by_runs(name, W, for_each):
     """Return the text of i64 name(x, tables, plan): a stage of a line x (D, W), in place.
 
     `tables` is the address of the addresses of the numbers of both programs, (n,) or (n, W), and
@@ -175,11 +172,3 @@ def _sum(text, number, operand, begin, end):
         now.at, now.total = now.at + 8, now.total + term
         now.goes_on = now.at < end
     return now.total
-
-
-ANY = Step(np.empty((3, 0), np.int64), 1)  # the code does not depend on it
-
-
-def stage_by_runs(W, for_each):
-    """Return the address of the code of `text_of_stage_by_runs`."""
-    return code_of(text_of_stage_by_runs, ANY, W, for_each)

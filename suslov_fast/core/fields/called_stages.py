@@ -8,9 +8,9 @@ import functools
 
 import numpy as np
 
-from ..code.compiler import code_of
+from ..code.compiler import common_code_of
 from ..code.runs import programs_of
-from ..code.runs_code import ANY, SLOT, StagePlan, stage_by_runs
+from ..code.runs_code import SLOT, StagePlan, text_of_stage_by_runs
 from ..code.sparse_code import ARRAYS, lengths_of
 from .dense import DenseStage, memory_of_stage, spans_of, take_dense_stage
 from .lines import zeros
@@ -44,7 +44,7 @@ class StageByRuns(CalledStage):
     def __init__(self, lines):
         super().__init__(lines)
         step = lines.scheme.step
-        self.code = stage_by_runs(lines.W, lines.for_each)
+        self.code = common_code_of(text_of_stage_by_runs, lines.W, lines.for_each)
         self.own = np.zeros(len(StagePlan._fields), np.int64)
         self.own[SLOT.D], self.own[SLOT.changed] = step.D, 2 if step.changed is None else 3
         self.begin(programs_of, step, SLOT, SLOT.heads)
@@ -91,7 +91,7 @@ class StageByColumns(StageByRuns):
         CalledStage.__init__(self, lines)
         step, W = lines.scheme.step.by_columns, lines.W
         D, sparse, count = step.D, step.sparse, len(step.entries)
-        self.code = code_of(text_of_stage_by_columns, ANY, W, lines.for_each)
+        self.code = common_code_of(text_of_stage_by_columns, W, lines.for_each)
         memory = zeros(count + 1, W), zeros(D + sparse.size, W), zeros(D, W), step.on_diagonal
         memory[0][count] = 1.0
         self.memory = [*zeros(5, D, W), *memory, *(getattr(sparse, key) for key in ARRAYS)]

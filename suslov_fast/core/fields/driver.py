@@ -72,7 +72,7 @@ def text_of_steps(step, name, W, for_each, align, tells_signs):
     return _Inlined(step, name, W, for_each, align, tells_signs).finished()
 
 
-def text_of_called_steps(_, name, W, align, tells_signs):
+def text_of_called_steps(name, W, align, tells_signs):
     """Return the same text for any field, whose stage is a function.
 
     Where that function has to be prepared, the code returns STOPPED before the stage.

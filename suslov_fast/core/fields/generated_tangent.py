@@ -151,7 +151,7 @@ def _columns(text, tangent, values):
     return now.length
 
 
-def text_of_orthonormalise(D, name, W):
+def text_of_orthonormalise(name, D, W):
     """Return the text of i64 name(columns, carried, due, ...): modified Gram-Schmidt for a line.
 
     The code takes the addresses of the columns and of VOLUME, and bits of lanes that are due; it

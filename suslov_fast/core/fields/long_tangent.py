@@ -117,7 +117,7 @@ class Lists:
         return np.array(Plan(D, width_of(D), *numbers, *where), np.int64), last + len(self.gather)
 
 
-def text_of_runs(_, name, *_others):
+def text_of_runs(name):
     """Return the text of i64 name(line, table, kept, plan, ignored, steps), for any `Plan`.
 
     It takes steps of a trajectory as that of `generated_tangent.text_of_tangent`.

@@ -39,7 +39,7 @@ GIVEN = 1, 4, 1, 5  # times D given values that each reads
 OF_ARRAYS = range(len(Arrays._fields))
 
 
-def text_of_stage_by_columns(_, name, W, for_each):
+def text_of_stage_by_columns(name, W, for_each):
     """Return the text of i64 name(x, tables, plan), see `runs_code.text_of_stage_by_runs`.
 
     `tables` is the address of those of the numbers of all programs.

@@ -22,8 +22,7 @@ from contextlib import nullcontext
 import numpy as np
 from numba import config
 
-from ..code.compiler import call, code_of
-from ..code.runs_code import ANY
+from ..code.compiler import call, code_of, common_code_of
 from ..compiling.numba import STREAM_FROM, Kernel, calling_python
 from ..compiling.threads import in_parts
 from ..lists.step import Step, of_one_sign
@@ -176,7 +175,7 @@ class _Lines:
         if step.usual and not step.is_long:
             return code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs), None
         stage = called_stage_of(self)
-        return code_of(text_of_called_steps, ANY, self.W, bool(align), tells_signs), stage
+        return common_code_of(text_of_called_steps, self.W, bool(align), tells_signs), stage
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""

@@ -23,8 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..code.compiler import code_of, compiled
-from ..code.runs_code import ANY
+from ..code.compiler import code_of, common_code_of
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.llvm import call_code, lesser
@@ -82,28 +81,22 @@ class Arguments(NamedTuple):
 
 
 @functools.lru_cache(32)
-def _tangent_of(places, D, keeps_signs=False):
-    return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs)
-
-
-def _tangent(step):
+def tangent_of(step):
     """Return the `Tangent` of a step, empty if it has no plan."""
-    return _tangent_of(step.indices.tobytes(), step.D, step.keeps_signs)
+    return Tangent(step.indices, step.D, step.keeps_signs)
 
 
-@functools.lru_cache(8)
-def _lists_of(tangent):
-    return long_tangent.Lists(tangent)
+_lists_of = functools.lru_cache(8)(long_tangent.Lists)
 
 
 def _long_arguments(scheme, values, eps, has_list):
     """Return the first fields of `Arguments` for `long_tangent`, and what has to stay alive."""
     step = scheme.step
     if has_list:
-        tangent = _tangent(step)
+        tangent = tangent_of(step)
         lists = _lists_of(tangent)
         plan, kept = lists.plan(step.D)
-        code = code_of(long_tangent.text_of_runs, ANY, 1)
+        code = common_code_of(long_tangent.text_of_runs)
         halves, table = tables_of(Scheme(tangent, scheme.stages), values, eps, 1)
         table = np.array([[lists.numbers.of(line) for line in lines] for lines in table])
     else:
@@ -127,7 +120,7 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1]
     of_stages = *of_stages, int(bool(step.of_one_sign)), np.zeros(1, np.int64), None
-    tangent = _tangent(step)
+    tangent = tangent_of(step)
     length = tangent.length + length_of(tangent.columns)
     if length > sizes.CODE_OF_TANGENT or not tangent.usual:
         fixed, alive = _long_arguments(scheme, values, eps, bool(step.usual))
@@ -136,7 +129,7 @@ def arguments_of(scheme, values, eps, count, in_lines=False):
     halves, table = tables_of(Scheme(tangent, stages), values, eps, 1 if in_lines else W)
     D, is_each = step.D, halves.shape[2] > 1
     room = room_of(D, W)
-    of_D = compiled(("orthonormalise", D, W), lambda name: text_of_orthonormalise(D, name, W))
+    of_D = common_code_of(text_of_orthonormalise, D, W)
     codes = code_of(text_of_tangent, tangent, W, is_each), of_D
     fixed = W, room, 0, step.indices, table, halves, *of_stages
     return Arguments(*map(int, codes), 0, *fixed), codes
@@ -153,7 +146,7 @@ def able(arguments):
 def operations_of(scheme):
     """Return the number of operations of a step, its derivative, and orthonormal columns."""
     step, D = scheme.step, scheme.step.D
-    tangent = _tangent(step)
+    tangent = tangent_of(step)
     if not tangent.usual:
         return 3 * D**3
     return tangent.length + D * length_of(tangent.columns) + D**3 // 4

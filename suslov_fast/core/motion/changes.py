@@ -329,9 +329,7 @@ def _keep_largest(lines, truth):
         low = lines.line.low[i]
         lines.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
     for i in lines.text.each(lines.D):
-        largest, modulus = lines.line.largest[i], abs(lines.work.new[i])
-        larger = (modulus > largest).select(modulus, largest)
-        lines.line.largest.choose(truth, i, larger)
+        lines.keep_largest(truth, i, lines.work.new[i])
 
 
 def _go_on(lines, is_at_stop):

@@ -182,8 +182,7 @@ def _choose(lines, truth, acted):
         own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # changes take care of columns
         with text.when(own.any()):
             for i in text.each(f.D):
-                largest, modulus = line.largest[i], abs(work.new[i])
-                line.largest.choose(own, i, (modulus > largest).select(modulus, largest))
+                lines.keep_largest(own, i, work.new[i])
             _change_columns(lines, own)
             lines.call("f", work.new, lines.table, work.f_new)
     for i in text.each(lines.half.low):

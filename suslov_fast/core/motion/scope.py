@@ -100,6 +100,11 @@ class Lines(Scope):
         """Return what rules take for the last time: that of the next change, if it is earlier."""
         return self.apply(lengths.GOAL) if self.half.changes else {}
 
+    def keep_largest(self, truth, i, x):
+        """Let the largest modulus of component i include that of a value in these lanes."""
+        modulus, largest = abs(x), self.line.largest[i]
+        self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
+
     def lanes_with(self, bits):
         """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
         for lane in self.text.each(self.text.W, most=0):

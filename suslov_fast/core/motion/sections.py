@@ -68,15 +68,13 @@ def KNOWN(value, before, after):
     One that is almost 0 between two of the other sign counts as one of theirs: whether it lies
     beyond 0 is for `DIP` to find out.
     """
-    is_number = abs(value) < inf
     before = (abs(before) < inf).select(before, value)
-    value = is_number.select(value, before)
+    value = (abs(value) < inf).select(value, before)
     is_above = before >= 0.0
     is_alone = ((value >= 0.0) ^ is_above) & ((value >= 0.0) ^ (after >= 0.0))
     is_alone = is_alone & (abs(value) <= ALMOST_0 * smaller(abs(before), abs(after)))
     value = is_alone.select(is_above.select(0.0, -TINY), value)
-    differs = is_number & ((value >= 0.0) ^ (before >= 0.0))
-    return {"value": value, "before": before, "differs": differs}
+    return {"value": value, "before": before, "differs": (value >= 0.0) ^ (before >= 0.0)}
 
 
 @rule
@@ -125,7 +123,7 @@ def DEEPER(value, rate, bend, u, middle, left, taken, sign):
     ahead = side * (sign * rate) * taken
     next_ = u - ahead / (abs(bend) * float(SECTION_PARTS**2))
     part = 1.0 / SECTION_PARTS
-    next_ = larger(smaller(next_, smaller(middle + part, 1.0)), larger(middle - part, 0.0))
+    next_ = larger(smaller(next_, middle + part), middle - part)
     goes_on = (left > 0.0) & (side * value >= 0.0) & (next_ < inf)
     return {
         "u": goes_on.select(next_, u),

@@ -142,9 +142,8 @@ def move(lines):
     text, line, work = lines.text, lines.line, lines.work
     accepted = work.accepted[0] > 0.0
     for i in text.each(lines.D):
-        new, largest = work.new[i], line.largest[i]
+        new = work.new[i]
         line.x.choose(accepted, i, new)
-        modulus = abs(new)
-        line.largest.choose(accepted, i, (modulus > largest).select(modulus, largest))
+        lines.keep_largest(accepted, i, new)
     for i in text.each(lines.extended):
         line.f.choose(accepted, i, work.f_new[i])

@@ -181,11 +181,13 @@ class _Loops:
     def numbers(self, table):
         return np.concatenate([table[:0], *(part.numbers(table) for part in self.parts.values())])
 
-    def add_parts(self, text, name, for_each, first):
-        """Add the parts as functions name_part."""
+    def add(self, text, name, for_each, first):
+        """Add the parts as functions name_part, and the function itself, whose text is `write`."""
         for key, part in self.parts.items():
             part.add(text, f"{name}_{key}", for_each, first)
             first += part.reads
+        with text.function(name):
+            self.write(text, name, for_each)
 
 
 class Tangents(_Loops):
@@ -202,33 +204,31 @@ class Tangents(_Loops):
         self.own = len(f.base.results) + 1 + self.inputs
         self.length = max(INLINED + 1, first.length, product.length)
 
-    def add(self, text, name, for_each, first):
+    def write(self, text, name, for_each):
         f, D = self.f, self.inputs
-        self.add_parts(text, name, for_each, first)
         extended, of_parameters = D + len(f.denominators), f.before - f.q * D
         x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
         entries, vector = f.before, f.before + f.entries + 1
-        with text.function(name):
-            inner = found.at(self.own)
-            text.invoke(f"{name}_first", x, "%table", found, inner)
-            own = text.listed(self.rows)
+        inner = found.at(self.own)
+        text.invoke(f"{name}_first", x, "%table", found, inner)
+        own = text.listed(self.rows)
+        for i in own():
+            to[i] = found[i]
+        for k in range(D, extended):
+            to[f.D - D + k] = found[k]
+        for c in text.each(f.columns):
+            place = (c + 1) * D
+            text.copy(x.at(place), found.at(vector), D)
+            text.invoke(f"{name}_product", found.at(entries), "%table", to.at(place), inner)
+        last = to.after(f.D - 2 * f.has_trace - f.q * D)
+        for c in text.each(f.q):
             for i in own():
-                to[i] = found[i]
-            for k in range(D, extended):
-                to[f.D - D + k] = found[k]
-            for c in text.each(f.columns):
-                place = (c + 1) * D
-                text.copy(x.at(place), found.at(vector), D)
-                text.invoke(f"{name}_product", found.at(entries), "%table", to.at(place), inner)
-            last = to.after(f.D - 2 * f.has_trace - f.q * D)
-            for c in text.each(f.q):
-                for i in own():
-                    k = i + c * D
-                    a = found.after(of_parameters)[k]
-                    last[k] = last[k] + a
-            if f.has_trace:
-                to[f.D - 2] = 0.0
-                to[f.D - 1] = x[f.D - 2] * found[extended]
+                k = i + c * D
+                a = found.after(of_parameters)[k]
+                last[k] = last[k] + a
+        if f.has_trace:
+            to[f.D - 2] = 0.0
+            to[f.D - 1] = x[f.D - 2] * found[extended]
 
 
 class TangentEntries(_Loops):
@@ -248,26 +248,24 @@ class TangentEntries(_Loops):
         self.parts = {"first": of_list(f.derivative, D, f.places), "second": second}
         self.own = len(f.derivative.results) + 2 * D
 
-    def add(self, text, name, for_each, first):
+    def write(self, text, name, for_each):
         f, D, entries = self.f, self.D, self.f.entries
-        self.add_parts(text, name, for_each, first)
         x, found, to = (text.array(f"%{each}") for each in ("from", "scratch", "to"))
         pair = len(f.derivative.results)
-        with text.function(name):
-            inner = found.at(self.own)
-            text.invoke(f"{name}_first", x, "%table", found, inner)
-            text.copy(found, to, entries)
-            line = found.from_here(pair)
-            text.copy(x, line, D)
-            for c in text.each(f.columns):
-                own = x.after(D).at(c * D)
-                text.copy(own, line.at(D), D)
-                of_column = to.after(self.after).at(c * f.coupling)
-                text.invoke(f"{name}_second", line, "%table", of_column, inner)
-            last = to.after(self.after + (f.columns - f.q) * f.coupling)
-            for k in text.each(f.q * f.coupling):
-                a = found.after(entries)[k]
-                last[k] = last[k] + a
+        inner = found.at(self.own)
+        text.invoke(f"{name}_first", x, "%table", found, inner)
+        text.copy(found, to, entries)
+        line = found.from_here(pair)
+        text.copy(x, line, D)
+        for c in text.each(f.columns):
+            own = x.after(D).at(c * D)
+            text.copy(own, line.at(D), D)
+            of_column = to.after(self.after).at(c * f.coupling)
+            text.invoke(f"{name}_second", line, "%table", of_column, inner)
+        last = to.after(self.after + (f.columns - f.q) * f.coupling)
+        for k in text.each(f.q * f.coupling):
+            a = found.after(entries)[k]
+            last[k] = last[k] + a
 
 
 class TangentFactors(_Loops):
@@ -280,15 +278,13 @@ class TangentFactors(_Loops):
         self.parts, self.to, self.entries = {"block": factors}, to, entries
         self.after, self.couplings = after, couplings
 
-    def add(self, text, name, for_each, first):
-        self.add_parts(text, name, for_each, first)
-        with text.function(name):
-            text.invoke(f"{name}_block", *_ADDRESSES)
-            entries = text.array("%from")
-            own, to = entries.after(self.after), text.array("%to", self.to)
-            s = entries[self.entries]
-            for k in text.each(self.couplings):
-                to[k] = s * own[k]
+    def write(self, text, name, for_each):
+        text.invoke(f"{name}_block", *_ADDRESSES)
+        entries = text.array("%from")
+        own, to = entries.after(self.after), text.array("%to", self.to)
+        s = entries[self.entries]
+        for k in text.each(self.couplings):
+            to[k] = s * own[k]
 
 
 class FirstBlock(_Loops):
@@ -297,12 +293,10 @@ class FirstBlock(_Loops):
     def __init__(self, function, D, rows):
         self.parts, self.D, self.rows = {"block": function}, D, rows
 
-    def add(self, text, name, for_each, first):
-        self.add_parts(text, name, for_each, first)
-        with text.function(name):
-            text.invoke(f"{name}_block", *_ADDRESSES)
-            for k in text.each(self.rows - self.D):
-                text.array("%to", self.D)[k] = 0.0
+    def write(self, text, name, for_each):
+        text.invoke(f"{name}_block", *_ADDRESSES)
+        for k in text.each(self.rows - self.D):
+            text.array("%to", self.D)[k] = 0.0
 
 
 class Blocks(_Loops):
@@ -318,32 +312,26 @@ class Blocks(_Loops):
         self.own = self.D = f.of.D
         self.pattern, self.after = pattern, count + f.D
 
-    def add(self, text, name, for_each, first):
-        """Add the function; solutions read a block at `%to`."""
-        self.add_parts(text, name, for_each, first)
+    def write(self, text, name, for_each):
+        """Write the loops; solutions read a block at `%to`."""
         D, size = self.D, len(self.pattern)
-        kept, to, couplings = (
-            text.array("%scratch"),
-            text.array("%to"),
-            text.array("%from", self.after),
-        )
+        kept, to = text.array("%scratch"), text.array("%to")
+        couplings = text.array("%from", self.after)
 
         def solve(right):
-            inner = kept.at(D)
-            text.invoke(f"{name}_block", "%from", "%table", right, inner)
+            text.invoke(f"{name}_block", "%from", "%table", right, kept.after(D))
 
-        with text.function(name):
-            solve("%to")
-            text.copy(to, kept, D)
-            for c in text.each(self.columns):
-                own = to.at((c + 1) * D)
-                text.copy(own, to, D)
-                entries = couplings.from_here(c * size)
-                for k, (i, j) in enumerate(self.pattern):
-                    product = entries[k] * kept[j]
-                    to[i] = to[i] + product
-                solve(own)
-            text.copy(kept, to, D)
+        solve("%to")
+        text.copy(to, kept, D)
+        for c in text.each(self.columns):
+            own = to.at((c + 1) * D)
+            text.copy(own, to, D)
+            entries = couplings.from_here(c * size)
+            for k, (i, j) in enumerate(self.pattern):
+                product = entries[k] * kept[j]
+                to[i] = to[i] + product
+            solve(own)
+        text.copy(kept, to, D)
 
 
 class SparseFactors(_Loops):
@@ -381,7 +369,7 @@ class DenseQuadratic(_Loops):
     def __init__(self, D, is_derivative):
         self.D, self.is_derivative = D, is_derivative
 
-    def add(self, text, name, for_each, first):
+    def write(self, text, name, for_each):
         D, x, f = self.D, text.array("%from"), text.array("%to")
         numbers = text.array("%table") if for_each else Shared(text, "%table")
 
@@ -392,19 +380,18 @@ class DenseQuadratic(_Loops):
                 sums.total = sums.total + q[k] * x[k]
             return own.after(1)[j], sums.total
 
-        with text.function(name):
-            for i in text.each(D):
-                own = numbers.from_here(i * (1 + D + D * D))
-                if self.is_derivative:
-                    for j in text.each(D):
-                        linear, total = linear_and_sum(own, j)
-                        f[i * D + j] = linear + (total + total)
-                    continue
-                sums = Carried(f=own[0])
-                for j in text.each(D, sums):
+        for i in text.each(D):
+            own = numbers.from_here(i * (1 + D + D * D))
+            if self.is_derivative:
+                for j in text.each(D):
                     linear, total = linear_and_sum(own, j)
-                    sums.f = sums.f + (linear + total) * x[j]
-                f[i] = sums.f
+                    f[i * D + j] = linear + (total + total)
+                continue
+            sums = Carried(f=own[0])
+            for j in text.each(D, sums):
+                linear, total = linear_and_sum(own, j)
+                sums.f = sums.f + (linear + total) * x[j]
+            f[i] = sums.f
 
 
 class DenseProduct(_Loops):
@@ -413,12 +400,11 @@ class DenseProduct(_Loops):
     def __init__(self, D):
         self.D = D
 
-    def add(self, text, name, for_each, first):
+    def write(self, text, name, for_each):
         D, f = self.D, text.array("%to")
         entries, vector = text.array("%from"), text.array("%from", D * D + 1)
-        with text.function(name):
-            for i in text.each(D):
-                sums = Carried(total=0.0)
-                for j in text.each(D, sums):
-                    sums.total = sums.total + entries[i * D + j] * vector[j]
-                f[i] = sums.total
+        for i in text.each(D):
+            sums = Carried(total=0.0)
+            for j in text.each(D, sums):
+                sums.total = sums.total + entries[i * D + j] * vector[j]
+            f[i] = sums.total

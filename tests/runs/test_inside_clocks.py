@@ -26,6 +26,7 @@ def rates(at):
         "ramp": (lambda t: np.clip((t - a) / 2, 0, 1), 1.0 + 1.75),
         "guard": (lambda t: np.where(t < a, 1 / (b - t), 0.0), np.log(3.5 / 2.25)),
         "day": (lambda t: np.where(np.mod(t - at, 2.0) < 0.5, 1.0, 0.0), 1.5),
+        "days": (lambda t: np.interp(np.mod(t - at, 2.0), [0, 0.5, 2], [0, 1, 3]), 6.75 + 2 / 3),
     }
 
 

@@ -163,9 +163,11 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
 def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Compute a run in memory, save it if there is a path, and return its summary."""
     from ..engine.threads import CROSSOVER
+    from ..runs.iterate import checked_counts
 
     _check_writable(path, force)
     body, starts, eps, steps = work
+    checked_counts(steps, None)
     starts = _states_of(starts, body)
     settings = {"save_every": None, "on_singular": "ignore", **settings}
     few = min(max(1, steps), CROSSOVER // max(1, len(starts)) + 1)
@@ -218,6 +220,8 @@ def _check_writable(path: Path | None, force: bool) -> None:
     """Raise an error if a file cannot be written."""
     if path is not None:
         _require_new([path], force)
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} is a folder: choose the name of a file")
         if not os.access(f"{path.absolute().parent}/", os.W_OK):
             folder = path.absolute().parent
             how = "choose another folder" if folder.exists() else f"make the folder {folder}"
@@ -276,7 +280,7 @@ def plot(options: argparse.Namespace) -> None:
     if options.output.suffix.lower() not in _ENDINGS:
         ends = "must end in .png, .svg or .pdf"
         options.usage_error(f"argument -o/--output: '{options.output}' {ends}")
-    _require_new([options.output], options.force)
+    _check_writable(options.output, options.force)
     from ..runs.drawing import plt
     from ..runs.files.storage import load
 
@@ -305,6 +309,8 @@ def report(options: argparse.Namespace) -> None:
     limit = _NO_LIMIT if options.time_limit is None else options.time_limit
     try:
         body, eps = body_and_step(options, needs_step=False)
+        if isinstance(body, sf.Field):
+            options.usage_error("the right-hand sides must be polynomials of degree 2 at most")
         show(report_of(body, eps, options.degree, time_limit=limit))
     except KeyboardInterrupt as error:
         if hasattr(error, "report"):  # results so far

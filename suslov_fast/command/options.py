@@ -45,7 +45,7 @@ class _Parser(argparse.ArgumentParser):
             plain = word.replace("-", "_")
             if (how := answer(plain, names, "command")).startswith("--"):
                 message += f"; for {word} use {how}"
-            elif here := names.get(answer(plain, names, "command", "words")):
+            elif here := names.get(how) or names.get(answer(plain, names, "command", "words")):
                 message += f"; for {word} did you mean {here}?"
             elif (here := answer(plain, dir(sf), "module", "words")) in dir(sf):
                 message += f"; call suslov_fast.{here} in Python"
@@ -70,7 +70,7 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
     """
     parser = _Parser("suslov-fast", description=_ABOUT, epilog=_EXAMPLE)
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
-    parser.set_defaults(function=lambda _: parser.print_help())
+    parser.set_defaults(function=lambda _: parser.print_help(), usage_error=parser.error)
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     for function in commands:
         text = function.__doc__ or ""
@@ -123,12 +123,14 @@ def integer(text: str) -> int:
 
 def path(text: str) -> Path:
     """Return the name of a file or folder; a shell leaves the ~ in --output=~/run.npz as it is."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name of a file is empty")
     return Path(os.path.expanduser(text))
 
 
 def name_or_index(text: str) -> str | int:
     """Return a component, by its name or its index."""
-    return int(text) if text.isdecimal() else text
+    return int(text) if text.isdecimal() else text.strip()
 
 
 def numbers(text: str) -> list[float]:

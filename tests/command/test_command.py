@@ -260,6 +260,10 @@ def test_force_replaces_a_run(monkeypatch):
 # Exit status, command line, and what the message on stderr names.
 MISTAKES = """
 2 | simulate | run
+2 | Run | did you mean run?
+2 | -v | -v
+1 | run --steps 1e400 | --steps
+2 | run --body= --eps 1 | --body
 2 | run --stpes 3 | --steps
 2 | run --x0 1,2 | --omega0
 2 | run --rho 28 --dt 1 | --eps
@@ -282,6 +286,7 @@ MISTAKES = """
 1 | run --equations x'=x;x'=1 --time 1 | x has two
 2 | run --eps 1e400 | --eps
 1 | report --equations x*(1-y) | x' =
+2 | report --equations x'=x**3 | degree 2
 2 | run good.json | good.json
 2 | --steps run | --steps comes after the command
 2 | figures -o a.png | a folder
@@ -308,6 +313,8 @@ MISTAKES = """
 1 | run --initial cut.npy | cut.npy
 1 | run -o good.npz | good.npz exists
 1 | run -o missing/o.npz | missing/o.npz
+1 | run -o folder.npz --force | folder.npz
+1 | plot run.npz -o missing/o.png | make the folder
 1 | info foreign.npz | foreign.npz
 1 | info folder.zarr | folder.zarr
 1 | plot run.npz -o figure1.png | figure1.png exists
@@ -320,6 +327,7 @@ MISTAKES = """
 def bad_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
     (folder / "folder.zarr").mkdir()
+    (folder / "folder.npz").mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.save(folder / "good.npy", np.ones((4, 2)))
     np.savez(folder / "foreign.npz", x=np.ones(3))

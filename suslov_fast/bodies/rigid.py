@@ -1,4 +1,4 @@
-"""Bodies in three dimensions, with and without a rotor: the Suslov problem, equation (2).
+"""Bodies in three dimensions, with and without a rotor: the Suslov problem, equations (1), (2).
 
 Also the four examples of the paper, and the rotation of inertia tensors to adapted bases.
 """

@@ -246,7 +246,8 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
 def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2 of a state.
 
-    The steady states are the line x = 0.
+    Equation (7) of Dragovic and Gajic, arXiv:0807.2966. In them the equations of motion are
+    ``x' = x y / (I1 I2)`` and ``y' = -x**2`` (Remark 2). The steady states are the line x = 0.
 
     Parameters
     ----------

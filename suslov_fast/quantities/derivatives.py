@@ -100,7 +100,8 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the :func:`vector_field`. The
-    map has a pole where det A = 0. For a body without a rotor A x_next = x.
+    map has a pole where det A = 0. For a body without a rotor A x_next = x: the matrices before
+    equation (5) and of equation (16) of Dragovic and Gajic, arXiv:0807.2966.
 
     Parameters
     ----------

@@ -199,8 +199,9 @@ def step_full(
 ) -> FloatArray:
     """Return the next state of the scheme in three components.
 
-    The constraint requires Omega3 = 0. The scheme itself only changes the sign of Omega3; where
-    Omega3 is not 0, it has no limit for eps -> 0.
+    Equation (3) of Dragovic and Gajic, arXiv:0807.2966, where the constraint is Omega3 = 0. The
+    scheme itself only changes the sign of Omega3; where that is not 0, it has no limit for
+    eps -> 0.
 
     Parameters
     ----------

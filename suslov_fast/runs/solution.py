@@ -98,7 +98,8 @@ def exact(
 def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-    Orbits go from one steady rotation to another; without a rotor that is the opposite one.
+    Orbits go from one steady rotation to another (Proposition 2 of Dragovic and Gajic,
+    arXiv:0807.2966); without a rotor that is the opposite one.
 
     Parameters
     ----------

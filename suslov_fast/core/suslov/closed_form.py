@@ -41,7 +41,8 @@ A**2 - k**2 = (nu**2 + ell (x - k) - (K ell)**2) / (1 + X**2)
 Far from ell = 0, an orbit that turns has b = 2 i (k z + R**2 g) and
 c = -k**2 z - R**2 g (g conj(z) + 2 k). Both hold for g = 0, too, but cancel next to ell = 0.
 
-For k = 0 and T < 1 this is Theorem 1: r = exp(eps k1), equation (12), and (11) is a step of (p, q).
+For k = 0 and T < 1 this is Theorem 1: r = exp(eps k1), equation (12), and -tan(psi) is the u of
+equations (10) and (11) half a step later.
 """
 
 import math
@@ -392,7 +393,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")
 def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
-    """The states to which an orbit tends as n tends to -infinity and to +infinity.
+    """The states to which an orbit tends as n tends to -infinity and to +infinity (Proposition 2).
 
     They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
     fixed state both are this state. For eps = 0 they are the limits of the motion.

@@ -110,7 +110,7 @@ def to_xy(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(LAYOUT_3D + "(d)")
 def from_xy(I1, I2, I13, I23, k, eps, xy, out):
-    """The state with these x and y: the inverse of equation (7)."""
+    """The state with these x and y: the inverse of equation (7), whose Jacobian is -D."""
     D = I13 * I13 * I2 + I23 * I23 * I1
     out[0] = (I13 * I2 * xy[0] + I23 * xy[1]) / D
     out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D
@@ -165,7 +165,7 @@ def matrix(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def inverse_determinant(I1, I2, I13, I23, k, half, w1, w2):
-    """1 / det A, where det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
+    """1 / Delta of equation (5): Delta = det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
     Y, ell = half * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
     part = half * ell / (I1 * I2)
     square, KX = 2.0 * half * ell * part, half * k * part
@@ -214,6 +214,7 @@ def step_full(I1, I2, I13, I23, I3, eps, w, out):
 def reaction(I1, I2, I13, I23, k, eps, w, out):
     """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; derivatives if eps = 0.
 
+    It is lambda of equation (2), with the differences and products of equation (4).
     Both terms have the denominator det A, and numerators in which only those terms cancel that
     cancel in the result, too.
     """
@@ -315,7 +316,7 @@ def vector_field_nd(J, I, eps, w, out):
 
 @universal("(d),(d),(d),(d)->(d,d)")
 def reaction_between(J, I, w, after, out):
-    """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
+    """lambda_ij of equation (13): I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
 
     s is the field with polarised products: (after - w) / eps in a step, f(w) if after = w.
     """

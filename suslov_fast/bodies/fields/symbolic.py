@@ -166,12 +166,12 @@ def _is_truth(value: Any) -> bool:
 
 
 def _of_numbers(name: str, values: Sequence[Any]) -> Any:
-    if name in ("erf", "expit"):
+    if name in _OF_PYTHON:  # integers and fractions stay exact
+        return getattr(operator, _OF_PYTHON[name])(*values)
+    if not hasattr(np, name):
         from scipy import special
 
         return getattr(special, name)(*values)
-    if name in _OF_PYTHON:  # integers and fractions stay exact
-        return getattr(operator, _OF_PYTHON[name])(*values)
     return getattr(np, name)(*values)
 
 

@@ -109,25 +109,28 @@ def changed(body, omega, **options):
     return motion.states, motion.changes.count
 
 
+def parameters_of(name):
+    return inspect.signature(getattr(sf, name)).parameters
+
+
+def of_a_state(name):
+    """True if a function needs a body and a state, perhaps a step size, and nothing else."""
+    arguments = parameters_of(name).values()
+    positional = [each for each in arguments if each.kind is each.POSITIONAL_ONLY]
+    needed = {each.name for each in arguments if each.default is each.empty} - {"eps"}
+    return len(positional) == 2 and needed == {each.name for each in positional}
+
+
 TIMES = np.array([3, -1e9, -3, 0, 7, 700, 1e9])
-# A row that needs another function or a method has its name after a colon.
+NAMES = {name for map in MAPS.values() for name in map.formulas} - {"multipliers"}
+# All functions of a state that a record has, and others; a row that needs another function or a
+# method has its name after a colon.
 ROWS = {
-    "energy": Row(sf.energy, eps=False),
-    "first_integral": Row(sf.first_integral),
-    "modified_energy": Row(sf.modified_energy),
-    "criticality": Row(sf.criticality),
-    "rotation_number": Row(sf.rotation_number),
-    "invariant_density": Row(sf.invariant_density),
-    "to_xy": Row(sf.to_xy, eps=False),
-    "from_xy": Row(sf.from_xy, eps=False),
-    "vector_field": Row(sf.vector_field, eps=False),
-    "reaction": Row(sf.reaction),
-    "jacobian": Row(sf.jacobian),
-    "matrix": Row(sf.matrix),
-    "closed_form": Row(sf.closed_form),
-    "limits": Row(sf.limits),
+    **{
+        name: Row(getattr(sf, name), eps="eps" in parameters_of(name))
+        for name in sorted(filter(of_a_state, NAMES))
+    },
     "step": Row(sf.step, threads=True),
-    "step_full": Row(sf.step_full),
     "iterate": runs(save_every=3),
     "iterate: last states": runs(save_every=None),
     "iterate: attitude": runs(attitude=True, save_every=2),
@@ -144,9 +147,6 @@ ROWS = {
     "lyapunov_exponents": Row(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
     ),
-    "to_matrix": Row(sf.to_matrix, eps=False),
-    "to_vector": Row(sf.to_vector, eps=False),
-    "momentum": Row(sf.momentum, eps=False),
 }
 
 

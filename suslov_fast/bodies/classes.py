@@ -1,7 +1,7 @@
 """Classes of bodies: unions for type hints, and classes by the name that files contain."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from ..checks import instance, short, wrong
 from ..keywords import public
@@ -14,10 +14,7 @@ AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField | Field
 
-
-_NAMED: dict[Any, type[Any]] = {
-    kind.__name__: kind for kind in (Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Field)
-}
+_NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(BodyOrField)}
 
 
 def class_named(name: Any) -> type[Any]:

@@ -368,7 +368,7 @@ def left_out(beside: str, **given: bool) -> None:
 def arguments_of(f: Any) -> list[str]:
     """Return the names of the required arguments of a function; none if it does not tell them."""
     try:
-        parameters = inspect.signature(f).parameters.values()
+        parameters = inspect.signature(getattr(f, "py_func", f)).parameters.values()
     except (TypeError, ValueError):
         return []
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD

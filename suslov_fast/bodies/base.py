@@ -85,6 +85,7 @@ class Body(Members):
     read: ClassVar[Any] = None
     texts: ClassVar[tuple[str, ...]] = ()
     remake: ClassVar[Any] = None
+    _field: ClassVar[Any]  # the equations of motion, of a body that is no field
     of_motion: ClassVar[Any] = MappingProxyType({})
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
@@ -156,7 +157,7 @@ class Body(Members):
     @public
     def field(self) -> Any:
         """Return the equations of motion as a field, as :meth:`QuadraticField.of` does."""
-        raise NotImplementedError
+        return self._field
 
     @property
     def _terms(self) -> Any:

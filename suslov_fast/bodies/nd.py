@@ -104,10 +104,6 @@ class SuslovND(Body):
     def labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    @public
-    def field(self) -> QuadraticField:
-        return self._field
-
     @cached_property
     def _field(self) -> QuadraticField:
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())

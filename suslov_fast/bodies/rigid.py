@@ -49,10 +49,6 @@ class _In3D(Body):
         rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
-    @public
-    def field(self) -> QuadraticField:
-        return self._field
-
     @cached_property
     def _field(self) -> QuadraticField:
         I1, I2, *form = self.constants if self.shape else map(Fraction, self.constants)

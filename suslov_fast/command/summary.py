@@ -42,11 +42,8 @@ def facts_of(result: Any, start: Any = None) -> dict[str, Any]:
         counts = {**_counts(result.status), "steps": int(result.steps.sum())}
         common = {**body, **counts, "time": float(last)}
     if isinstance(result, sf.Crossings):
-        names = {*ARGUMENTS["Crossings"]} - {"last", "steps"}
-        arguments = {
-            name: getattr(result, name) for name in ARGUMENTS["Crossings"] if name in names
-        }
-        given = {name: value for name, value in arguments.items() if value is not None}
+        names = [name for name in ARGUMENTS["Crossings"] if name not in ("last", "steps")]
+        given = {k: value for k in names if (value := getattr(result, k)) is not None}
         return {**common, "crossings": len(result), **given}
     saved = {**common, "saved_states": len(result)}
     if isinstance(result, sf.Motion):

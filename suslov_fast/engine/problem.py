@@ -77,9 +77,6 @@ def check(
     large array of initial states is refused before it is read.
     """
     labels, turns = components or body.labels, None
-    if components is None and len(labels) != body.dimension:
-        expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
-        raise wrong("labels", expected, checks.short(labels))
     if body.variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
     if isinstance(omega, RandomStarts):
@@ -98,9 +95,6 @@ def check(
             expected = "left out, because states of this map have no orientation"
             raise wrong("attitude", expected, error=TypeError)
         n = body.dimension + 1
-        if map.attitude == "axial" and n != 3:
-            expected = "'in_rows', because states do not have two components"
-            raise wrong(f"attitude of the map {map.name!r}", expected, "'axial'")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)

@@ -1,6 +1,7 @@
 """Records of maps: the class `Map`, all of its records, and the map for a body and a method."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -50,8 +51,6 @@ class Map:
     stages : Stages
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
         Kahan's map itself.
-    order : int
-        The order of the method: the error of a step is O(eps**(order + 1)).
     attitude : {"axial", "in_rows"} or None
         How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
         if they do not.
@@ -68,21 +67,18 @@ class Map:
     methods: Mapping[str, Steps]
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE
-    order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
     eigenvalues: Eigenvalues = eigenvalues
 
     def functions(self, body: Any) -> list[str]:
         """Return the names of the public functions that the map supports for a body."""
-        return [name for name in self.formulas if self._has_for(name, body)]
-
-    def _has_for(self, name: str, body: Any) -> bool:
-        try:
-            self.require(name, body)
-        except (TypeError, ValueError):
-            return False
-        return True
+        found = []
+        for name in self.formulas:
+            with suppress(TypeError, ValueError):
+                self.require(name, body)
+                found.append(name)
+        return found
 
     def require(self, name: str, body: Any) -> None:
         """Raise an error unless the map supports a public function for this body."""
@@ -104,11 +100,6 @@ class Map:
             )
         if check := self.formulas[name].check:
             check(body)
-
-    def formula(self, name: str, body: Any) -> Formula:
-        """Return the formula of a public function; raise if there is none for this body."""
-        self.require(name, body)
-        return self.formulas[name]
 
     def conserves(self, body: Any) -> str | None:
         """Return the name of a conserved, or nearly conserved, quantity; None without one."""

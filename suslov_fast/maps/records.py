@@ -72,7 +72,6 @@ for _record in (
             methods={f"order{order}": field_in(COMPOSITIONS[order])},
             formulas=OF_ORDER,
             stages=COMPOSITIONS[order],
-            order=order,
         )
         for order in COMPOSITIONS
     ),

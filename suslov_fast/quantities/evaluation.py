@@ -27,7 +27,8 @@ def evaluate(
     if isinstance(body, Field) and name in ("vector_field", "energy"):
         return body._value_of(name, omega)
     map = map or map_of(body)
-    formula = map.formula(name, body)
+    map.require(name, body)
+    formula = map.formulas[name]
     problem = check(map, body, omega, eps, later=True)
 
     def compute(part: Problem) -> FloatArray:

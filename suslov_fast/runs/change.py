@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -16,6 +15,8 @@ from ..bodies.fields.calls import (
     called_by_name,
     check_function,
     operands_of_function,
+    taken,
+    taking,
 )
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.names import TIME
@@ -327,31 +328,17 @@ class Traced:
         """Return the operands that a function returns, or that texts are."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
-        f, known = getattr(f, "py_func", f), self._parameters_of(argument, f)
-        check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
-
-        def of_known(x: Any, **values: Any) -> Any:
-            return f(x, **{name: values[name] for name in known})
-
-        given = argument, of_known, self.names, self.tracer.parameters
-        return operands_of_function(*given, self.tracer)[1]
-
-    def _parameters_of(self, argument: str, f: Any) -> list[str]:
-        """Return the parameters of the system that a function takes; TypeError if it has others."""
-        try:
-            own = [*inspect.signature(f).parameters.values()]
-        except (TypeError, ValueError):
-            return []
-        others = [name for name in arguments_of(f)[1:] if name not in self.tracer.parameters]
-        if others and not TIME & {each.name for each in own}:
+        needed, known = arguments_of(f), taken(f, self.tracer.parameters)
+        others = [name for name in needed[1:] if name not in known]
+        if others and not TIME & {*needed}:
             expected = "a function of the state, and of parameters of the system by name"
             has = either([*self.tracer.parameters] or ["none"])
             raise wrong(
                 argument, expected, f"one of {others[0]!r}: the system has {has}", TypeError
             )
-        takes_all = any(each.kind is each.VAR_KEYWORD for each in own)
-        named = {each.name for each in own[1:]}
-        return [name for name in self.tracer.parameters if takes_all or name in named]
+        check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
+        given = argument, taking(f, known), self.names, self.tracer.parameters
+        return operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return the operands that texts are."""

@@ -8,7 +8,7 @@ release lack a column.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..core.motion.engine import Settings
@@ -30,7 +30,6 @@ class Column(NamedTuple):
     meaning: str = ""  # long name in datasets
     fill: float = math.nan  # value in a store where a tile is not computed yet
     when: str = ""  # the condition under which results have it
-    is_last: bool = False  # whether tiles write it last, so that it marks them as done
 
     @property
     def short(self) -> str:
@@ -56,7 +55,7 @@ RUN = (
         "failed_at", "int64", "batch", "first state missing or beyond a pole, or -1", fill=PENDING
     ),
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1", fill=PENDING),
-    Column("status", "int8", "batch", fill=PENDING, is_last=True),
+    Column("status", "int8", "batch", fill=PENDING),
     Column("_carry", "float64", "carried trajectory"),
     Column("_turned", "float64", "trajectory space body", when="turns"),
 )
@@ -72,7 +71,7 @@ MOTION = (
     Column("states", "float64", "time batch component"),
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps", fill=PENDING),
-    Column("status", "int8", "batch", fill=PENDING, is_last=True),
+    Column("status", "int8", "batch", fill=PENDING),
     Column("_derivatives", "float64", "time batch component direction", when="by"),
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
     Column("changes.count", "int64", "batch change", "number of changes", PENDING, "changes"),
@@ -104,14 +103,9 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
 
 
-def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column]:
-    """Return the columns that exist under these conditions."""
-    return [column for column in table if not column.when or column.when in conditions]
-
-
 def in_stores(kind: str, *conditions: str) -> list[Column]:
-    """Return the columns of a kind of results that datasets and stores have."""
-    columns = present(OF_KIND[kind], conditions)
+    """Return the columns that datasets and stores have of results under these conditions."""
+    columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
     return [c for c in columns if c.is_public and not c.axes.startswith("changed")]
 
 

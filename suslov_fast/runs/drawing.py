@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..bodies.fields.names import latex
 from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
-from .files.datasets import varying
+from .files.datasets import varying_numbers
 
 try:
     import matplotlib.pyplot as plt
@@ -238,9 +238,7 @@ def _colours(
     `of_crossings`, or have the shape of the batch.
     """
     of_crossings = of_crossings or {}
-    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body.axes}
-    if np.ndim(eps := vars(run).get("eps", 0.0)):
-        parameters["eps"] = np.asarray(eps)
+    parameters = varying_numbers(run)
     if color is None:
         color = next((name for name, values in parameters.items() if values.size > 1), None)
         if color is None:

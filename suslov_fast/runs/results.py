@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, warn
 from ..engine.status import count_in_words
 from ..keywords import Answering, lacking, public
+from ..quantities.evaluation import evaluate
 from ..words import answer
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ T = TypeVar("T", bound=np.generic)
 
 # Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
 QUANTITIES: set[str] = set()
-# Quantities that take a step size, which is 0 along the motion.
-_OF_STEPS = {"first_integral"}
 
 
 def quantity(name: str) -> Callable[[Any], FloatArray]:
@@ -80,15 +78,11 @@ class Result(metaclass=Answering):
         name: str | None = map.conserves(self.body)
         return name
 
-    def _value(self: Any, name: str, states: FloatArray) -> FloatArray:
+    def _value(self, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function of the system for states."""
         if (map := vars(self).get("map")) is None:
-            function = getattr(import_module("suslov_fast"), name)
-            values: FloatArray = function(self.body, states, *[0.0] * (name in _OF_STEPS))
-            return values
-        from ..quantities.evaluation import evaluate
-
-        return evaluate(name, self.body, states, self.eps, map=map)
+            return evaluate(name, self.body, states)
+        return evaluate(name, self.body, states, vars(self)["eps"], map=map)
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""

@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.fields.symbolic import applied
+from ..bodies.fields.calls import called_by_name
 from ..bodies.fields.texts import values_of
 from ..checks import FloatArray, arguments_of, require, wrong
-from ..core.lists.records import FUNCTIONS, OTHER_NAMES
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 from .change import refuse_event
@@ -65,14 +64,7 @@ def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
 
 def _value_of(text: str, named: Mapping[str, FloatArray]) -> Any:
     """Return the value of a formula of components, arrays."""
-
-    def function(name: str, of: Sequence[Any]) -> Any:
-        own = OTHER_NAMES.get(name, name)
-        if own not in FUNCTIONS or len(of) != FUNCTIONS[own].operands:
-            raise ValueError(f"there is no function {name} of {len(of)}")
-        return applied(own, *of)
-
-    return values_of([(0, text)], named, function)[0]
+    return values_of([(0, text)], named, called_by_name)[0]
 
 
 def values_at(surface: Surface, states: FloatArray, all_exist: bool) -> FloatArray:

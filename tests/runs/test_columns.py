@@ -29,12 +29,6 @@ def entries(path):
 
 
 @pytest.mark.parametrize("kind", ["Trajectories", "Motion"])
-def test_one_column_marks_tiles_as_done(kind):
-    last = [column for column in columns.OF_KIND[kind] if column.is_last]
-    assert [(column.name, column.axes) for column in last] == [("status", "batch")]
-
-
-@pytest.mark.parametrize("kind", ["Trajectories", "Motion"])
 def test_each_column_is_everywhere(tmp_path, kind):
     """The same values in a run, its file, its dataset and a store, under one name."""
     store = tmp_path / "run.zarr"
@@ -69,8 +63,7 @@ def test_columns_of_orientations(tmp_path):
         run = sf.iterate(body, [1.0, 0.5, 0.2], 0.1, 5, attitude=turns)
         run.save(tmp_path / "run.npz", overwrite=True)
         found = {*entries(tmp_path / "run.npz")} - {"about", "body", "eps"}
-        expected = columns.present(columns.RUN, {"turns"} if turns else ())
-        assert found == {column.name for column in expected}
+        assert found == {c.name for c in columns.RUN if turns or c.when != "turns"}
         assert ("attitude" in run.to_xarray()) == turns
         assert sf.load(tmp_path / "run.npz") == run
 

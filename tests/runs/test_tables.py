@@ -35,7 +35,7 @@ def test_tables_have_a_row_for_each_state(kind):
         times = np.reshape(result.time, (len(result), -1))
         np.testing.assert_array_equal(rows.time, times[:, number % times.shape[1]])
     columns = {
-        "map": ["n", "time", "eps", "k"],
+        "map": ["n", "time", "k", "eps"],
         "motion": ["time", "k"],
         "body": ["n", "time", "I2"],
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -68,6 +68,23 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
+
+
+def taken(f: Any, names: Iterable[str]) -> list[str]:
+    """Return which parameters a function of the state takes; none if it does not tell."""
+    try:
+        own = [*inspect.signature(getattr(f, "py_func", f)).parameters.values()]
+    except (TypeError, ValueError):
+        return []
+    takes_all = any(each.kind is each.VAR_KEYWORD for each in own)
+    known = {each.name for each in own[1:]}
+    return [name for name in names if takes_all or name in known]
+
+
+def taking(f: Any, names: Sequence[str]) -> Any:
+    """Return f as a function of the state and of all parameters, of which it takes these."""
+    plain = getattr(f, "py_func", f)  # if Numba compiled f
+    return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
@@ -157,7 +174,6 @@ def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
         raise ValueError(f"equations: there is no function {name} of {len(arguments)}")
     if any(isinstance(a, tuple) for a in arguments):
         raise ValueError(f"equations: {name} takes numbers")
-    if not any(isinstance(a, Symbol) for a in arguments):
-        with np.errstate(all="ignore"):
-            return float(applied(own, *arguments))
-    return applied(own, *arguments)
+    with np.errstate(all="ignore"):
+        value = applied(own, *arguments)
+    return value if isinstance(value, (Symbol, np.ndarray)) else float(value)

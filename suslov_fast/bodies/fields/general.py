@@ -293,11 +293,7 @@ class Field(FieldOfFunction):
         equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
-    @property
-    def remake(self) -> Any:
-        return self._with_values
-
-    def _with_values(self, **parameters: Any) -> Field:
+    def remake(self, **parameters: Any) -> Field:
         values = self.parts | named_parameters(parameters, self.names, has_map=False)
         return self._of({**values, **self._shared})
 

@@ -7,7 +7,6 @@ no pivot: rounding would leave a number in its place.
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from ...checks import real_array, short, wrong
 from ...core.lists.step import evaluate
-from .calls import alone, called, check_function, check_same
+from .calls import alone, called, check_function, check_same, taken, taking
 from .symbolic import Symbol, Tracer
 
 _HOW = (
@@ -30,28 +29,13 @@ _SAMPLES, _CANCELLED, _MOST = 32, 1e-11, 0.8
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return f and M as functions of the state and of all parameters, each of which one takes."""
-    takes = {name: _takes(each) for name, each in (("f", f), ("mass", mass))}
-    of_mass = {n: a for n, a in parameters.items() if takes["mass"](n)}
-    of_f = {n: a for n, a in parameters.items() if takes["f"](n) or n not in of_mass}
-    check_function("f", f, names, of_f)
+    of_mass, own = taken(mass, parameters), taken(f, parameters)
+    of_f = [name for name in parameters if name in own or name not in of_mass]
+    check_function("f", f, names, {name: parameters[name] for name in of_f})
     if callable(mass):
-        check_function("mass", mass, names, of_mass)
-        mass = _taking(mass, [*of_mass])
-    return _taking(f, [*of_f]), mass
-
-
-def _takes(f: Any) -> Callable[[str], bool]:
-    """Return what tells whether a function takes a parameter of a name."""
-    if not callable(f):
-        return lambda name: False
-    kinds = inspect.signature(getattr(f, "py_func", f)).parameters
-    takes_all = any(each.kind is each.VAR_KEYWORD for each in kinds.values())
-    return lambda name: takes_all or name in kinds
-
-
-def _taking(f: Any, names: Sequence[str]) -> Any:
-    plain = getattr(f, "py_func", f)  # if Numba compiled f
-    return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
+        check_function("mass", mass, names, {name: parameters[name] for name in of_mass})
+        mass = taking(mass, of_mass)
+    return taking(f, of_f), mass
 
 
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
@@ -119,7 +103,7 @@ def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
 
 
 class _Cancellation:
-    """What formulas are at states that are chosen at random."""
+    """Formulas at states that are chosen at random, where some are 0 by cancellation."""
 
     def __init__(self, tracer: Tracer) -> None:
         numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))

@@ -335,6 +335,8 @@ def interpolated(
 
     if not _is_array(x):
         return of_one(x)
+    if isinstance(x, np.ndarray) and x.dtype != object:  # of a formula along a map
+        return np.interp(x, knots, heights, low, high)
     return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
 
 

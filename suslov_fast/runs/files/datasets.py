@@ -112,6 +112,13 @@ def varying(body: Any) -> dict[str, Any]:
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
+def varying_numbers(result: Any) -> dict[str, Any]:
+    """Return the numbers that vary along the batch of a result by name: parameters, then eps."""
+    found = {k: array for k, array in varying(result.body).items() if k not in result.body.axes}
+    eps = np.asarray(vars(result).get("eps"))
+    return found | ({"eps": eps} if eps.ndim else {})
+
+
 def crossings_to_xarray(points: Any) -> Any:
     """Return crossings as a dataset; see `Points.to_xarray`."""
     from ... import __version__

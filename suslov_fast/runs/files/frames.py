@@ -1,29 +1,19 @@
 """Results as tables of pandas: a row for each state."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ...checks import FloatArray, extra
-from .datasets import varying
-
-
-def _parameters(result: Any) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the names and values of the numbers that vary along the batch."""
-    eps = np.asarray(vars(result).get("eps", 0.0))
-    if eps.ndim:
-        yield "eps", eps
-    for name, values in varying(result.body).items():
-        if not result.body.axes.get(name):
-            yield name, values
+from .datasets import varying_numbers
 
 
 def table(result: Any) -> Any:
     """Return a result as a table; see `Result.to_dataframe`."""
+    parameters = varying_numbers(result)
     if hasattr(result, "coordinates"):
         columns = {name: getattr(result, name) for name in result.coordinates}
-        columns |= {name: result._at_crossings(values) for name, values in _parameters(result)}
+        columns |= {name: result._at_crossings(values) for name, values in parameters.items()}
         states = result.states
     else:
         columns, states = _of_runs(result)
@@ -42,7 +32,7 @@ def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
         columns["n"] = np.tile(run.n, run.status.size)
     time = run.time.reshape((N, *(1,) * (1 + len(batch) - run.time.ndim), *run.time.shape[1:]))
     columns["time"] = np.moveaxis(np.broadcast_to(time, (N, *batch)), 0, -1).ravel()
-    for name, values in _parameters(run):
+    for name, values in varying_numbers(run).items():
         columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
     states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body.labels))
     return columns, states

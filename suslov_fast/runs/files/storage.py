@@ -49,8 +49,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     about |= {name: None if is_array[name] else value for name, value in arguments.items()}
     if vars(result).get("changes") is not None:
         about["changes"] = [change.to_dict() for change in result.changes.given]
-    if class_named(described["body"]) is not type(result.body):
-        raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
+    class_named(described["body"])  # raises an error for a class of the user
     names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
     arrays = {name: value_of(result, name) for name in names}
     arrays = {

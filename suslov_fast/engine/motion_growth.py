@@ -27,9 +27,9 @@ from ..checks import FloatArray
 from ..core.lists.changes import Act, components_of
 from ..core.lists.frames import SHIFT, with_frame
 from ..core.lists.variational import variational
-from ..core.motion.engine import Motion as Engine, Settings, Stops, counted_from_start
+from ..core.motion.engine import Motion as Engine, Stops, counted_from_start
 from .arguments import ALL
-from .motions import Found, nothing_found, right_hand_sides, status_of
+from .motions import Asked, Found, nothing_found, right_hand_sides, status_of
 from .status import Status
 
 _MOST = 40  # m of the shortest segment
@@ -54,19 +54,16 @@ def exponents_of(
     field: Any,
     starts: FloatArray,
     batch: tuple[int, ...],
-    time: float,
+    asked: Asked,
     transient: float,
-    settings: Settings,
-    threads: int,
-    report: Callable[[int], bool] | None,
-    acts: tuple[Act, ...] = (),
-    stops: Stops | None = None,
+    acts: tuple[Act, ...],
 ) -> tuple[FloatArray, Found]:
-    """Return exponents (B, n), the largest first, and ends.
+    """Return exponents (B, n) over the time that is asked, the largest first, and ends.
 
     n counts the components whose rate is not constant in some member, or that a change sets.
-    `acts` are changes of the state, in the order of code, and `stops` their times.
+    `acts` are changes of the state, in the order of code.
     """
+    (time,), report, stops = asked.times.tolist(), asked.report, asked.stops
     found = nothing_found(starts, 0)
     members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
     groups = right_hand_sides(members, field.shape, batch)
@@ -82,8 +79,8 @@ def exponents_of(
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
-        own_stops = stops if stops is None or where is ALL else stops.of(where)
-        run = _Run(f, table, x, moving, settings, threads, own_stops)
+        own = stops if stops is None or where is ALL else stops.of(where)
+        run = _Run(f, table, x, moving, asked._replace(stops=own))
 
         share = count / max(len(starts), 1) / total
 
@@ -129,18 +126,16 @@ class _Run:
         table: FloatArray,
         x: FloatArray,
         moving: NDArray[np.int64],
-        settings: Settings,
-        threads: int,
-        stops: Stops | None,
+        asked: Asked,
     ) -> None:
         self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
-        self.settings, self.threads = settings, threads
+        self.settings, self.threads, self.stops = asked.settings, asked.threads, asked.stops
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
         has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)
         self.has_frames = np.full(len(x), has_frames)
         self.count = np.zeros(len(x), np.int64)  # of segments
-        self.stops, self.passed = stops, np.zeros(len(x), np.int64)  # times of changes, passed
+        self.passed = np.zeros(len(x), np.int64)  # times of changes
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)

@@ -13,7 +13,7 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
-from ..engine.motions import threads_for
+from ..engine.motions import Asked, threads_for
 from ..engine.problem import warn_of_times
 from ..engine.starts import (
     RTOL,
@@ -131,8 +131,8 @@ def lyapunov_exponents(
         stops = stops_of(acting, 1, batch) if acts else None
         count = threads_for(len(x), thread_count(threads))
         with reporter(progress, 1000) as report:
-            arguments = time, before, settings, count, report, acts, stops
-            exponents, ends = exponents_of(field, x, batch, *arguments)
+            asked = Asked(np.array([time]), 1, settings, count, report, stops)
+            exponents, ends = exponents_of(field, x, batch, asked, before, acts)
         warn_of_ends(ends, x, batch)
         return exponents.reshape(*batch, exponents.shape[1])
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")

@@ -184,19 +184,13 @@ _SHORTER: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def _name(name: str) -> str:
-    """Return the name of the record of a function of NumPy."""
-    if name.startswith("bitwise") or name == "invert":
-        return {"invert": "bitwise_not"}.get(name, name)
-    return OTHER_NAMES.get(name, name)
-
-
 @functools.cache
 def _function(name: str) -> tuple[Callable[..., Any], int]:
     """Return the function of symbolic numbers with a name of NumPy, and the number of operands."""
     if name in _SHORTER:
         return _SHORTER[name], 1
-    own = _name(name)
+    own = {"invert": "bitwise_not"}.get(name, name)
+    own = own if own.startswith("bitwise") else OTHER_NAMES.get(own, own)
     record = FUNCTIONS.get(OTHER_NAMES.get(own, own))
     if record is None:
         known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
@@ -279,25 +273,10 @@ def _where(condition: Any, *values: Any) -> Any:
 
 def _clip(a: Any, a_min: Any = None, a_max: Any = None, **options: Any) -> Any:
     least, most = options.pop("min", a_min), options.pop("max", a_max)
-    if least is None or most is None:
+    if least is None or most is None or options:
         a = a if least is None else np.maximum(a, least, **options)
         return a if most is None else np.minimum(a, most, **options)
-    return _carried_out(_Named("clip"), "__call__", (a, least, most), _as_of_ufunc(options))
-
-
-def _as_of_ufunc(options: dict[str, Any]) -> dict[str, Any]:
-    if options.get("out") is None:
-        return {key: value for key, value in options.items() if key != "out"}
-    return options | {"out": (options["out"],)}
-
-
-class _Named:
-    """A function of NumPy that is no ufunc, for `_carried_out`."""
-
-    signature = None
-
-    def __init__(self, name: str) -> None:
-        self.__name__ = name
+    return _wrapped(_on_arrays("clip")(*map(_base, (a, least, most))))
 
 
 def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:

@@ -17,7 +17,8 @@ from ...checks import FloatArray, arguments_of
 from ...core.lists.changes import Act
 from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
-from ...core.lists.quadratic import expressions_of, parameters_of, right_hand_side_of
+from ...core.lists.quadratic import expressions_of, parameters_of
+from ...core.lists.right_hand_side import RightHandSide
 from ...keywords import public
 from ..base import Body, Parameters, frozen, summary
 from .calls import check_function
@@ -440,32 +441,23 @@ class _FieldOfTerms(FieldOfFunction):
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
-        return self._by_lists(_LONG, lambda field: field.right_hand_sides)
+        return self._by_lists(lambda field: field.right_hand_sides, longest=_LONG)
 
     @cached_property
     def listed_right_hand_sides(self) -> list[OfMembers]:
-        return self._by_lists(None, lambda field: field.listed_right_hand_sides)
+        return self._by_lists(lambda field: field.listed_right_hand_sides, twice=True)
 
-    def _with_acts_of(self, acts: tuple[Act, ...], twice: bool, of_field: Any) -> list[OfMembers]:
-        """Return the right-hand sides of members with changes of the state, in order of code."""
-        named = self._named_values
-
-        def make(indices: NDArray[Any], values: FloatArray, members: NDArray[np.int64]) -> Any:
-            units = (values == 1.0).all(axis=0), (values == -1.0).all(axis=0)
-            texts = (each.tobytes() for each in units)
-            f = _with_acts(indices.tobytes(), self.dimension, *texts, len(named), acts, twice)
-            own = [*(row[members] for row in named), *parameters_of(values, *units)]
-            own += [np.zeros(len(members))] * (f.P - len(own))  # starts of clocks
-            return f, np.array(own).reshape(-1, len(members))
-
-        return self._by_lists(None, of_field, make)
-
-    def _by_lists(self, longest: int | None, of_field: Any, make: Any = None) -> list[OfMembers]:
+    def _by_lists(
+        self,
+        of_field: Callable[[Any], list[OfMembers]],
+        acts: tuple[Act, ...] | None = None,
+        twice: bool = False,
+        longest: float = math.inf,
+    ) -> list[OfMembers]:
         """Return the right-hand sides of members; dense ones of more terms are no lists.
 
-        ``of_field(field)`` returns those of the field of f as typed, and
-        ``make(indices, values, members)`` that of some members by their terms, and its parameters,
-        unless it is that of the terms alone.
+        ``of_field(field)`` returns those of the field of f as typed. `acts` are changes of the
+        state, in the order of code, and `twice` asks for what variational equations need.
         """
         typed, field = self._as_typed
         found = [] if field is None else of_field(field)
@@ -473,7 +465,21 @@ class _FieldOfTerms(FieldOfFunction):
         others = np.setdiff1d(np.arange(math.prod(self.shape)), typed)
         if not len(others):
             return found
-        indices, rows = self._terms[0], self._rows[others]
+        (indices, _), rows, D = self._terms, self._rows[others], self.dimension
+        named = [] if acts is None else self._named_values
+
+        def made(indices: Any, values: FloatArray, members: Any) -> tuple[Any, FloatArray]:
+            """Return the right-hand side of members with these terms, and its parameters (P, K)."""
+            T = indices.shape[1]
+            if longest < T and 4 * T > D**3:
+                return _dense(D), dense_parameters(indices, values, D)
+            units = (values == 1.0).all(axis=0), (values == -1.0).all(axis=0)
+            texts = (each.tobytes() for each in (indices, *units))
+            f = _of_form(*texts, D, len(named), acts, twice)
+            own = [*(row[members] for row in named), *parameters_of(values, *units)]
+            own += [np.zeros(len(members))] * (f.P - len(own))  # starts of clocks
+            return f, np.array(own).reshape(-1, len(members))
+
         exists = rows != 0.0
         patterns, which = exists[:1], np.zeros(len(rows), np.int64)
         if not exists.all():  # what a step tests depends on the terms
@@ -481,10 +487,7 @@ class _FieldOfTerms(FieldOfFunction):
         for k, pattern in enumerate(patterns):
             places = np.flatnonzero(which.reshape(-1) == k)
             own, members = rows[np.ix_(places, pattern)], others[places]
-            if make is None:
-                f, parameters = _quadratic(indices[:, pattern], own, self.dimension, longest)
-            else:
-                f, parameters = make(indices[:, pattern], own, members)
+            f, parameters = made(indices[:, pattern], own, members)
             found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
         return found
 
@@ -549,39 +552,22 @@ class _FieldOfTerms(FieldOfFunction):
         return table
 
 
-def _quadratic(
-    indices: NDArray[np.int64], values: FloatArray, D: int, longest: int | None
-) -> tuple[Any, FloatArray]:
-    """Return the right-hand side of terms, and its parameters (P, ...)."""
-    T = indices.shape[1]
-    if longest and longest < T and 4 * T > D**3:
-        return _dense(D), dense_parameters(indices, values, D)
-    rows = values.reshape(math.prod(values.shape[:-1]), T)
-    units = (rows == 1.0).all(axis=0), (rows == -1.0).all(axis=0)
-    parameters: FloatArray = parameters_of(values, *units)
-    texts = (each.tobytes() for each in units)
-    return _of_terms(indices.tobytes(), D, *texts, twice=longest is None), parameters
-
-
 _dense = lru_cache(16)(DenseRightHandSide)
 
 
 @lru_cache(256)
-def _of_terms(indices: bytes, D: int, *units: bytes, twice: bool) -> Any:
-    """Return the right-hand side that fields of the same form share."""
-    places = np.frombuffer(indices, np.int64).reshape(3, -1)
-    is_one, is_minus_one = (np.frombuffer(each, bool) for each in units)
-    return right_hand_side_of(places, D, is_one, is_minus_one, twice)
-
-
-@lru_cache(64)
-def _with_acts(
-    indices: bytes, D: int, one: bytes, minus_one: bytes, P: int, acts: tuple[Act, ...], twice: bool
+def _of_form(
+    indices: bytes, one: bytes, minus_one: bytes, D: int, P: int, acts: Any, twice: bool
 ) -> Any:
-    """Return the same with changes of the state, which may read P parameters with names."""
+    """Return the right-hand side that fields of the same form share.
+
+    With `acts`, changes of the state, which may read P parameters with names.
+    """
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
     is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
-    values, results, count = expressions_of(places, D, is_one, is_minus_one, others=P)
+    values, results, count = expressions_of(places, D, is_one, is_minus_one, P)
+    if acts is None:
+        return RightHandSide(values, results, count, twice=twice)
     return with_fixed_choices(values, results, count, (), twice, acts)
 
 

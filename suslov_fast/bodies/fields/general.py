@@ -381,8 +381,8 @@ def with_changes(
             f = _for_motion(field._equations, names, twice, acts)
             known[key] = field._of_members(f, field._inputs)
         else:
-            known[key] = field._with_acts_of(
-                acts, twice, lambda own: with_changes(own, acts, (), twice)
+            known[key] = field._by_lists(
+                lambda own: with_changes(own, acts, (), twice), acts, twice
             )
     found: list[OfMembers] = known[key]
     return found

@@ -2,23 +2,15 @@
 
 import numpy as np
 
-from .right_hand_side import Expressions, RightHandSide
+from .right_hand_side import Expressions
 
 
-def right_hand_side_of(indices, D, is_one, is_minus_one, twice):
-    """Return the right-hand side f_i = sum of v x_j x_k over terms (3, T), where x_D = 1.
+def expressions_of(indices, D, is_one, is_minus_one, others):
+    """Return `Expressions` of f_i = sum of v x_j x_k, the operands that are f, and P.
 
-    `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for all members; the other v are the
-    parameters, in the order of terms: see `parameters_of`. `twice` asks for `second`.
-    """
-    values, results, P = expressions_of(indices, D, is_one, is_minus_one)
-    return RightHandSide(values, results, P, twice=twice)
-
-
-def expressions_of(indices, D, is_one, is_minus_one, others=0):
-    """Return `Expressions`, the operands that are f, and the number of parameters.
-
-    There are `others` before those of terms.
+    Terms are (3, T), with x_D = 1. `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for
+    all members; the other v are parameters, in the order of terms: see `parameters_of`. There are
+    `others` before these.
     """
     given, first = ~(is_one | is_minus_one), D + others
     numbers = iter(range(first, first + int(given.sum())))

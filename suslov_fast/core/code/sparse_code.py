@@ -12,7 +12,7 @@ AT_ONCE = 4
 
 
 class Arrays(NamedTuple):
-    """What the code reads of a `Sparse`: lengths, and addresses of its arrays."""
+    """The parts of a `Sparse` that code reads: lengths, and addresses of its arrays."""
 
     D: Index
     entries: Index

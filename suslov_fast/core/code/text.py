@@ -27,7 +27,7 @@ WRITTEN_OUT = 4  # indices of which loops are written out
 
 # -------------------------------------------------------------------------------------- the names
 class _Name:
-    """What has a name in a text. `str()` is that name, so it may stand in any instruction."""
+    """A thing with a name in a text. `str()` is that name, so it may stand in any instruction."""
 
     __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
     __bool__ = None  # `if` is an error, because there are no values yet: write `when` or `select`
@@ -248,7 +248,7 @@ class Intervals:
 
 
 class Carried:
-    """What a loop carries on from round to round, by name: the body puts the next ones in place.
+    """Values that a loop carries on, by name: its body puts the next ones in place.
 
     Floats are W equal numbers, and integers an `Index`. After the loop these are the last ones.
     """

@@ -12,7 +12,7 @@ from ..compiling.codes import CHANGED
 
 
 class Rare(NamedTuple):
-    """What the rare operations of a stage find."""
+    """The results of the rare operations of a stage."""
 
     after: list  # the next state, where it is accurate
     accurate: Truth

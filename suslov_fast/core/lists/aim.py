@@ -1,4 +1,4 @@
-"""Where the motion crosses surfaces: Newton's method, by values and rates at the end of a step.
+"""Places where the motion crosses surfaces, by Newton's method from the end of a step.
 
 A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later, if it lies
 ahead, or has been crossed for s / s', if the state is beyond. Rates at the ends of implicit steps

@@ -19,7 +19,7 @@ from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 
 
 class Act(NamedTuple):
-    """What a change does. The first values of its lists are x (D), then the parameters (P).
+    """The action of a change. The first values of its lists are x (D), then the parameters (P).
 
     surface    `List` of the function that is 0 where it acts, or None if it acts at times
     to         `List` of the new state, or None if the state stays
@@ -59,7 +59,7 @@ class Part(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What the code needs of changes: those that act on surfaces, those at times, and sections.
+    """Changes as code takes them: those that act on surfaces, those at times, and sections.
 
     Sections are surfaces on which nothing changes, so that steps do not end there.
 

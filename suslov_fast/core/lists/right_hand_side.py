@@ -242,7 +242,7 @@ class RightHandSide:
 
     @functools.cached_property
     def key(self):
-        """What tells the lists of this right-hand side from those of others."""
+        """A text that tells the lists of this right-hand side from those of others."""
         lists = (
             self.f,
             self.fixed,

@@ -1,4 +1,4 @@
-"""Which size of a list takes which way to carry it out: thresholds, with what was measured.
+"""Thresholds: the sizes of lists from which each way to carry them out is taken, as measured.
 
 Times are of one thread of a Zen 3; those of runs beside code, and of elimination by columns, of an
 Intel with AVX-512.

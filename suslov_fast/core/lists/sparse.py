@@ -24,7 +24,7 @@ NEAR = 8
 
 
 class Head(NamedTuple):
-    """Where the parts of a column begin; those of the next column are the ends."""
+    """Places at which the parts of a column begin; those of the next column are the ends."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`

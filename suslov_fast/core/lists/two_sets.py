@@ -84,7 +84,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """What is known of a value as a function of the state."""
+    """The kind of a value, as a function of the state."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False

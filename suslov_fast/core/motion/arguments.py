@@ -1,4 +1,4 @@
-"""What the code of a half of the motion takes, by name: addresses, and numbers of all lanes."""
+"""The arguments of the code of a half of the motion: addresses, and numbers of all lanes."""
 
 from math import inf
 from typing import Any, NamedTuple

@@ -42,7 +42,7 @@ half_of = functools.lru_cache(64)(Half)
 
 
 class Settings(NamedTuple):
-    """What all trajectories of a motion share: keywords of `flow`, under their names."""
+    """Settings that all trajectories of a motion share: keywords of `flow`, under their names."""
 
     rtol: float
     atol: float | tuple | None = None  # one for all components, or one for each

@@ -52,7 +52,7 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 @rule
 def LEAST_ALLOWED(top, rtol, smallest):
-    """What is allowed in all components, because others are large; below what they may be noise."""
+    """The error allowed where other components are large, and the size below which one is noise."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 

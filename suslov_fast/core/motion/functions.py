@@ -232,7 +232,7 @@ class Tangents(_Loops):
 
 
 class TangentEntries(_Loops):
-    """What implicit steps take for the derivative of a `Variational`: f', and the couplings.
+    """The derivative of a `Variational` for implicit steps: f', and the couplings.
 
     Entries of f' come first, those of the couplings from the row `after` on.
     """

@@ -244,7 +244,7 @@ class Half:
 
     @functools.cached_property
     def key(self):
-        """What tells the code of this half from others."""
+        """A tuple that tells the code of this half from that of others."""
         return self.f.key, self.is_implicit, self.has_atol, self.sets is None
 
     def table_of(self, table):

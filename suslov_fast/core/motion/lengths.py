@@ -179,7 +179,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 @rule
 def REFUSALS(rough, ratio, taken, accepted, served):
-    """How rough the way of a lane is: refusals, less a part of the steps since then.
+    """The roughness of the way of a lane: refusals, less a part of the steps since then.
 
     One with a small error, as on the way into a narrow bend, does not count by itself.
     """

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class State:
-    """What a lane does next; the numbers stand in `Rows.state`.
+    """The next action of a lane; the numbers stand in `Rows.state`.
 
     They are plain numbers, because NumPy compares with those of an enum ten times as slowly.
     """
@@ -27,7 +27,7 @@ class State:
 
 
 class Cause(IntEnum):
-    """Why a solution ended."""
+    """The cause of the end of a solution."""
 
     UNKNOWN = 0
     ESCAPE = 1  # a component would double at once, and again

@@ -1,4 +1,4 @@
-"""What the functions of a half's text share: their arrays, the functions that they call, and rules.
+"""The arrays, rules and functions called that the functions of a half's text share.
 
 `Scope` is a function that has rows of `Work`, and `Lines` that which takes steps of lines of lanes.
 """

@@ -135,7 +135,7 @@ def DEEPER(value, rate, bend, u, middle, left, taken, sign):
 
 @rule
 def BESIDE_LEAST(u, middle, half):
-    """Where both crossings beside a value at u beyond 0 may lie, and a guess."""
+    """Brackets of both crossings beside a value at u beyond 0, and guesses."""
     part = 1.0 / SECTION_PARTS + MARGIN
     low, high = larger(middle - part, 0.0), smaller(middle + part, 1.0)
     return {
@@ -150,7 +150,7 @@ def BESIDE_LEAST(u, middle, half):
 
 @rule
 def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
-    """Where to look next for a crossing, or the crossing.
+    """The next place to look for a crossing, or the crossing.
 
     Where the surface has no slope it is the upper end of a bracket, unless values grow there.
     """

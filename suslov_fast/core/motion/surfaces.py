@@ -54,7 +54,7 @@ POINT, POINT_WITH_QUARTIC = rule(_point), rule(_point, "quartic")
 
 @rule
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """What to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is that of f.
+    """The part to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is f's.
 
     It is 0 where f has no value there.
     """
@@ -84,7 +84,7 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @rule
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Where in a step a surface is crossed first, from what `watch` finds in the part up to u."""
+    """The place in a step where a surface is crossed first, as `watch` finds it up to u."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
@@ -171,7 +171,7 @@ def CUT(
 
 @rule
 def START(value, rate, side, level, ahead, end, taken, first, sign):
-    """Where a motion that starts on a surface comes back to it, in the first part of a step.
+    """The place where a motion from a surface comes back to it, in the first part of a step.
 
     It is where a parabola with this rate at the start, and the value `ahead` at the end of the
     part, crosses the surface.

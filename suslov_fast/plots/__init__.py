@@ -1,1 +1,1 @@
-"""Figures and animations of bodies (extra `plots`), and the page of `explore`."""
+"""Phase portraits of bodies (extra `plots`), and the page of `explore`."""

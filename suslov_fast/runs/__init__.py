@@ -1,1 +1,1 @@
-"""Runs of a map: iteration, closed form, crossings, results, files, stores and plots."""
+"""Orbits of maps, and motions: steps, closed form, crossings, results, files, stores, figures."""

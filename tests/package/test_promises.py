@@ -7,7 +7,7 @@ tested by being there. Values have the axes of the batch first, then time, then 
 import inspect
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
 from suslov_fast.core.compiling import numba as compiling
 from suslov_fast.engine import stretches, threads
 from suslov_fast.maps import MAPS
+from suslov_fast.maps.base import Method
 from suslov_fast.quantities.evaluation import evaluate
 from suslov_fast.runs import solution
 
@@ -195,6 +196,10 @@ def same(first, second):
     for one, other in zip(first, second, strict=True):
         assert one.shape == other.shape
         np.testing.assert_array_equal(one, other)
+
+
+def test_type_checkers_know_all_methods():
+    assert {*get_args(Method)} == {name for map in MAPS.values() for name in map.methods}
 
 
 def test_every_function_with_threads_is_in_the_table():

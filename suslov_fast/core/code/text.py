@@ -431,23 +431,19 @@ class Code:
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
 
-    def otherwise(self, truth, values, body, kinds=None, likely=True):
-        """Return these values if a truth value is true, else what `body()` returns.
-
-        They are W numbers each, or of these kinds.
-        """
-        name, before = self._name("otherwise"), self.target.block
+    def otherwise(self, truth, values, body, likely=True):
+        """Return these values if a truth value is true, else what `body()` returns."""
+        name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
         self.branch(truth, f"{name}_after", name, likely)
         self.label(name)
         others, end = body(), self.target.block
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
-        return [
-            self.new(f"phi {kind} [ {value}, %{before} ], [ {other}, %{end} ]")
-            for kind, value, other in zip(
-                kinds or [self.V] * len(values), values, others, strict=True
-            )
-        ]
+        found = []
+        for value, other in zip(values, others, strict=True):
+            phi = self.new(f"phi {value.kind} [ {value}, %{before} ], [ {other}, %{end} ]")
+            found.append(type(value)(self, phi))
+        return found
 
     def switch(self, value, cases):
         """Add a block for each of some integers, which `cases[integer]()` writes."""

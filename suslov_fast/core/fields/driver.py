@@ -11,7 +11,7 @@ import functools
 import operator
 from typing import NamedTuple
 
-from ..code.text import Carried, Code, Index, Integers, Shared, Truth, Value
+from ..code.text import Carried, Code, Index, Integers, Shared, Truth
 from ..compiling.codes import CHANGED
 from ..lists.step import SIGNIFICANT
 from .stage_code import Stage, add_table, loader
@@ -243,7 +243,6 @@ class _Inlined(_Driver):
         final = text.otherwise(
             stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n)
         )
-        final = [Value(text, value) for value in final]
         for k, number in enumerate(step.after):
             if number != k:
                 rows[k] = final[k]

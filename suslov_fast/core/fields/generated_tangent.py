@@ -88,8 +88,7 @@ def text_of_tangent(tangent, name, W, for_each):
                 text.leave(f"i64 {n | told | step << STEP | derivative << DERIVATIVE}")
             return [*after, told]
 
-        kinds = [text.V] * D + ["i64"]
-        *after, flags = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)
+        *after, flags = text.otherwise(stage.is_good(), [*usual, 0], rare)
         length = _columns(text, tangent, stage.values)
         mean, power = (1.0 / D) * length, 1.0
         for _ in range(D):
@@ -104,7 +103,7 @@ def text_of_tangent(tangent, name, W, for_each):
         ]
         due = (fine[0] & fine[1] & fine[2]).bits() ^ all_lanes
         outside = (outside[0] | outside[1] | outside[2] | outside[3]).bits()
-        flags = Index(text, flags) | (due & others) << DUE
+        flags = flags | (due & others) << DUE
         flags = flags | (outside & others) << OUTSIDE
         for k, value in enumerate([*after, *scaled]):
             line[k] = value
@@ -170,15 +169,10 @@ def text_of_orthonormalise(name, D, W):
     def column(r):
         return columns.array(Index(text, "%columns") + r * text.size)
 
-    def total(products):
-        result, *others = products
-        for product in others:
-            result = result + product
-        return result
-
     for now in text.rounds(Carried(r=0, volume=due.select(1.0, carried[VOLUME]))):
         q, first = column(now.r), column(Index(text, 0))
-        product = total([first[i] * q[i] for i in range(D)])
+        products = [first[i] * q[i] for i in range(D)]
+        product = sum(products[1:], products[0])
 
         def subtract_all(r=now.r, q=q, product=product):
             for at in text.rounds(Carried(s=0, product=product)):
@@ -188,12 +182,12 @@ def text_of_orthonormalise(name, D, W):
                 for i in range(D):
                     q[i] = x = q[i] - part * earlier[i]
                     products.append(later[i] * x)
-                at.product = total(products)
+                at.product = sum(products[1:], products[0])
                 at.goes_on = at.s < r
             return [at.product]
 
         [square] = text.otherwise(now.r.equals(0), [product], subtract_all, likely=None)
-        length = due.select(Value(text, square).root(), 1.0)
+        length = due.select(square.root(), 1.0)
         lengths = carried.from_here(LENGTHS)
         lengths[now.r] = lengths[now.r] * length
         is_0 = length.equals(0.0)

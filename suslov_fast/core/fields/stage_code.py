@@ -7,7 +7,7 @@ line, for steps (`driver`), for users' loops and for derivatives.
 
 from typing import NamedTuple
 
-from ..code.text import Code, Index, Shared, Truth
+from ..code.text import Code, Index, Shared, Truth, Value
 from ..compiling.codes import CHANGED
 
 
@@ -37,7 +37,8 @@ class Stage:
         return self._results(self.values, self.step.after)
 
     def _results(self, values, numbers):
-        return [values[k] if k in values else self.load(k) for k in numbers]
+        load, text = self.load, self.text
+        return [Value(text, values[k] if k in values else load(k)) for k in numbers]
 
     def is_good(self):
         """Return whether the usual operations suffice in all lanes."""
@@ -107,8 +108,7 @@ def text_of_stage(step, name, *_):
             text.leave("i64 1")
         return [*after, told << 8]
 
-    kinds = [text.V] * step.D + ["i64"]
-    *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare, kinds)
+    *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare)
     for k, number in enumerate(step.after):
         if number != k:
             x[k] = final[k]

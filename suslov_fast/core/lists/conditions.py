@@ -17,7 +17,7 @@ from .elapsed import Elapsed
 from .hidden import hidden_of
 from .numbers import Number, larger, operand_of, smaller
 from .records import same
-from .right_hand_side import Expressions, List, RightHandSide, emitted, needed_for
+from .right_hand_side import Expressions, List, RightHandSide, depending, emitted, needed_for
 from .stairs import with_stairs
 from .step import Values
 from .tables import LARGEST, Table, is_table
@@ -231,11 +231,8 @@ def _watch(f, kinds, jumps, choices):
 
 def _derived(f, choices):
     """Return the `List` of the numbers of the table of f that depend on these choices."""
-    of = {*choices}
-    for _, number, operands in f.fixed:
-        if any(a in of for a in operands if not isinstance(a, float)):
-            of.add(number)
-    results = [a for a in f.table if a in of and a not in choices]
+    of = depending(f.fixed, choices).difference(choices)
+    results = [a for a in f.table if a in of]
     return List(needed_for(f.fixed, results), results)
 
 

@@ -19,7 +19,7 @@ from itertools import zip_longest
 from math import inf, prod
 
 from .numbers import Number, larger, smaller
-from .right_hand_side import List, emitted, needed_for
+from .right_hand_side import List, depending, emitted, needed_for
 from .step import Values
 from .tables import LARGEST, is_table
 
@@ -36,7 +36,8 @@ def hidden_of(f, kinds, jumps, choices):
     which the first `jumps` are those of surfaces where f jumps; the surfaces of changes follow.
     Left out are surfaces that are linear in clocks.
     """
-    results, (degrees, by_states) = f.watched.results, (_degrees(f), _by_states(f))
+    results, degrees = f.watched.results, _degrees(f)
+    by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
     kinks = {*results[jumps : len(kinds)]} & by_states
     own = [*enumerate(zip_longest(results, kinds, choices))]
     own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
@@ -136,12 +137,3 @@ def _degrees(f):
         if degree < 2:
             degrees[number] = degree
     return degrees
-
-
-def _by_states(f):
-    """Return the numbers of values that depend on components that are no clocks."""
-    found = {*range(f.D)}.difference(f.steady)
-    for _, number, operands in f.watched.operations:
-        if any(a in found for a in operands if not isinstance(a, float)):
-            found.add(number)
-    return found

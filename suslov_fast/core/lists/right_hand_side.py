@@ -353,6 +353,15 @@ def needed_for(operations, results):
     return found[::-1]
 
 
+def depending(operations, given):
+    """Return the numbers of values that depend on given ones, and these."""
+    found = {*given}
+    for _, number, operands in operations:
+        if any(a in found for a in operands if not isinstance(a, float)):
+            found.add(number)
+    return found
+
+
 def emitted(values, list_, new=None):
     """Add the operations of a `List` to values; return its results there.
 

@@ -83,10 +83,8 @@ def _of_bits(function):
 def _sum(*operands):
     """Return the sum of a start, if there is one, and of products of pairs, in this order."""
     odd = len(operands) % 2
-    total = operands[0] if odd else None
-    for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True):
-        total = a * b if total is None else total + a * b
-    return total
+    products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
+    return sum(products, operands[0] if odd else next(products))
 
 
 def _of_list(name):

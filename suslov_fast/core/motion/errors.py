@@ -16,7 +16,7 @@ A component that has been large, falls below its allowed error in two steps in a
 GROWN times that again, or a tenth of its size, may have no digits, and is told of (`LOW`).
 """
 
-from ..code.text import Carried, Value
+from ..code.text import Carried
 from ..lists.numbers import larger, smaller
 from .rules import TINY, rule
 from .scope import weighted
@@ -183,8 +183,8 @@ def apart_of_rough(lines, own):
         return [found.ratio]
 
     is_smooth = ~is_rough(work, lines.half).any()
-    (found,) = text.otherwise(is_smooth, [text.value(0.0)], largest)
-    return Value(text, found)
+    (found,) = text.otherwise(is_smooth, [0.0], largest)
+    return found
 
 
 def differences_of_sets(lines):

@@ -121,8 +121,5 @@ class Lines(Scope):
 
 def weighted(factors, values):
     """Return the sum of factors times values, in their order."""
-    total = None
-    for factor, value in zip(factors, values, strict=True):
-        product = factor * value
-        total = product if total is None else total + product
-    return total
+    products = (factor * value for factor, value in zip(factors, values, strict=True))
+    return sum(products, next(products))

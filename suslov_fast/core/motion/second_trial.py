@@ -15,7 +15,7 @@ the next step. Where such an error decides on a step that is taken, each eighth 
 
 from math import inf
 
-from ..code.text import Carried, Value
+from ..code.text import Carried
 from ..lists.numbers import larger, smaller
 from .errors import LARGE, NOISY, OF_CLOCK, apart_in
 from .lengths import AFTER_TRIAL, MOST_APART
@@ -155,7 +155,7 @@ def try_again(lines, own, of_error, sums):
         return [counts.select(value, sums[name]) for name, value in pairs]
 
     found = text.otherwise(~tried.any(), [sums[name] for name in names], trial)
-    return {name: Value(text, value) for name, value in zip(names, found, strict=True)}
+    return dict(zip(names, found, strict=True))
 
 
 def _changes_beside(lines, is_noise):

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from .derivative import gradients
 from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
+from .step import dot
 
 
 class Act(NamedTuple):
@@ -187,10 +188,5 @@ def _of_columns(k, act, D, P, by, q):
 
 def _product(emit, row, vector):
     """Return the sum of the entries of a row times those of a vector, both dicts of operands."""
-    total = 0.0
-    for j, slope in row.items():
-        if j in vector:
-            part = emit("fmul", slope, vector[j])
-            is_first = isinstance(total, float) and total == 0.0
-            total = part if is_first else emit("fadd", total, part)
-    return total
+    total = dot(emit, [(slope, vector[j]) for j, slope in row.items() if j in vector])
+    return 0.0 if total is None else total

@@ -6,7 +6,7 @@ or as an error of the step, which is refused.
 
 from .planned_elimination import Factors
 from .right_hand_side import List, needed_for, renumbered
-from .step import Values
+from .step import Values, dot
 
 
 class Elimination:
@@ -40,10 +40,7 @@ class _Products(Values):
     """Values whose sums are operations of their own, of which code can make blocks."""
 
     def total_of(self, start, factors):
-        for a, b in zip(factors[::2], factors[1::2], strict=True):
-            product = self.emit("fmul", a, b)
-            start = product if start is None else self.emit("fadd", start, product)
-        return start
+        return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
 
 
 class _Scaled:

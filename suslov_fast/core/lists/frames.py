@@ -11,8 +11,10 @@ count as 1 in the error, also small ones: variables are these plus SHIFT.
 """
 
 import functools
+import itertools
 
 from .right_hand_side import Expressions, List, RightHandSide, emitted
+from .step import dot
 
 SHIFT = 2.0
 
@@ -55,12 +57,10 @@ def _with_frame(f, moving):
 def _product(emit, a, b, n):
     """Return the product of two matrices, dicts of operands without those that are 0."""
     found = {}
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                if (i, k) in a and (k, j) in b:
-                    part = emit("fmul", a[i, k], b[k, j])
-                    found[i, j] = emit("fadd", found[i, j], part) if (i, j) in found else part
+    for i, j in itertools.product(range(n), repeat=2):
+        pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]
+        if pairs:
+            found[i, j] = dot(emit, pairs)
     return found
 
 

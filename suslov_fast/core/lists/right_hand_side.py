@@ -9,7 +9,7 @@ import numpy as np
 from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, not_, same
-from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, evaluate
+from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, dot, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
@@ -260,8 +260,7 @@ class RightHandSide:
         """Return the pattern, directions, and results of the two lists of `Second`."""
         directions, totals = [values.given() for _ in range(self.D)], {}
         for (i, j), entry in zip(self.pattern, entries, strict=True):
-            part = values.emit("fmul", entry, directions[j])
-            totals[i] = values.emit("fadd", totals[i], part) if i in totals else part
+            totals[i] = dot(values.emit, [(entry, directions[j])], totals.get(i))
         results = [*(totals.get(i, 0.0) for i in range(self.D)), *self.by]
         rows = gradients(values, needed_for(values.operations, results), results, self.D)
         blocks = [rows[first : first + self.D] for first in range(0, len(rows), self.D)]

@@ -228,6 +228,14 @@ class Values:
         return values[0]
 
 
+def dot(emit, pairs, total=None):
+    """Return the sum of a start and of products of pairs, each an operation; None without any."""
+    for a, b in pairs:
+        product = emit("fmul", a, b)
+        total = product if total is None else emit("fadd", total, product)
+    return total
+
+
 @functools.cache
 def list_of(name):
     """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""

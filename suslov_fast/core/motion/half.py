@@ -11,7 +11,7 @@ from ..lists.hidden import POINTS
 from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
-from ..lists.step import Values
+from ..lists.step import Values, dot
 from ..lists.two_sets import Sets, part_of, sets_of
 from ..lists.variational import Variational
 from . import errors
@@ -278,6 +278,5 @@ def _product(f):
     """Return the `List` of f' times a vector."""
     values, totals = Values(f.entries + 1 + f.D, ()), {}
     for k, (i, j) in enumerate(f.pattern):
-        product = values.emit("fmul", k, f.entries + 1 + j)
-        totals[i] = values.emit("fadd", totals[i], product) if i in totals else product
+        totals[i] = dot(values.emit, [(k, f.entries + 1 + j)], totals.get(i))
     return List(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

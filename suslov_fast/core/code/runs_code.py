@@ -38,42 +38,51 @@ def text_of_stage_by_runs(name, W, for_each):
     det A < 0, or from CHANGED on a component changed its sign. It returns -1, and does nothing,
     where it needs the rare runs while they are not there.
     """
-    text, all_lanes = Code(W), (1 << W) - 1
+    text = Code(W)
     add_runs(text, f"{name}_runs", for_each)
     text.begin(name, "x", "tables", "plan")
     x, tables, plan = text.array("%x"), Integers(text, "%tables"), Integers(text, "%plan")
     a = StagePlan(*(plan[k] for k in SLOT))
     rows = text.array(a.rows)
 
-    def run(program, heads, places, count):
+    def run(program, heads, places, count, results):
+        """Carry out a program; return the function that finds its results."""
         text.copy(x, rows, a.D)
         text.invoke(f"{name}_runs", rows, tables[program], heads, places, count)
-
-    def result(results, k):
-        return rows[Integers(text, results)[k]]
-
-    def truth(results, k):
-        return truth_of(text, result(results, a.D + k))
+        of = Integers(text, results)
+        return lambda k: rows[of[k]]
 
     with text.when(a.is_rare.equals(0), likely=True):
-        run(0, a.heads, a.places, a.runs)
-        with text.when(truth(a.results, 0).all(), likely=True):
-            for k in text.each(a.D):
-                x[k] = result(a.results, k)
-            text.leave("i64 0")
+        take_if_good(text, x, a.D, run(0, a.heads, a.places, a.runs, a.results))
         plan[SLOT.is_rare] = 1
     with text.when(a.rare_heads.equals(0)):
         text.leave("i64 -1")
-    run(1, a.rare_heads, a.rare_places, a.rare_runs)
-    is_usual, accurate = truth(a.rare_results, 0).all(), truth(a.rare_results, 1)
-    plan[SLOT.is_rare] = is_usual.select(0, 1)
-    good, told = accurate.bits(), truth(a.rare_results, 2).bits()
-    changed = truth(a.rare_results, a.changed).bits()
-    told = (told | changed << CHANGED) & good * (1 | 1 << CHANGED)
-    for k in text.each(a.D):
-        x[k] = accurate.select(result(a.rare_results, k), x[k])
-    text.add(f"  ret i64 {good ^ all_lanes | told << 8}")
+    result = run(1, a.rare_heads, a.rare_places, a.rare_runs, a.rare_results)
+    plan[SLOT.is_rare] = truth_of(text, result(a.D)).all().select(0, 1)
+    take_accurate(text, x, a.D, result, a.D + 1, a.D + a.changed)
     return text.finished()
+
+
+def take_if_good(text, x, D, result):
+    """Add the stage of lanes that are all `good`, whose next state and `good` are results."""
+    with text.when(truth_of(text, result(D)).all(), likely=True):
+        for k in text.each(D):
+            x[k] = result(k)
+        text.leave("i64 0")
+
+
+def take_accurate(text, x, D, result, first, changed):
+    """Add the stage of lanes that are `accurate`, and return bits, see `text_of_stage_by_runs`.
+
+    `first` is the place of `accurate` and `negative` among the results, that of `changed` is given.
+    """
+    accurate = truth_of(text, result(first))
+    good, told = accurate.bits(), truth_of(text, result(first + 1)).bits()
+    told = told | truth_of(text, result(changed)).bits() << CHANGED
+    for k in text.each(D):
+        x[k] = accurate.select(result(k), x[k])
+    told = told & good * (1 | 1 << CHANGED)
+    text.add(f"  ret i64 {good ^ ((1 << text.W) - 1) | told << 8}")
 
 
 def truth_of(text, value):

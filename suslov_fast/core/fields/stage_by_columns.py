@@ -7,10 +7,9 @@ import functools
 from typing import NamedTuple
 
 from ..code.runs import program_of
-from ..code.runs_code import add_runs, truth_of
+from ..code.runs_code import add_runs, take_accurate, take_if_good
 from ..code.sparse_code import Arrays, add_factors, add_solution
 from ..code.text import Code, Integers
-from ..compiling.codes import CHANGED
 
 
 class ColumnsPlan(NamedTuple):
@@ -44,7 +43,7 @@ def text_of_stage_by_columns(name, W, for_each):
 
     `tables` is the address of those of the numbers of all programs.
     """
-    text, all_lanes = Code(W), (1 << W) - 1
+    text = Code(W)
 
     def arrays_of(*_):  # the plan stands in place of a table
         plan = Integers(text, "%table")
@@ -72,9 +71,6 @@ def text_of_stage_by_columns(name, W, for_each):
             text.array(right)[k] = result(k + first)
         text.invoke(f"{name}_solution", a.factors, "%plan", right, a.scratch)
 
-    def truth(result, k):
-        return truth_of(text, result(D + k))
-
     text.copy(x, a.x, D)
     result = run(ENTRIES, 1)
     for k in text.each(of.entries):
@@ -88,22 +84,11 @@ def text_of_stage_by_columns(name, W, for_each):
     for k in text.each(D):
         pivots[text.short(of.order, k)] = 1.0 / inverses[k]
         diagonal[k] = entries[on_diagonal[k]]
-    result = run(TESTS, GIVEN[TESTS])
-    with text.when(truth(result, 0).all(), likely=True):
-        for k in text.each(D):
-            x[k] = result(k)
-        text.leave("i64 0")
+    take_if_good(text, x, D, run(TESTS, GIVEN[TESTS]))
     with text.when(a.is_rare.equals(0)):
         text.leave("i64 -1")
     solve(run(OF_NEXT, 1), 0, a.next)
-    result = run(RARE, GIVEN[RARE])
-    accurate = truth(result, 0)
-    told = truth(result, 1).bits() | truth(result, a.changed).bits() << CHANGED
-    good = accurate.bits()
-    for k in text.each(D):
-        x[k] = accurate.select(result(k), x[k])
-    told = told & good * (1 | 1 << CHANGED)
-    text.add(f"  ret i64 {good ^ all_lanes | told << 8}")
+    take_accurate(text, x, D, run(RARE, GIVEN[RARE]), D, D + a.changed)
     return text.finished()
 
 

@@ -26,12 +26,6 @@ class Number:
     def __abs__(self):
         return self.then("fabs")
 
-    def __radd__(self, other):
-        return self + other
-
-    def __rmul__(self, other):
-        return self * other
-
     def __le__(self, other):
         return self._of("oge", other, self)
 
@@ -66,7 +60,9 @@ for _name, _instruction in (
     ("gt", "ogt"), ("ge", "oge"), ("and", "and"), ("or", "or"), ("xor", "xor"),
 ):  # fmt: skip
     setattr(Number, f"__{_name}__", _operator(_instruction))
-for _name, _instruction in (("sub", "fsub"), ("truediv", "fdiv")):
+for _name, _instruction in (
+    ("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")
+):  # fmt: skip
     setattr(Number, f"__r{_name}__", _operator(_instruction, True))
 
 
@@ -83,3 +79,16 @@ def larger(a, b):
 def smaller(a, b):
     """Return the smaller of two numbers; `b` where one of them is NaN."""
     return (a if isinstance(a, Number) else b)._of("min", a, b)
+
+
+def joined(instruction, numbers):
+    """Return numbers joined by an instruction: pairs of neighbours, then pairs of those.
+
+    So none of many operations waits for all others.
+    """
+    numbers = [*numbers]
+    while len(numbers) > 1:
+        left = numbers[len(numbers) & ~1 :]
+        pairs = zip(numbers[::2], numbers[1::2], strict=False)
+        numbers = [a.then(instruction, b) for a, b in pairs] + left
+    return numbers[0]

@@ -9,6 +9,8 @@ from heapq import heapify, heappop, heappush
 
 import numpy as np
 
+from .numbers import joined
+
 # Elimination without row exchanges is accurate if the least pivot is above this part of the
 # largest.
 LEAST_PIVOT = 2.0**-6
@@ -153,44 +155,43 @@ class Factors:
             return value
         return self.values.emit("fmul", value, self.inverse[k])
 
-    def least_and_limit(self, most=np.inf):
-        """Return the least modulus of a pivot, at most `most`, and its limit.
+    def is_accurate(self, most=np.inf):
+        """Return whether the least modulus of a pivot, at most `most`, is above its limit.
 
-        The limit is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
+        That is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
         elimination.
         """
-        emit, sizes, largest = self.values.emit, [], [1.0]
-        for k in self.pivot:
-            sizes.append(emit("fabs", self.pivot[k]))
+        number, sizes, largest = self.values.number, [], [1.0]
+        for k, pivot in self.pivot.items():
+            sizes.append(abs(number(pivot)))
             if self.original[k] not in (None, self.diagonal[k]):
-                largest.append(emit("fabs", emit("fsub", 1.0, self.original[k])))
-        limit = emit("fmul", LEAST_PIVOT, self._extreme("max", [*largest, *sizes]))
-        return self._extreme("min", [min(most, self._constant_pivots()), *sizes]), limit
+                largest.append(abs(1.0 - number(self.original[k])))
+        limit = LEAST_PIVOT * self._extreme("max", [*largest, *sizes])
+        return self._extreme("min", [self._least_constant(most), *sizes]) > limit
 
-    def bounds(self, most=np.inf):
-        """Return the least pivot, at most `most`, and an upper bound of its limit.
+    def is_good(self, most=np.inf):
+        """Return whether the least pivot, at most `most`, is above a bound of its limit.
 
         The bound holds if all pivots are positive, and takes fewer operations than the limit.
         """
-        emit, pivots, largest = self.values.emit, [*self.pivot.values()], [0.0]
+        pivots, largest = [*map(self.values.number, self.pivot.values())], [0.0]
         for k in self.pivot:
             if self.original[k] not in (None, self.diagonal[k]):
-                largest.append(emit("fabs", self.original[k]))
-        largest = emit("fadd", 1.0, self._extreme("max", [*largest, *pivots]))
-        least = self._extreme("min", [min(most, self._constant_pivots()), *pivots])
-        return least, emit("fmul", LEAST_PIVOT, largest)
+                largest.append(abs(self.values.number(self.original[k])))
+        largest = 1.0 + self._extreme("max", [*largest, *pivots])
+        return self._extreme("min", [self._least_constant(most), *pivots]) > LEAST_PIVOT * largest
 
-    def _extreme(self, instruction, values):
-        """Return the "min" or "max" of values; those of parameters alone come first."""
+    def _extreme(self, instruction, numbers):
+        """Return the "min" or "max" of numbers; those of parameters alone come first."""
         fixed, others = [], []
-        for value in values:
-            is_fixed = isinstance(value, float) or value in self.values.fixed
-            (fixed if is_fixed else others).append(value)
-        return self.values.joined(instruction, [self.values.joined(instruction, fixed), *others])
+        for a in numbers:
+            a = self.values.number(a) if isinstance(a, float) else a
+            (fixed if self.values.is_fixed(a.number) else others).append(a)
+        return joined(instruction, [joined(instruction, fixed), *others])
 
-    def _constant_pivots(self):
-        """Return the least of the pivots that are 1 for all states: 1, or infinity without any."""
-        return 1.0 if len(self.pivot) < len(self.order) else np.inf
+    def _least_constant(self, most):
+        """Return the least of `most` and of the pivots that are 1 for all states."""
+        return min(most, 1.0 if len(self.pivot) < len(self.order) else np.inf)
 
 
 class Given(Factors):

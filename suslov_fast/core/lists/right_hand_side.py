@@ -67,7 +67,7 @@ class Expressions(Values):
         if simple is not None:
             return simple
         number = super().emit(instruction, *operands)
-        if all(self._is_fixed(a) or a in self.fixed_truths for a in operands):
+        if all(self.is_fixed(a) or a in self.fixed_truths for a in operands):
             is_truth = instruction in OF_TRUTH_VALUES
             (self.fixed_truths if is_truth else self.fixed).add(number)
         self.of[number] = instruction, operands

@@ -31,7 +31,7 @@ import numpy as np
 from . import sizes
 from .far import PARTS
 from .functions import ELEMENTARY
-from .numbers import Number
+from .numbers import Number, joined, larger
 from .planned_elimination import (
     Factors,
     Given,
@@ -181,11 +181,12 @@ class Values:
         number = self.count
         self.count += 1
         self.operations.append((instruction, number, operands))
-        if instruction in OF_NUMBERS and all(map(self._is_fixed, operands)):
+        if instruction in OF_NUMBERS and all(map(self.is_fixed, operands)):
             self.fixed.add(number)
         return number
 
-    def _is_fixed(self, operand):
+    def is_fixed(self, operand):
+        """Return whether an operand depends on parameters alone."""
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
@@ -202,30 +203,22 @@ class Values:
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)
         for a, c in zip(factors[::2], factors[1::2], strict=True):
-            of_pair = self._is_fixed(a) + self._is_fixed(c)
+            of_pair = self.is_fixed(a) + self.is_fixed(c)
             if len(own) > 1 and of_pair != kind:
                 own = [self.emit("sum", *own)]
             if of_pair == 2:
                 product = self.emit("fmul", a, c)
                 own = [self.emit("fadd", *own, product) if own else product]
             else:
-                own += (c, a) if self._is_fixed(c) else (a, c)
+                own += (c, a) if self.is_fixed(c) else (a, c)
             kind = of_pair
         if len(own) > 1:
             return self.emit("sum", *own)
         return own[0] if own else None
 
-    def joined(self, instruction, values):
-        """Return all values joined by an instruction: pairs of neighbours, then pairs of those.
-
-        So none of many operations waits for all others.
-        """
-        values = [*values]
-        while len(values) > 1:
-            left = values[len(values) & ~1 :]
-            pairs = zip(values[::2], values[1::2], strict=False)
-            values = [self.emit(instruction, *pair) for pair in pairs] + left
-        return values[0]
+    def number(self, operand):
+        """Return the `Number` of an operand."""
+        return Number(self.emit, operand)
 
 
 def dot(emit, pairs, total=None):
@@ -320,45 +313,43 @@ class Step:
 
         `good` asks for more than `accurate`, because this takes fewer operations.
         """
-        emit, joined = self.values.emit, self.values.joined
-        sizes = {k: emit("fabs", self.after[k]) for k in halves}
-        parts = {k: emit("fabs", half) for k, half in halves.items()}
-        limits = {k: emit("fmul", SMALL_PART, parts[k]) for k in halves}
-        common = [emit("oge", sizes[k], limits[k]) for k in halves]
+        number = self.values.number
+        after = {k: number(self.after[k]) for k in {*halves, *self.of_one_sign}}
+        sizes = {k: abs(after[k]) for k in halves}
+        parts = {k: abs(number(half)) for k, half in halves.items()}
+        limits = {k: SMALL_PART * part for k, part in parts.items()}
+        common = [sizes[k] >= limits[k] for k in halves]
         tests = [*common, *self._good_pivots()]
-        tested = self.of_one_sign if self.keeps_signs else ()
-        for k in sorted(tested):
-            pair = emit("olt", k, 0.0), emit("oge", self.after[k], 0.0)
-            tests.append(emit("xor", *pair))
+        tested = sorted(self.of_one_sign) if self.keeps_signs else []
+        tests += [(number(k) < 0.0) ^ (after[k] >= 0.0) for k in tested]
         if halves:
             size, part = (joined("fadd", each.values()) for each in (sizes, parts))
-            tests.append(emit("olt", size, np.inf))
+            tests.append(size < np.inf)
             if len(halves) == self.D:
-                tests.append(emit("ogt", size, emit("fmul", LARGE_PART, part)))
-        self.good = joined("and", tests)
+                tests.append(size > LARGE_PART * part)
+        self.good = joined("and", tests).number
         first_rare, tests = len(self.values.operations), []
         self.after_rare = [*self.after]
         if halves:
-            beyond = [emit("fsub", sizes[k], emit("fmul", LARGE_PART, parts[k])) for k in halves]
-            far = joined("fadd", [emit("max", 0.0, excess) for excess in beyond])  # NaN stays NaN
-            common.append(emit("olt", far, np.inf))
+            beyond = [sizes[k] - LARGE_PART * parts[k] for k in halves]
+            far = joined("fadd", [larger(0.0, excess) for excess in beyond])  # NaN stays NaN
+            common.append(far < np.inf)
             if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
-                at_limit = [emit("oeq", sizes[k], limits[k]) for k in halves]
-                common.append(joined("or", [emit("ogt", far, 0.0), *at_limit]))
+                at_limit = [sizes[k].equals(limits[k]) for k in halves]
+                common.append(joined("or", [far > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()
             for k in halves:
-                self.after_rare[k] = emit("select", keeps, self.after[k], following[k])
-            size = joined("fadd", [emit("fabs", following[k]) for k in halves])
-            tests.append(emit("olt", size, np.inf))
-        self.accurate = joined("and", [*tests, *self._accurate_pivots()])
-        negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
-        self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
-        changes = [
-            emit("and", emit(first, k, 0.0), emit(second, self.after_rare[k], least))
-            for k in sorted(tested)
-            for first, second, least in (("olt", "ogt", SIGNIFICANT), ("ogt", "olt", -SIGNIFICANT))
-        ]
-        self.changed = joined("or", changes) if changes else None
+                self.after_rare[k] = keeps.select(after[k], number(following[k])).number
+            tests.append(joined("fadd", [abs(number(following[k])) for k in halves]) < np.inf)
+        self.accurate = joined("and", [*tests, *self._accurate_pivots()]).number
+        negative = [number(pivot) < 0.0 for pivot in self.factors.pivot.values()]
+        self.negative = joined("xor", negative or [number(1.0) < 0.0]).number
+        changes = []
+        for k in tested:
+            x, following = number(k), number(self.after_rare[k])
+            changes.append((x < 0.0) & (following > SIGNIFICANT))
+            changes.append((x > 0.0) & (following < -SIGNIFICANT))
+        self.changed = joined("or", changes).number if changes else None
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
@@ -372,11 +363,11 @@ class Step:
 
     def _good_pivots(self):
         """Return the tests of the pivots for `good`."""
-        return [self.values.emit("ogt", *self.factors.bounds())]
+        return [self.factors.is_good()]
 
     def _accurate_pivots(self):
         """Return the tests of the pivots for `accurate`."""
-        return [self.values.emit("ogt", *self.factors.least_and_limit())]
+        return [self.factors.is_accurate()]
 
     def _separate_fixed(self):
         """Separate the operations on parameters alone, and list which of their values are used."""
@@ -492,10 +483,10 @@ class Tangent(Step):
         self._add_columns(entries)
 
     def _good_pivots(self):
-        return [*super()._good_pivots(), self.values.emit("ogt", *self.back.bounds(1.0))]
+        return [*super()._good_pivots(), self.back.is_good(1.0)]
 
     def _accurate_pivots(self):
-        self.derived = self.values.emit("ogt", *self.back.least_and_limit(1.0))
+        self.derived = self.back.is_accurate(1.0).number
         return super()._accurate_pivots()
 
     def _scale(self):
@@ -504,23 +495,23 @@ class Tangent(Step):
         This is prod abs(p_k / q_k), with pivots p of 1 - M(x_next) and q of 1 - N(x). Near 1 digits
         need p_k / q_k - 1 = (N_kk - M_kk) / q_k, with N and M after elimination.
         """
-        emit, (volume, near_1, far) = self.values.emit, range(self.D + self.T, self.D + self.T + 3)
+        number, first = self.values.number, self.D + self.T
+        volume, near_1, far = (number(first + k) for k in range(3))
         for n, k in enumerate(sorted(self.factors.inverse)):
             if n and n % AT_MOST == 0:  # many factors near 1 have a product that is not
-                is_near = emit("olt", emit("fabs", near_1), 0.5)
-                factor = emit("select", is_near, 1.0, emit("fadd", 1.0, near_1))
-                near_1, far = emit("select", is_near, near_1, 0.0), emit("fmul", far, factor)
-            per_q, per_p = self.factors.inverse[k], self.back.inverse[k]
-            change = emit("fsub", self.factors.diagonal[k], self.back.diagonal[k])
-            change = emit("fmul", change, per_q)
-            is_near = emit("olt", emit("fabs", change), 0.5)
-            quotient = emit("select", is_near, 1.0, emit("fabs", emit("fdiv", per_q, per_p)))
-            change = emit("select", is_near, change, 0.0)
-            near_1 = emit("fadd", near_1, emit("fadd", change, emit("fmul", near_1, change)))
-            far = emit("fmul", far, quotient)
-            factor = emit("fadd", quotient, emit("fmul", quotient, change))
-            volume = emit("fmul", volume, factor)
-        self.scaled = volume, near_1, far
+                is_near = abs(near_1) < 0.5
+                factor = is_near.select(1.0, 1.0 + near_1)
+                near_1, far = is_near.select(near_1, 0.0), far * factor
+            per_q, per_p = (number(of.inverse[k]) for of in (self.factors, self.back))
+            N, M = (number(of.diagonal[k]) for of in (self.factors, self.back))
+            change = (N - M) * per_q
+            is_near = abs(change) < 0.5
+            quotient = is_near.select(1.0, abs(per_q / per_p))
+            change = is_near.select(change, 0.0)
+            near_1 = near_1 + (change + near_1 * change)
+            far = far * quotient
+            volume = volume * (quotient + quotient * change)
+        self.scaled = volume.number, near_1.number, far.number
 
     def _add_columns(self, entries):
         """Add the operations for -DPhi q, with the entries of M(x_next) - 1."""

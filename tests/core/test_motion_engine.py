@@ -193,14 +193,14 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
         balls = [*np.linspace((1.0, 0.0), (2.0, 1.0), 8), (1.0, np.nan)]
         options = {"rtol": 1e-6, "stiff": stiff}
         runs = [
-            sf.flow(SPRING, balls, time=[0.5, 2.0], **options),
-            sf.flow(KINKS, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[1.0, 4.0], **options),
+            sf.flow(SPRING, balls, time=[0.5, 1.0], **options),
+            sf.flow(KINKS, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[1.0, 2.0], **options),
             sf.flow(DOSES, [[0.0, 0.0], [1.0, 0.2]], time=[1.005, 9.0], **options),
             sf.flow(BRANCHES, [[1.0, 0.0], [0.5, 0.2]], time=[1.5707963267949, 2.0], **options),
-            sf.flow(STAIRS, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
+            sf.flow(STAIRS, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 2.0], **options),
             sf.flow(SLIDES, [[0.3, 0.0], [1.0, 0.5]], time=[1.2, 3.0], **options),
         ]
-        slopes = sf.flow(SPRING, [1.0, 0.0], time=2.0, derivatives="x0", **options)
+        slopes = sf.flow(SPRING, [1.0, 0.0], time=1.0, derivatives="x0", **options)
         runs = [each for run in runs for each in (run.states, run.status, run.steps)]
         return states, slopes.derivative("x0"), *runs
 
@@ -260,12 +260,13 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     monkeypatch.setattr(functions, "LONGEST", -1)
     by_runs.key = f"runs of variational {case}"
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
-    monkeypatch.setattr(half, "LONGEST", -1)
-    by_columns.key = f"columns of variational {case}"
-    found = motion(by_columns, *run, stiff=is_stiff)
-    np.testing.assert_allclose(found[0], usual[0], rtol=1e-6, atol=1e-9)
-    take_in_numpy(monkeypatch)
-    assert_equal(found, motion(by_columns, *run, stiff=is_stiff))
+    if is_stiff:
+        monkeypatch.setattr(half, "LONGEST", -1)
+        by_columns.key = f"columns of variational {case}"
+        found = motion(by_columns, *run, stiff=is_stiff)
+        np.testing.assert_allclose(found[0], usual[0], rtol=1e-6, atol=1e-9)
+        take_in_numpy(monkeypatch)
+        assert_equal(found, motion(by_columns, *run, stiff=is_stiff))
     monkeypatch.undo()
     take_in_numpy(monkeypatch)
     assert_equal(usual, motion(f, *run, stiff=is_stiff))

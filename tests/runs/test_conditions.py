@@ -120,28 +120,6 @@ def test_a_jump_at_the_last_time_is_the_end():
     assert points.steps < 100
 
 
-@pytest.mark.parametrize(
-    ("f", "start", "time", "exact"),
-    [
-        # A choice that changes just after the start, forward and backward.
-        (lambda s: (np.where(s[1] > 0, np.cos(s[1]), 0.0), 1.0), 0.0, 1.0, np.sin(1.0)),
-        (lambda s: (np.where(s[1] >= 0, 0.0, 1.0), 1.0), 0.0, -1.0, -1.0),
-        (lambda s: (np.where(s[1] > 0, np.cos(s[1]), 0.0), 1.0), -1.0, 2.0, np.sin(1.0)),
-        # A pulse much shorter than a step.
-        (lambda s: (np.heaviside(s[1] - 5, 0.5) - np.heaviside(s[1] - 5.001, 0.5), 1.0), 0.0, 10.0,
-         0.001),
-        (lambda s: (np.where((s[1] > 2) & (s[1] < 2.01), 100.0, 0.0), 1.0), 0.0, 10.0, 1.0),
-        (lambda s: (np.floor(s[1]), 1.0), 0.0, 10.0, 45.0),
-        (lambda s: (np.floor(s[1]), 1.0), 2.5, -2.0, -2.0),
-        (lambda s: (np.where(s[1] == 0, 1.0, np.sin(s[1]) / s[1]), 1.0), 0.0, 1.0,
-         0.946083070367183),
-    ],
-)  # fmt: skip
-def test_choices_by_a_clock(f, start, time, exact):
-    motion = sf.flow(field(f, "x t"), [0.0, start], time=time)
-    np.testing.assert_allclose(motion.x[0, 0], exact, atol=1e-10)
-
-
 def test_a_family_of_levels():
     level = np.array([0.5, 1.0, 1.5])
     family = field(lambda s, a: (np.where(s[0] > a, 2.0, 1.0),), "x", a=level)
@@ -301,16 +279,3 @@ def test_derivatives_across_a_jump_whose_surface_has_kinks(edge):
     found = sf.flow(jumping, x0, derivatives="x0", **options).derivative("x0")[0]
     ends = [sf.flow(jumping, x0 + h * np.array(e), **options).x[0] for e in ([1, 0], [-1, 0])]
     np.testing.assert_allclose(found[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("rate", "end"),
-    [
-        (lambda t: np.abs(t) ** 1.5, 1 + 2 / 5 * 2**2.5),
-        (lambda t: np.sqrt(np.abs(t)), 1 + 2 / 3 * 2**1.5),
-        (lambda t: np.sqrt(np.maximum(-t, 0.0)), 1.0),
-    ],
-)
-def test_a_start_on_a_kink_whose_branch_has_no_value_ahead(rate, end):
-    motion = sf.flow(field(lambda s: (1.0, rate(s[0])), "t y"), [0.0, 1.0], time=2.0)
-    np.testing.assert_allclose(motion.x[0], [2.0, end], rtol=1e-7)

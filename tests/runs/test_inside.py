@@ -113,15 +113,6 @@ def test_times_just_before_the_last_one(T):
         np.testing.assert_allclose(motion.x, right, rtol=0, atol=10 * rtol)
 
 
-def test_a_time_on_a_kink_beyond_which_a_root_begins():
-    root = field(lambda s: (np.sqrt(abs(s[1] - 1)), 1.0), "x t")
-    for before in np.random.default_rng(0).uniform(0, 3.5, 20):
-        for times in ([1 + before, 2.5 + before], [1 + before]):
-            motion = sf.flow(root, [0.5, -before], time=times)
-            exact = 0.5 + 2 / 3 * (1 + before) ** 1.5
-            np.testing.assert_allclose(motion.x[0, 0], exact, rtol=1e-7)
-
-
 def forced(s):
     return s[1], s[0] - s[0] ** 3 - 0.3 * s[1] + 0.5 * np.cos(1.2 * s[2]), 1.0
 

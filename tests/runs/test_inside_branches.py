@@ -8,36 +8,88 @@ import suslov_fast as sf
 
 # The integral of sin(t) / t from 0 to 1, and that of (1 - cos t) / t from 1 to 1.1.
 SINE, COSINE = 0.946083070367183, 0.0478407252806422
+HOURS = 100 * 24 * (np.pi - 2 * np.arcsin(0.99)) / (2 * np.pi)  # of light in 100 days
+AREA = 100 * 24 * (np.sqrt(1 - 0.99**2) / np.pi) - 0.99 * HOURS
 
 
-@pytest.mark.sampled(12)
-@pytest.mark.parametrize(
-    ("rate", "start", "exact"),
-    [
-        (lambda t: np.where(t < 1, 1 / (2 - t), 0), 0.0, np.log(2)),
-        (lambda t: np.where(t < 1, -1 / (2 - t), 0), 0.0, -np.log(2)),
-        (lambda t: (t < 1) / (2 - t), 0.0, np.log(2)),
-        (lambda t: (t < 1) * (1 / (2 - t)), 0.0, np.log(2)),
-        (lambda t: np.heaviside(1 - t, 0) / (2 - t), 0.0, np.log(2)),
-        (lambda t: np.where(t < 1, np.sin(t) / np.cos(t), 0), 0.0, -np.log(np.cos(1))),
-        (lambda t: np.where(t < 4, np.where(t < 1, 1 / (3 - t), 0), 1 / (t - 3)), 0.0,
-         np.log(3)),
-        (lambda t: sum(np.where(t < k / 12, 1 / (2 - t), 0) for k in range(12)), 0.0,
-         sum(np.log(2 / (2 - k / 12)) for k in range(12))),
-        # A zero of the dividend is no pole.
-        (lambda t: np.where(t != 0, np.sin(t) / t, 1), -1.0, SINE * 2),
-        (lambda t: np.where(t < 1, np.where(t == 0, 0, (1 - np.cos(t)) / t), 0), -1.1, -COSINE),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("stiff", [None, True])
-def test_a_pole_that_is_not_taken(rate, start, exact, stiff):
-    f = field(lambda s: (rate(s[1]), 1.0))
-    time = 2.0 if start == -1.0 else 5.0
-    motion = sf.flow(f, [[0.0, start]] * 2, time=time, stiff=stiff)
-    np.testing.assert_allclose(motion.x[0, 0, 0], exact, rtol=1e-7)
-    np.testing.assert_array_equal(motion.x[:, :1], motion.x[:, 1:])
-    alone = sf.flow(f, [0.0, start], time=time, stiff=stiff)
-    np.testing.assert_array_equal(alone.x, motion.x[:, 0])
+def signed_root(c):
+    return np.where(c > 0, np.sqrt(c), -np.sqrt(-c))
+
+
+def from_1(rate):
+    """A rate that is 0 before t = 1, and then begins like a root."""
+    return lambda t: np.where(t > 1, rate(np.maximum(t - 1, 0)), 0)
+
+
+def of_the_sun(rate):
+    return lambda t: rate(np.sin(2 * np.pi * t / 24))
+
+
+# Rates, a start of the clock, a time, and the integral; with the digits of the tolerance.
+CHOICES = [
+    (lambda t: np.where(t < 1, 1 / (2 - t), 0), 0.0, 5.0, np.log(2)),
+    (lambda t: np.where(t < 1, -1 / (2 - t), 0), 0.0, 5.0, -np.log(2)),
+    (lambda t: (t < 1) / (2 - t), 0.0, 5.0, np.log(2)),
+    (lambda t: (t < 1) * (1 / (2 - t)), 0.0, 5.0, np.log(2)),
+    (lambda t: np.heaviside(1 - t, 0) / (2 - t), 0.0, 5.0, np.log(2)),
+    (lambda t: np.where(t < 1, np.sin(t) / np.cos(t), 0), 0.0, 5.0, -np.log(np.cos(1))),
+    (lambda t: np.where(t < 4, np.where(t < 1, 1 / (3 - t), 0), 1 / (t - 3)), 0.0, 5.0, np.log(3)),
+    (lambda t: sum(np.where(t < k / 12, 1 / (2 - t), 0) for k in range(12)), 0.0, 5.0,
+     sum(np.log(2 / (2 - k / 12)) for k in range(12))),
+    # A zero of the dividend is no pole.
+    (lambda t: np.where(t != 0, np.sin(t) / t, 1), -1.0, 2.0, SINE * 2),
+    (lambda t: np.where(t == 0, 1.0, np.sin(t) / t), 0.0, 1.0, SINE),
+    (lambda t: np.where(t < 1, np.where(t == 0, 0, (1 - np.cos(t)) / t), 0), -1.1, 5.0, -COSINE),
+    # A choice that changes just after the start, forward and backward.
+    (lambda t: np.where(t > 0, np.cos(t), 0.0), 0.0, 1.0, np.sin(1.0)),
+    (lambda t: np.where(t >= 0, 0.0, 1.0), 0.0, -1.0, -1.0),
+    (lambda t: np.where(t > 0, np.cos(t), 0.0), -1.0, 2.0, np.sin(1.0)),
+    # A pulse much shorter than a step.
+    (lambda t: np.heaviside(t - 5, 0.5) - np.heaviside(t - 5.001, 0.5), 0.0, 10.0, 0.001),
+    (lambda t: np.where((t > 2) & (t < 2.01), 100.0, 0.0), 0.0, 10.0, 1.0),
+    (np.floor, 0.0, 10.0, 45.0),
+    (np.floor, 2.5, -2.0, -2.0),
+]  # fmt: skip
+# Branches that end at their surface, and surfaces that are crossed twice in a step: some digits
+# fewer.
+ENDS = [
+    # The integral of sqrt(cos) from 0 to pi/2, less that of sqrt(sin) from 0 to 2 - pi/2.
+    (lambda t: signed_root(np.cos(t)), 0.0, 2.0, 1.0119143948),
+    (lambda t: signed_root(t - 1), 0.0, 2.0, 0.0),
+    (lambda t: np.where(t > 1, np.log(t - 1), np.log(1 - t)), 0.0, 2.0, -2.0),
+    (lambda t: np.where(t > 1, (t - 1) * np.log(t - 1), 2.0), 0.0, 2.0, 2.0 - 0.25),
+    (lambda t: abs(t - 1) ** -0.3, 0.0, 2.0, 2 / 0.7),
+    (lambda t: np.where(t < 1, (1 - t) ** 0.5, (t - 1) ** 1.5), 0.0, 2.0, 2 / 3 + 2 / 5),
+    (lambda t: abs(t) ** 1.5, 0.0, 2.0, 2 / 5 * 2**2.5),
+    (lambda t: np.sqrt(abs(t)), 0.0, 2.0, 2 / 3 * 2**1.5),
+    (lambda t: np.sqrt(np.maximum(-t, 0.0)), 0.0, 2.0, 0.0),
+    (from_1(np.sqrt), 0.0, 2.0, 2 / 3),
+    (from_1(lambda s: s**0.9), 0.0, 2.0, 1 / 1.9),
+    (from_1(lambda s: s**0.1), 0.0, 2.0, 1 / 1.1),
+    (from_1(lambda s: np.where(s > 0, -s * np.log(s + (s <= 0)), 0)), 0.0, 2.0, 1 / 4),
+    (from_1(lambda s: 0.7 * s**-0.3 * np.exp(-(s**0.7))), 0.0, 2.0, 1 - np.exp(-1.0)),  # Weibull
+    (of_the_sun(lambda sun: np.where(sun > 0.99, 1.0, 0.0)), 0.0, 2400.0, HOURS),
+    (of_the_sun(lambda sun: np.floor(abs(sun) / 0.99)), 0.0, 2400.0, 2 * HOURS),
+    (of_the_sun(lambda sun: np.maximum(sun, 0.99) - 0.99), 0.0, 2400.0, AREA),
+    (of_the_sun(lambda sun: np.interp(sun, [0.98, 0.99, 1.0], [0.0, 0.0, 0.01])), 0.0, 2400.0,
+     AREA),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("turn", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
+@pytest.mark.parametrize("name", ["CHOICES", "ENDS"])
+def test_integrals_of_rates_that_choose(name, turn):
+    """Of a batch, with the bits of one; each by all options, in turn."""
+    for k, (rate, start, time, exact) in enumerate(globals()[name]):
+        options = ({}, {"stiff": True}, {"atol": 1e-12})[(k + turn) % 3]
+        with np.errstate(all="ignore"):
+            f = field(lambda s, rate=rate: (rate(s[1]), 1.0))
+        motion = sf.flow(f, [[0.0, start]] * 3, time=time, **options)
+        digits = 1e-11 if name == "CHOICES" else 2.5e-8
+        np.testing.assert_allclose(motion.x[0, :, 0], exact, digits, digits, err_msg=f"{name}[{k}]")
+        alone = sf.flow(f, [0.0, start], time=time, **options)
+        np.testing.assert_array_equal(motion.x, alone.x[:, np.newaxis].repeat(3, axis=1))
+        assert motion.steps.max() < (4200 if time > 100.0 else 370)
 
 
 @pytest.mark.parametrize(
@@ -73,30 +125,6 @@ def test_derivatives_beside_a_pole_that_is_not_taken():
 
 
 # ----------------------------------------------------------- branches that end at their surface
-def signed_root(c):
-    return np.where(c > 0, np.sqrt(c), -np.sqrt(-c))
-
-
-@pytest.mark.parametrize(
-    ("rate", "exact"),
-    [
-        # The integral of sqrt(cos) from 0 to pi/2, less that of sqrt(sin) from 0 to 2 - pi/2.
-        (lambda t: signed_root(np.cos(t)), 1.0119143948),
-        (lambda t: signed_root(t - 1), 0.0),
-        (lambda t: np.where(t > 1, np.log(t - 1), np.log(1 - t)), -2.0),
-        (lambda t: np.where(t > 1, (t - 1) * np.log(t - 1), 2.0), 2.0 - 0.25),
-        (lambda t: abs(t - 1) ** -0.3, 2 / 0.7),
-        (lambda t: np.where(t < 1, (1 - t) ** 0.5, (t - 1) ** 1.5), 2 / 3 + 2 / 5),
-    ],
-)
-def test_branches_that_end_at_their_surface(rate, exact):
-    f = field(lambda s: (rate(s[1]), 1.0))
-    motion = sf.flow(f, [[1.0, 0.0]] * 3, time=[0.5, 2.0])
-    np.testing.assert_allclose(motion.x[-1, 0, 0] - 1.0, exact, atol=1.5e-7)
-    alone = sf.flow(f, [1.0, 0.0], time=[0.5, 2.0])
-    np.testing.assert_array_equal(motion.x, alone.x[:, np.newaxis].repeat(3, axis=1))
-
-
 @pytest.mark.parametrize(
     ("rate", "integral"),
     [

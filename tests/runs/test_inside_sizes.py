@@ -50,26 +50,6 @@ def test_ramps_of_any_width(stiff):
             assert (motion.steps < 150).all()
 
 
-@pytest.mark.parametrize(
-    ("rate", "exact"),
-    [
-        (lambda s: np.sqrt(s), 2 / 3),
-        (lambda s: s**0.9, 1 / 1.9),
-        (lambda s: s**0.1, 1 / 1.1),
-        (lambda s: np.where(s > 0, -s * np.log(s + (s <= 0)), 0), 1 / 4),
-        (lambda s: 0.7 * s**-0.3 * np.exp(-(s**0.7)), 1 - np.exp(-1.0)),  # Weibull's density
-    ],
-)
-@pytest.mark.parametrize("atol", [None, 1e-12])
-def test_a_component_that_begins_like_a_root(rate, exact, atol):
-    """From exactly 0, in the middle of the time."""
-    with np.errstate(all="ignore"):
-        f = field(lambda s: (np.where(s[1] > 1, rate(np.maximum(s[1] - 1, 0)), 0), 1.0), "x t")
-    motion = sf.flow(f, [0.0, 0.0], time=2.0, atol=atol)
-    np.testing.assert_allclose(motion.x[0, 0], exact, rtol=1e-7)
-    assert motion.steps < 3000
-
-
 def test_components_that_are_differences_of_larger_ones():
     """Springs at rest, but for the ends: those between stay within rounding for a while."""
     n = 8

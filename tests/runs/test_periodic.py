@@ -315,7 +315,7 @@ RELAXATION = [
 ]
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(("of", "parameter", "time", "level"), RELAXATION)
 def test_relaxation_cycles(of, parameter, time, level, rtol):
@@ -340,7 +340,7 @@ def test_relaxation_cycles(of, parameter, time, level, rtol):
     assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(
     ("mu", "start", "period"),

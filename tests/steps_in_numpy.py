@@ -254,10 +254,6 @@ class StepsInNumPy:
         first = getattr(self.rows, name)
         return self.lanes[first : first + count]
 
-    def of_component(self, name, i):
-        """Return one of `Component`."""
-        return self.motion.components[getattr(COMPONENT, name), i]
-
     def _apply(self, rule, **inputs):
         """Carry out a rule; inputs that are not given are rows of the line and numbers."""
         for name in {*rule.inputs} - {*inputs}:
@@ -268,11 +264,23 @@ class StepsInNumPy:
         found, shape = _applied(rule, **inputs), self.lanes.shape[1:]
         return {name: np.broadcast_to(a, shape).copy() for name, a in found.items()}
 
-    def _apply_to(self, rule, i, **inputs):
-        """Carry out a rule for a component."""
-        names = {*rule.inputs} - {*inputs}
-        inputs |= {n: self.of_component(n, i) for n in names if n in Component._fields}
-        return self._apply(rule, **inputs)
+    def _fold(self, rule, sums=None, components=None, **inputs):
+        """Carry out a rule for components in turn, of which arrays (D, lanes) have a row each.
+
+        Return sums over them, and what else it finds of each.
+        """
+        sums, others = dict(sums or {}), {}
+        for i in range(self.D) if components is None else components:
+            given = {name: inputs[name] for name in rule.inputs if name in inputs}
+            own = {name: a[i] if np.ndim(a) > 1 else a for name, a in given.items()} | sums
+            for name in {*rule.inputs} & {*Component._fields}:
+                own.setdefault(name, self.motion.components[getattr(COMPONENT, name), i])
+            for name, a in self._apply(rule, **own).items():
+                if name in sums:
+                    sums[name] = a
+                else:
+                    others.setdefault(name, []).append(a)
+        return sums, {name: np.array(a) for name, a in others.items()}
 
     def _keep(self, found):
         for name, value in found.items():
@@ -291,14 +299,7 @@ class StepsInNumPy:
         self._rows("f", self.extended)[:] = f = self._value(x)
         self._rows("largest", self.D)[:], self._rows("mode", self.D)[:] = abs(x), 1.0
         sums = dict.fromkeys(("size", "rate", "total"), 0.0)
-        for i in range(self.D):
-            sums = self._apply(
-                lengths.BEGIN_COMPONENT,
-                x=x[i],
-                f=f[i],
-                counts=self.of_component("counts", i),
-                **sums,
-            )
+        sums, _ = self._fold(lengths.BEGIN_COMPONENT, sums, x=x, f=f)
         found = self._apply(lengths.BEGIN, **sums)
         self._keep(found)
 
@@ -372,67 +373,50 @@ class StepsInNumPy:
             rate = self._derive(x)
         ends = self._ends(x, f, signed, len(self.columns))
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
-        largest, kept = self._rows("largest", D), 1.0
-        sizes, sizes_of = dict.fromkeys(self.half.largest.results, 0.0), {}
-        for i in range(D):
-            if self.f.clocks:
-                of_line = {"x": x[i], "f": f[i], "signed": signed}
-                new[i] = self._apply_to(step.CLOCK, i, new=new[i], **of_line)["new"]
-            if self.f.of_one_sign:
-                found = self._apply(
-                    step.KEPT,
-                    x=x[i],
-                    new=new[i],
-                    keeps=self.of_component("keeps", i),
-                    kept=kept,
-                    extra=self.of_component("extra", i),
-                    size=abs(x[i]) if self.half.has_atol else largest[i],
-                )
-                new[i], kept = found["new"], found["kept"]
-            own = {"x": x[i], "new": new[i], "largest": largest[i]}
-            sizes = self._apply_to(self.half.largest, i, **own, **sizes)
-            sizes_of[i] = sizes
+        largest, kept = self._rows("largest", D), {"kept": 1.0}
+        if self.f.clocks:
+            new = self._fold(step.CLOCK, x=x, new=new, f=f, signed=signed)[1]["new"]
+        if self.f.of_one_sign:
+            own = {"x": x, "new": new, "size": abs(x) if self.half.has_atol else largest}
+            kept, found = self._fold(step.KEPT, kept, **own)
+            new = found["new"]
         f_new = self._value(new)
         for k in range(D, self.extended):
-            kept = self._apply(step.SAME_SIGN, x=f[k], new=f_new[k], kept=kept)["kept"]
-        names = ["ratio", "total", "apart"] + ([] if is_implicit else ["rates", "states"])
+            kept = self._apply(step.SAME_SIGN, x=f[k], new=f_new[k], **kept)
         if is_implicit:
             apart = self._solve(self.factors, self.apart - signed * 0.5 * f_new[:D])
         else:
             apart = self._sum(self.own, self.apart)
-        sums, inverse = dict.fromkeys(names, 0.0), np.empty_like(x)
         noise = self._sum([abs(w) for w in self.own], [abs(end) for end in ends])
-        last_of = [first + count - 1 for first, count in self.half.parts for _ in range(count)]
+        own = {"x": x, "new": new, "error": error, "largest": largest, "noise": noise}
+        own |= {"f_new": f_new, "taken": taken, "inverse": (inverse := np.empty_like(x))}
+        sizes = dict.fromkeys(self.half.largest.results, 0.0)
+        large, is_rounding = {} if self.half.has_atol else {"large": 0.0}, {}
+        for k, (first, count) in enumerate(self.half.parts):
+            part = range(first, first + count)
+            sizes, _ = self._fold(self.half.largest, sizes, part, **own)
+            if sizes:
+                smallest = errors.SMALLEST_OF_COLUMNS if k else errors.SMALLEST
+                is_rounding = self._apply(errors.LEAST_ALLOWED, smallest=smallest, **sizes)
+            found = self._fold(self.half.allowed, None, part, **own, **sizes, **is_rounding)
+            inverse[first : first + count] = found[1]["inverse"]
+            if sizes:
+                large, _ = self._fold(errors.LARGE, large, part, **own, **is_rounding)
+        sums = large | self._fold(errors.RATIO, {"ratio": 0.0, "total": 0.0}, **own)[0]
+        of_apart = {"error": apart, "inverse": inverse}
+        sums["apart"] = self._fold(errors.LARGER_RATIO, {"ratio": 0.0}, **of_apart)[0]["ratio"]
         zero = {"rates": 0.0, "states": 0.0}
-        of_sets = [zero, zero]
-        for i in range(D):
-            own = {"x": x[i], "new": new[i], "error": error[i], "largest": largest[i]}
-            own |= {"noise": noise[i], "f_new": f_new[i]}
-            sizes = sizes_of[last_of[i]]
-            if sizes:
-                is_column = i >= self.half.parts[0][1]
-                smallest = errors.SMALLEST_OF_COLUMNS if is_column else errors.SMALLEST
-                sizes = sizes | self._apply(errors.LEAST_ALLOWED, smallest=smallest, **sizes)
-            inverse[i] = self._apply_to(self.half.allowed, i, **own, **sizes)["inverse"]
-            own["inverse"] = inverse[i]
-            found = self._apply(errors.RATIO, **own, **sums)
-            if sizes:
-                large = {"noisy": sizes["noisy"], "large": sums.get("large", 0.0)}
-                found |= self._apply(errors.LARGE, **own, **large)
-            if not is_implicit:
-                own |= {"last": self.last[i], "f_last": self.f_last[i], "taken": taken}
-                found |= self._apply(errors.DIFFERENCES, **own, **sums)
-                for k, components in enumerate(self.half.sets or ()):
-                    if i in components:
-                        of_sets[k] = self._apply(errors.DIFFERENCES, **own, **of_sets[k])
-            own = {"error": apart[i], "inverse": inverse[i], "ratio": sums["apart"]}
-            sums = found | {"apart": self._apply(errors.LARGER_RATIO, **own)["ratio"]}
+        if not is_implicit:
+            own |= {"last": self.last, "f_last": self.f_last}
+            of_sets = [self._fold(errors.DIFFERENCES, zero, components, **own)[0]
+                       for components in (self.half.sets or (range(D),))]  # fmt: skip
+            sums |= of_sets[0]
         if self.half.sets:
             sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
         sums |= {"on_trial": 0.0, "of_length": sums["ratio"]}
         sums |= self._second_trial(sums, (x, f, new, error, apart, inverse), taken)
-        sums |= {"taken": taken, "kept": kept, "aside": aside}
+        sums |= {"taken": taken, "aside": aside, **kept}
         before = self.row("t").copy()
         near = self._apply(lengths.NEAR)
         found = self._apply(lengths.AFTER, **near, **sums)
@@ -475,13 +459,11 @@ class StepsInNumPy:
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
 
     def _watch_small(self, is_taken, new, f_new, inverse):
-        watches = 0.0
-        for i, low in enumerate(self._rows("low", self.half.low)):
-            own = {"new": new[i], "largest": self._rows("largest", self.D)[i], "low": low}
-            own |= {"f_new": f_new[i], "inverse": inverse[i], "watches": watches}
-            found = self._apply(errors.LOW, **own)
-            low[:] = np.where(is_taken, found["low"], low)
-            watches = found["watches"]
+        low, components = self._rows("low", self.half.low), range(self.half.low)
+        own = {"new": new, "largest": self._rows("largest", self.D), "low": low}
+        own |= {"f_new": f_new, "inverse": inverse}
+        sums, found = self._fold(errors.LOW, {"watches": 0.0}, components, **own)
+        low[:], watches = np.where(is_taken, found["low"], low), sums["watches"]
         self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
 
     def _second_trial(self, sums, states, taken):
@@ -495,51 +477,31 @@ class StepsInNumPy:
             tried = refused | (is_noisy > 0.0) & is_finite
         if not tried.any():
             return {}
-        counts = [self.of_component("counts", i) for i in range(self.D)]
-        top = 0.0
-        for i, largest in enumerate(self._rows("largest", self.D)):
-            top = self._apply(second_trial.TOP, x=x[i], largest=largest, counts=counts[i], top=top)[
-                "top"
-            ]
-        large = 0.0
-        for i in range(self.D):
-            own = {"error": error[i], "inverse": inverse[i], "noisy": errors.NOISY * top}
-            large = self._apply(errors.LARGE, large=large, **own)["large"]
+        line = {"x": x, "new": new, "f": f, "error": error, "apart": apart, "inverse": inverse}
+        line |= {"largest": self._rows("largest", self.D), "taken": taken}
+        top = self._fold(second_trial.TOP, {"top": 0.0}, **line)[0]["top"]
+        large = self._fold(errors.LARGE, {"large": 0.0}, noisy=errors.NOISY * top, **line)[0][
+            "large"
+        ]
         is_noise = tried & (large < sums["ratio"])
         found = {"least": np.full_like(x, np.inf), "largest": np.zeros_like(x)}
         found["second"] = np.zeros_like(x)
         for u, is_end in zip(second_trial.ALONG, second_trial.ENDS, strict=True):
-            state = np.array([self._apply(second_trial.ON_LINE, x=x[i], new=new[i], u=u)["point"]
-                              for i in range(self.D)])  # fmt: skip
+            state = self._fold(second_trial.ON_LINE, u=u, **line)[1]["point"]
             base, most = self._value(state), np.zeros_like(x)
             for part, first in zip(second_trial.BESIDES, second_trial.FIRST, strict=True):
-                own = [
-                    {"state": state[i], "f": f[i], "x": x[i], "new": new[i]} for i in range(self.D)
-                ]
-                beside = [
-                    self._apply_to(second_trial.BESIDE, i, part=part, is_end=is_end, **each)[
-                        "beside"
-                    ]
-                    for i, each in enumerate(own)
-                ]
-                change = (self._value(np.array(beside)) - base)[: self.D]
+                own = {"state": state, "part": part, "is_end": is_end}
+                beside = self._fold(second_trial.BESIDE, **own, **line)[1]["beside"]
+                change = (self._value(beside) - base)[: self.D]
                 if self.half.is_implicit:
                     change = self._solve(self.factors, change)
                 change = np.where(is_noise | (is_end * first > 0.0), change, 0.0)
                 most = np.fmax(abs(change), most)
-            for i in range(self.D):
-                own = {key: value[i] for key, value in found.items()} | {"most": most[i]}
-                for key, value in self._apply(
-                    second_trial.BESIDE_POINTS, is_end=is_end, **own
-                ).items():
-                    found[key][i] = value
+            found = self._fold(second_trial.BESIDE_POINTS, is_end=is_end, most=most, **found)[1]
         trial = {"ratio": 0.0, "of_length": 0.0, "of_apart": 0.0}
-        for i in range(self.D):
-            own = {key: value[i] for key, value in found.items()} | {"taken": taken, "top": top}
-            own["grows"] = second_trial.GROWS[self.half.is_implicit]
-            own |= {"error": error[i], "apart": apart[i], "inverse": inverse[i]}
-            trial = self._apply(second_trial.SECOND, **own, **trial)
-            inverse[i] = np.where(tried, trial.pop("inverse"), inverse[i])
+        own = line | found | {"top": top, "grows": second_trial.GROWS[self.half.is_implicit]}
+        trial, found = self._fold(second_trial.SECOND, trial, **own)
+        inverse[:] = np.where(tried, found["inverse"], inverse)
         counts = refused | tried & (trial["of_length"] < sums["ratio"])
         pairs = zip(("ratio", "of_length", "apart"), trial.values(), strict=True)
         found = {name: np.where(counts, value, sums[name]) for name, value in pairs}
@@ -643,9 +605,10 @@ class StepsInNumPy:
             moved = self._columns_after_jump(new, f_new, after, table, surface)
             new = np.where(jumps, moved, new)
             after = self._value(new)
-        for i, low in enumerate(self._rows("low", self.half.low)):
-            own = {"low": low, "before": f_new[i], "after": after[i]}
-            low[:] = np.where(truth, self._apply(choosing.INFLOW, **own)["low"], low)
+        low = self._rows("low", self.half.low)
+        own = {"low": low, "before": f_new, "after": after}
+        found = self._fold(choosing.INFLOW, None, range(self.half.low), **own)[1]
+        low[:] = np.where(truth, found["low"], low) if len(low) else low
         return new, after
 
     def _columns_after_jump(self, x, before, after, table, surface):
@@ -720,27 +683,18 @@ class StepsInNumPy:
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""
-        D, largest, mode = self.D, self._rows("largest", self.D), self._rows("mode", self.D)
+        largest, mode = self._rows("largest", self.D), self._rows("mode", self.D)
         entries = derivative_entries(self.f, x, self.table)
         self.entries = np.where(abs(entries) < np.inf, entries, 0.0)
-        top, size = 0.0, 0.0
-        for a in largest:
-            top = self._apply(implicit.SIZE, modulus=a, top=top)["top"]
-        pairs = zip(largest, mode, strict=True)
-        scales = [self._apply(implicit.SCALE, largest=a, top=top, mode=m) for a, m in pairs]
-        scaled = np.array([found["scaled"] for found in scales])
-        own = [*self.entries[: self.f.entries], np.zeros_like(scaled[0]), *scaled]
+        top = self._fold(implicit.SIZE, {"top": 0.0}, modulus=largest)[0]["top"]
+        scales = self._fold(implicit.SCALE, largest=largest, top=top, mode=mode)[1]
+        own = [*self.entries[: self.f.entries], np.zeros_like(top), *scales["scaled"]]
         products = carried_out(self.half.functions["power"], own)
-        own = np.empty_like(x)
-        for i in range(D):
-            found = self._apply(
-                implicit.RATE, product=products[i], scale=scales[i]["scale"], size=size
-            )
-            own[i], size = found["product"], found["size"]
-        for i in range(D):
-            seed = self.of_component("seeds", i)
-            found = self._apply(implicit.MODE, product=own[i], size=size, mode=mode[i], seed=seed)
-            mode[i] = found["mode"]
+        own = {"product": products, "scale": scales["scale"]}
+        sums, found = self._fold(implicit.RATE, {"size": 0.0}, **own)
+        size, product = sums["size"], found["product"]
+        own = {"seed": self.motion.components[COMPONENT.seeds][:, np.newaxis]}
+        mode[:] = self._fold(implicit.MODE, product=product, size=size, mode=mode, **own)[1]["mode"]
         return size
 
     # ----------------------------------------------------------------------------------- the times
@@ -772,14 +726,12 @@ class StepsInNumPy:
 
     def _nodes(self, passed):
         """Return states and rates at the ends of quarters, and their length; refuse steps."""
-        of_step, D, zero = {"t": passed.before, "taken": passed.taken}, self.D, 0.0
+        of_step, D = {"t": passed.before, "taken": passed.taken}, self.D
         own = {"after": self.row("t"), "accepted": passed.accepted}
         signed = self._apply(inside.QUARTER, **of_step, **own)["signed"]
         few, more = weights_of_few(EXPLICIT, 2)[inside.FEW - 1 : inside.FEW + 1]
-        error, ratio = self._sum(few - self.own, passed.ends), zero
-        for i in range(D):
-            inputs = {"error": error[i], "inverse": passed.inverse[i], "ratio": ratio}
-            ratio = self._apply(errors.LARGER_RATIO, **inputs)["ratio"]
+        own = {"error": self._sum(few - self.own, passed.ends), "inverse": passed.inverse}
+        ratio = self._fold(errors.LARGER_RATIO, {"ratio": 0.0}, **own)[0]["ratio"]
         needs, x, f, nodes = ratio > inside.OF_FEW, passed.x, passed.f[:D], []
         for _ in range(3):
             ends = self._ends(x, f, signed, inside.FEW + 1)
@@ -788,15 +740,14 @@ class StepsInNumPy:
             x = x + self._sum(factors, ends)
             f = self._value(x)[:D]
             nodes.append((x, f))
-        sums = {"ratio": zero, "total": zero}
+        sums = {"ratio": 0.0, "total": 0.0}
         for v in inside.TESTS:
             of_value, of_slope = inside.weights_of_test(v)
             states = passed.x + self._between(passed, nodes, signed, of_value)
             rates = self._value(self._with_signs(states, passed))
             slopes = self._between(passed, nodes, signed, of_slope)
-            for i in range(D):
-                inputs = {"slope": slopes[i], "f": rates[i], "inverse": passed.inverse[i]}
-                sums = self._apply(inside.DEFECT, signed=signed, **inputs, **sums)
+            own = {"slope": slopes, "f": rates, "inverse": passed.inverse, "signed": signed}
+            sums, _ = self._fold(inside.DEFECT, sums, **own)
         found = self._apply(inside.FAILS, signed=signed, **of_step, **sums)
         fails = found.pop("fails") > 0.0
         for name, value in found.items():
@@ -813,10 +764,7 @@ class StepsInNumPy:
 
     def _with_signs(self, states, passed):
         if self.f.of_one_sign:
-            for i, x in enumerate(passed.x):
-                keeps = self.of_component("keeps", i)
-                found = self._apply(inside.WITH_SIGN, value=states[i], x=x, keeps=keeps)
-                states[i] = found["value"]
+            return self._fold(inside.WITH_SIGN, value=states, x=passed.x)[1]["value"]
         return states
 
 

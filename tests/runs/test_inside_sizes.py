@@ -159,3 +159,23 @@ def test_rates_that_are_rounding_alone(options):
     np.testing.assert_allclose(motion["x"][0], right, atol=1e-7)
     assert (motion.steps < 60).all()
     assert (abs(motion.x[..., 2:]) < 1e-14).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"stiff": True}, {"rtol": 1e-11}])
+def test_a_rate_that_is_rounding_beside_a_relaxation(options):
+    """e' is 0 but for rounding; trajectories look for that at steps of their own."""
+    cycles = field(
+        lambda s, k: (
+            s[1],
+            k * (1 - s[0] ** 2) * s[1] - s[0],
+            k * (1 - s[0] ** 2) * s[1] - k * s[1] + k * s[0] ** 2 * s[1],
+        ),
+        "x v e",
+        k=np.linspace(1.0, 40.0, 8),
+    )
+    motion = sf.flow(cycles, [2.0, 0.0, 0.0], time=30.0, **options)
+    assert (abs(motion.x[..., 2]) < 2e-13).all()
+    assert (motion.steps < 4000).all()
+    for k in range(8):
+        alone = sf.flow(cycles[k], [2.0, 0.0, 0.0], time=30.0, **options)
+        np.testing.assert_array_equal(alone.x, motion.x[:, k])

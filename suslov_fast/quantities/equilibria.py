@@ -3,7 +3,8 @@
 Steps of least norm solve f' d = -f, with rows of f' scaled to 1, so that neither the units of rates
 nor a curve of equilibria matter, and in units of the given states where f' is not singular then.
 They are accepted as long as each is much shorter than the one before, as near a regular
-equilibrium; at a fold each is half as long.
+equilibrium; at a fold each is half as long. Where f' is singular in doubles, `decimals` tells
+whether it is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, common_shape, first_index, spell, states, warn
 from ..engine.status import Status
 from ..keywords import public_class, with_answers
+from .decimals import by_decimals
 
 _MOST = 30  # steps of Newton's method
 _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
@@ -60,6 +62,10 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
     own = ~np.logical_and.reduce(steady) if steady else np.ones(D, bool)
     members = np.broadcast_to(np.arange(int(np.prod(field.shape))).reshape(field.shape), batch)
     x = np.array(np.broadcast_to(given, (*batch, D)))
+
+    def member(index: Any) -> Any:
+        return field[np.unravel_index(members[index], field.shape)] if field.shape else field
+
     with np.errstate(all="ignore"):
         if has_line := isinstance(system, (Suslov3D, SuslovND)):
             x = _on_line(system, x)
@@ -75,13 +81,17 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
             found = np.where(too[..., np.newaxis], others, found)
             is_found = np.array(is_found | too)
         for index in map(tuple, np.argwhere(has_value & ~is_found)):
-            member = field[np.unravel_index(members[index], field.shape)] if field.shape else field
             found[index], is_found[index] = _by_scipy(
-                member, x[index], own, sizes[index], units[index]
+                member(index), x[index], own, sizes[index], units[index]
             )
-        is_regular = (
+        is_regular = np.array(
             is_found if has_line else is_found & _leads_back(field, found, own, sizes, units)
         )
+        is_whole = has_line | _step(field, found, own, units)[3]
+        for index in map(tuple, np.argwhere(is_found & ~is_whole)):
+            exact = by_decimals(member(index), x[index], own, units[index])
+            if exact is not None:
+                found[index], is_regular[index] = exact, True
         is_degenerate = (is_found | _is_small(field, found, own, units)) & ~is_regular
         slopes = field.jacobian(np.where(is_regular[..., np.newaxis], found, np.nan))
     status = np.select(
@@ -125,10 +135,11 @@ def _sizes_of(x: FloatArray) -> FloatArray:
     return np.maximum(abs(x), np.where(largest > 0, _LEAST * largest, 1.0))
 
 
-def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, Any, Any]:
+def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, Any, Any, Any]:
     """Return the step (..., D) of Newton's method, f (..., k) by its scale, and the step's matrix.
 
-    The matrix (..., k, k) times f is the step. `units` are sizes of the components.
+    The matrix (..., k, k) times f is the step. `units` are sizes of the components. The last result
+    is whether f' is not singular in these units.
     """
     f, slopes = field(x)[..., own], field.jacobian(x)[..., own, :][..., own]
     sizes = abs(slopes).max(axis=-1, initial=0.0)
@@ -141,12 +152,13 @@ def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, 
     rows = abs(inner).max(axis=-1, keepdims=True, initial=0.0)
     values = np.linalg.svd(inner / np.where(rows > 0, rows, 1.0), compute_uv=False)
     is_whole = values.min(axis=-1, initial=np.inf) > _WHOLE * values.max(axis=-1, initial=0.0)
-    is_whole = is_whole[..., np.newaxis, np.newaxis] & (rows > 0).all(axis=-2, keepdims=True)
-    units, rows = np.where(is_whole, units, 1.0), np.where(is_whole, rows, 1.0)
+    is_whole &= (rows > 0).all(axis=(-2, -1))
+    kept = is_whole[..., np.newaxis, np.newaxis]
+    units, rows = np.where(kept, units, 1.0), np.where(kept, rows, 1.0)
     inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
     inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
     step = _whole(inverse, np.where(known[..., np.newaxis], f, np.nan), own)
-    return step, f / sizes, inverse
+    return step, f / sizes, inverse, is_whole
 
 
 def _whole(inverse: FloatArray, f: FloatArray, own: Any) -> FloatArray:
@@ -172,7 +184,7 @@ def _newton(
     before, going = np.full(x.shape[:-1], np.inf), np.isfinite(x).all(axis=-1)
     is_found = np.zeros(x.shape[:-1], bool)
     for _ in range(_MOST):
-        step, f, _ = _step(field, x, own, units)
+        step, f, *_ = _step(field, x, own, units)
         scale = np.maximum(sizes, abs(x))
         length, size = _length(step, scale), scale.max(axis=-1, keepdims=True)
         solved = (abs(f) <= _SMALL * size).all(axis=-1)
@@ -194,7 +206,7 @@ def _damped(
     """Return states after parts of Newton's steps that make the next one shorter."""
     part = np.ones(x.shape[:-1])
     for _ in range(_MOST):
-        step, _, inverse = _step(field, x, own, units)
+        step, _, inverse, _ = _step(field, x, own, units)
         scale = np.maximum(sizes, abs(x))
         length = _length(step, scale)
         part = np.minimum(part, _FARTHEST / length)
@@ -249,7 +261,7 @@ def _leads_back(field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: F
 
 def _is_small(field: Any, x: FloatArray, own: Any, units: FloatArray) -> Any:
     """Return whether f is nearly 0 beside what it is where x is moved in its largest component."""
-    _, f, _ = _step(field, x, own, units)
+    _, f, *_ = _step(field, x, own, units)
     size = abs(x).max(axis=-1, keepdims=True)
     return (abs(f) <= 1e-6 * np.where(size > 0, size, 1.0)).all(axis=-1)
 

@@ -69,7 +69,10 @@ def fixed_points(system: BodyOrField, /, near: ArrayLike | None = None) -> OneOr
         given one is found, and of a body without a rotor the nearest one. If Newton's method does
         not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its methods
         "hybr" and "lm"; what they find may be far. NaN, with a negative status, for a state from
-        which none is found, and where one is degenerate, as at a fold.
+        which none is found, and where one is degenerate, as at a fold. If f' is singular in
+        doubles, as for networks with rates of 16 decades, f of + - * / ** exp, log, sqrt, abs,
+        maximum and minimum is solved with 150 digits (.3 ms for 3 variables); of other functions
+        a point on what doubles take for a curve of equilibria is returned.
 
         Without `near`, each point once, sorted by components. A batch with one axis gives a
         list, with several an array of objects of its shape: ``points[i, j]`` is the array of a

@@ -212,6 +212,24 @@ def test_surfaces_and_new_states_with_conditions():
     assert found.states[:, 1].tolist() == [1.0, 7.0]
 
 
+@pytest.mark.parametrize(("surface", "direction", "times"), [
+    (lambda s: np.sign(np.sin(3 * s[1])), 1, 2 * np.pi / 3 * np.arange(1, 5)),
+    (lambda s: np.sign(np.sin(3 * s[1])), -1, np.pi / 3 * np.arange(1, 9, 2)),
+    (lambda s: np.mod(s[1], 2) - 1, 0, np.arange(1, 9)),
+    (lambda s: s[0] - np.where(s[1] < 4, 2, -4), 0, [1, 4, 7]),
+    (lambda s: np.arctan2(np.sin(3 * s[1]), np.cos(3 * s[1])) - 0.3, 0,
+     np.sort(np.append(0.1 + 2 * np.pi / 3 * np.arange(5), np.pi / 3 * np.arange(1, 9, 2)))),
+])  # fmt: skip
+@pytest.mark.parametrize("to", [None, lambda s: s])
+def test_surfaces_that_jump(surface, direction, times, to):
+    """Also against their rate, and from 0 at the start, which is no change."""
+    falls = Field.from_function(lambda s: (-1.0, 1.0), "x t")
+    change = Change(surface, direction=direction, to=to)
+    motion = flow(falls, [3.0, 0.0], time=8.6, changes=change, max_step=0.5)
+    np.testing.assert_allclose(motion.changes.time, times, atol=1e-9)
+    assert motion.status == Status.OK
+
+
 @pytest.mark.parametrize("f", [np.sign, lambda x: np.abs(x) / x, lambda x: np.floor(x / 8) * 2 + 1,
                                lambda x: np.interp(x, [-3, -2, 2, 3], [-1, -1, 1, 1])])  # fmt: skip
 def test_changes_over_surfaces_of_f(f):
@@ -241,6 +259,38 @@ def test_endless_changes_at_one_instant():
     ]
     motion = flow(CLOCK, [0.0, 0.0], time=3.0, changes=changes)
     assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-13, 1e-9])
+def test_many_that_act_once_within_an_instant_go_on(apart):
+    """Seventy neurons in step spike four times, ln 3 apart."""
+    N = range(70)
+    cells = Field.from_function(lambda v: tuple(1.5 - v[k] for k in N), [f"v{k}" for k in N])
+
+    def fires(k):
+        to = tuple("0" if j == k else f"v{j}" for j in N)
+        return Change(lambda v: v[k] - 1, direction=1, to=to)
+
+    found = flow(cells, apart * np.arange(70), time=5.0, changes=[fires(k) for k in N]).changes
+    assert found.count.tolist() == [4] * 70
+    np.testing.assert_allclose(found.time, np.repeat(np.log(3) * np.arange(1, 5), 70), atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.parametrize("rtol", [1e-6, 1e-12])
+def test_two_tanks_with_one_tap(rtol, rng):
+    """Water leaves both; the tap turns to the one that is empty, ever more often until both are."""
+    out = rng.uniform(0.5, 1.0, (2, 40))
+    tap = out.max(axis=0) + rng.uniform(0.05, 0.9, 40) * out.min(axis=0)
+    values = {"a": out[0], "b": out[1], "w": tap}
+    tanks = Field.from_function(
+        lambda s, a, b, w: (w * s[2] - a, w * (1 - s[2]) - b, 0.0), "x y first", **values
+    )
+    turns = [Change(s, direction=-1, to=("x", "y", q)) for s, q in (("x", 1), ("y", 0))]
+    full = rng.uniform(0.5, 2.0, (40, 2))
+    motion = flow(tanks, np.c_[full, np.ones(40)], time=1000.0, changes=turns, rtol=rtol)
+    assert (motion.status == Status.ACCUMULATES).all()
+    np.testing.assert_allclose(motion.end, full.sum(axis=1) / (out.sum(axis=0) - tap), rtol=1e-9)
 
 
 # -------------------------------------------------------------------------------- derivatives

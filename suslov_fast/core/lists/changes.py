@@ -18,6 +18,8 @@ from .derivative import gradients
 from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 from .step import dot
 
+_JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
+
 
 class Act(NamedTuple):
     """The action of a change. The first values of its lists are x (D), then the parameters (P).
@@ -65,6 +67,7 @@ class Changes(NamedTuple):
     Sections are surfaces on which nothing changes, so that steps do not end there.
 
     directions   of the changes on surfaces
+    jumps        whether the function of each jumps somewhere
     of_sections  directions of the sections
     most         of all changes
     parts        `Part`s by name, see below
@@ -80,6 +83,7 @@ class Changes(NamedTuple):
     """
 
     directions: tuple
+    jumps: tuple
     of_sections: tuple
     most: tuple
     parts: dict
@@ -141,7 +145,8 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         tuple(act.direction for act in each) for each in (on_surfaces, sections)
     )
     most = tuple(act.most for act in acts)
-    return Changes(directions, of_sections, most, parts, tuple(components), P)
+    jumps = tuple(any(each[0] in _JUMPS for each in act.surface.operations) for act in on_surfaces)
+    return Changes(directions, jumps, of_sections, most, parts, tuple(components), P)
 
 
 def _toward(acts, D, P):

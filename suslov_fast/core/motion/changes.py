@@ -20,9 +20,10 @@ from .rules import AT_ONCE, TINY, rule
 from .scope import Lines
 from .sections import record_jumps
 
-# A trajectory ends whose changes follow one another so often within so small a part of the time, or
-# so often at one instant.
-CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 12.0, 64.0, 2.0**-50
+# A trajectory ends where a change acts again within AT_ONCE of the time so often in a row, or where
+# so many act at one instant beside one at each surface.
+CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 4.0, 64.0, 2.0**-50
+SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
 FASTER = 4.0  # rate after changes, beside that where the step before them began
 
 
@@ -50,36 +51,45 @@ def LEVEL(value, rate, side):
     return {"level": _level(value, rate, side > 0.5)}
 
 
+def _is_on(value, rate, last, jumps):
+    """Return whether a value may be that of a state on the surface: not where the surface jumps."""
+    return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
+
+
 @rule
-def CROSSED(value, rate, side, level, is_here, by_motion, sign):
+def CROSSED(value, rate, side, level, is_here, by_motion, jumps, t, last, sign):
     """Whether a state is on another side of a surface, up or down.
 
     A change may leave the state beyond the surface by rounding, on its way back. A step ends there,
     too, but a crossing by the motion whose rate contradicts it is none: then the surface lies where
-    the state is, until its next change, and just beyond where the state does not move any more.
+    the state is, until its next change, and just beyond where the state does not move any more. Nor
+    is it one where a motion begins that rests on the surface at first.
     """
     is_above = value >= level
     differs = (is_here > 0.0) & (is_above ^ (side > 0.5))
     ahead = is_above.select(sign * rate, -(sign * rate))
     is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
+    is_back = is_back & _is_on(value - level, rate, last, jumps)
     stays = is_above & value.equals(level)
     crosses = is_back.select(0.0, differs.select(1.0, 0.0)) > 0.0
+    begins = level.equals(TINY) & (by_motion > 0.0) & (t <= AT_ONCE * last)
     return {
         "side": crosses.select(is_above.select(1.0, 0.0), side),
         "level": is_back.select(stays.select(_beyond(value), value), level),
-        "up": crosses & is_above,
+        "up": begins.select(0.0, (crosses & is_above).select(1.0, 0.0)) > 0.0,
         "down": is_above.select(0.0, crosses.select(1.0, 0.0)) > 0.0,
     }
 
 
 @rule
-def AFTER_OWN(value, rate, before, up, by_motion, sign):
+def AFTER_OWN(value, rate, before, rate_before, up, by_motion, jumps, last, sign):
     """The side and the level of a surface after its own change; `before` is its value before.
 
     A state that lies as near the surface as the crossing left it is on it: its side is that to
     which the rate leads, and within this instant the level is where it is not crossed again.
     """
     is_near = (by_motion > 0.0) & (abs(before) + abs(before) >= abs(value))
+    is_near = is_near & _is_on(before, rate_before, last, jumps)
     is_on = value.equals(0.0) | is_near
     ahead = sign * rate
     goes_up = ahead.equals(0.0).select(1.0 - up, (ahead > 0.0).select(1.0, 0.0))
@@ -91,9 +101,22 @@ def AFTER_OWN(value, rate, before, up, by_motion, sign):
 
 
 @rule
+def AGAIN(fired, t, acted, pause, own, limit):
+    """How much later than before a change acts, and the limit of such times, as by Aitken."""
+    gap, is_fired = t - acted, fired > 0.0
+    ends = t + (pause > gap).select(gap * gap / (pause - gap), 0.0)
+    return {
+        "own": is_fired.select(smaller(gap, own), own),
+        "limit": is_fired.select(smaller(ends, limit), limit),
+        "acted": is_fired.select(t, acted),
+        "pause": is_fired.select(gap, pause),
+    }
+
+
+@rule
 def CHANGED_STATE(
-    size, rate, total, largest, rate_before, number, endless, t, wanted, longer, state, stiff,
-    easy, tries, at, often, pause, since, part, last, longest,
+    size, rate, total, largest, rate_before, number, endless, own, limit, t, wanted, longer, state,
+    stiff, easy, tries, at, often, since, part, last, longest,
 ):  # fmt: skip
     """The next length after changes of the state.
 
@@ -101,18 +124,17 @@ def CHANGED_STATE(
     last step began, as after a dose, it is at most that of a first step of a state as large as the
     largest so far.
 
-    Where changes accumulate, their limit follows from the last three times as by Aitken. A surface
-    that has been crossed for longer than since the last change, as far as its rate tells, shows
-    that its value is rounding by now.
+    Changes accumulate where one acts again at once, `own` after its last time; many others may act
+    in between. A surface that has been crossed for longer, as far as its rate tells, shows that its
+    value is rounding by now.
     """
     is_changed = number > 0.0
     guess = (size > 0.0).select(part * (size / rate), 0.0)
     of_largest = part * (larger(size, largest) / rate)
     least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
     guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
-    own = t - at
-    is_at_once = (own <= AT_ONCE * larger(t, wanted)) | (since > own)
-    limit = smaller(t + (pause > own).select(own * own / (pause - own), 0.0), last)
+    now = larger(t, wanted)
+    is_at_once = (own <= AT_ONCE * now) | ((since > own) & (own <= SOON * now))
     often_now = is_at_once.select(often + 1.0, 0.0)
     piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
     after = piles_up.select(float(State.ACCUMULATES), state)
@@ -124,8 +146,7 @@ def CHANGED_STATE(
         "stiff": is_changed.select(0.0, stiff),
         "easy": is_changed.select(0.0, easy),
         "tries": is_changed.select(0.0, tries),
-        "at": is_changed.select(piles_up.select(limit, t), at),
-        "pause": is_changed.select(own, pause),
+        "at": is_changed.select(piles_up.select(smaller(limit, last), t), at),
         "often": is_changed.select(often_now, often),
     }
 
@@ -158,6 +179,7 @@ def find_sides(lines, begins):
         found = lines.apply(FIRST_SIDE, **values)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
+        lines.line.acted.choose(begins, k * 2, -inf)
 
 
 def _is_at_stop(lines):
@@ -191,12 +213,13 @@ def _change(lines):
     if changes.at_times:
         with text.when(is_at_stop.any()):
             _act_at_times(lines)
+    again = Carried(own=inf, limit=inf)
     if changes.surfaces:
         by_motion = is_there & ~is_at_stop
-        _act_at_surfaces(lines, is_there, by_motion)
+        _act_at_surfaces(lines, is_there, by_motion, again)
     if changes.sections:
         record_jumps(lines, is_there)
-    _go_on(lines, is_at_stop)
+    _go_on(lines, is_at_stop, again)
 
 
 def _act_at_times(lines):
@@ -212,10 +235,16 @@ def _act_at_times(lines):
         now.goes_on = _is_at_stop(lines).any()
 
 
-def _act_at_surfaces(lines, is_there, by_motion):
+def _most(changes):
+    """Return how many changes at surfaces may act at one instant."""
+    return MOST_AT_ONCE + changes.surfaces
+
+
+def _act_at_surfaces(lines, is_there, by_motion, again):
     """Let changes act at the surfaces that a state has crossed, again and again until none does.
 
     `by_motion` are the lanes whose step has crossed one; another change may have crossed others.
+    `again` is what `AGAIN` finds.
     """
     text, work, changes = lines.text, lines.work, lines.half.changes
     for k in text.each(changes.surfaces):
@@ -226,15 +255,19 @@ def _act_at_surfaces(lines, is_there, by_motion):
     else:
         for now in text.rounds(Carried()):
             noted = work.noted[0]
-            few = is_there & (noted < MOST_AT_ONCE)
+            few = is_there & (noted < _most(changes))
             for k in range(changes.surfaces):
                 _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
             now.goes_on = (work.noted[0] > noted).any()
-    for k in text.each(changes.surfaces):
-        side, place = lines.line.side, k * 2
+    for k in text.each(changes.surfaces, again):
+        side, acted, place = lines.line.side, lines.line.acted, k * 2
         values = {"value": work.toward[place], "rate": work.toward.after(1)[place]}
         level = lines.apply(LEVEL, side=side[place], **values)["level"]
         side.after(1).choose(work.fired[k] > 0.0, place, level)
+        own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": work.fired[k]}
+        found = lines.apply(AGAIN, **own, **vars(again))
+        acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
+        again.update(found)
 
 
 def _cross(lines, k, is_there, by_motion):
@@ -244,6 +277,7 @@ def _cross(lines, k, is_there, by_motion):
     by_motion = by_motion.select(1.0, 0.0)
     inputs = {"value": value, "rate": work.toward[place + 1], "by_motion": by_motion}
     inputs |= {"side": line.side[place], "level": line.side[place + 1]}
+    inputs["jumps"] = jumps = text.value(float(half.changes.jumps[k]))
     found = lines.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
@@ -256,7 +290,8 @@ def _cross(lines, k, is_there, by_motion):
         if half.changes.components[k]:
             _look(lines)
             after = {"value": work.toward[place], "rate": work.toward[place + 1]}
-            after |= {"before": value, "up": up.select(1.0, 0.0), "by_motion": by_motion}
+            after |= {"before": value, "rate_before": inputs["rate"], "by_motion": by_motion}
+            after |= {"up": up.select(1.0, 0.0), "jumps": jumps}
             own = lines.apply(AFTER_OWN, **after)
             line.side.choose(fires, place, own["side"])
             line.side.choose(fires, place + 1, own["level"])
@@ -332,7 +367,7 @@ def _keep_largest(lines, truth):
         lines.keep_largest(truth, i, lines.work.new[i])
 
 
-def _go_on(lines, is_at_stop):
+def _go_on(lines, is_at_stop, again):
     """Choose the next length in lanes with changes, as that of a first step."""
     work, conditions = lines.work, lines.f.conditions
     sums = Carried(size=0.0, rate=0.0, total=0.0)
@@ -343,8 +378,8 @@ def _go_on(lines, is_at_stop):
     for i in lines.text.each(lines.D, before):
         inputs = {"x": lines.line.largest[i], "f": lines.line.f[i]}
         before.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
-    endless = (work.noted[0] >= MOST_AT_ONCE).select(1.0, 0.0)
-    inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless}
+    endless = (work.noted[0] >= _most(lines.half.changes)).select(1.0, 0.0)
+    inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
     inputs |= {"since": work.aim[1], "largest": before.size, "rate_before": before.rate}
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)

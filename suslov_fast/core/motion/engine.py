@@ -125,7 +125,7 @@ def records_at_once(changes, equal):
 
     `equal` is how many times of changes are equal at most.
     """
-    at_once = equal + changes.surfaces + int(MOST_AT_ONCE)
+    at_once = equal + 2 * changes.surfaces + int(MOST_AT_ONCE)
     return 2 * (at_once + (SECTION_PARTS + 1) * changes.sections)
 
 

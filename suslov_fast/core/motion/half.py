@@ -118,7 +118,7 @@ class Half:
         self.rows = firsts_of(Rows, of_f | {
             "x": D, "largest": D, "mode": D, "low": self.low, "far": watched,
             "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
-            "section": sections, "latest": sections, "counts": acting,
+            "section": sections, "latest": sections, "counts": acting, "acted": 2 * surfaces,
             "of_changes": changes * len(OF_CHANGES),
         })  # fmt: skip
         columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D

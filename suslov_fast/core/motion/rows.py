@@ -54,6 +54,8 @@ class Rows(NamedTuple):
     section: int  # surfaces of records at the state; 0 counts as positive (sections)
     latest: int  # times of their last crossings (sections)
     counts: int  # how often each change has acted (acting changes)
+    acted: int  # when each change at a surface has acted last, and how much later than the time
+    #             before (2 surfaces)
     of_changes: int  # numbers of `OfChanges`, if there are changes
     t: int  # modulus of the time
     wanted: int  # length of the next step
@@ -87,8 +89,7 @@ class OfChanges(NamedTuple):
     stop_place: int  # the place of the time, an integer
     at: int  # time of the last change; of changes that accumulate their limit
     recorded: int  # crossings of surfaces of records
-    pause: int  # how much later it is than the one before
-    often: int  # changes in a row that followed the one before at once
+    often: int  # how often in a row a change has acted again at once
 
 
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))

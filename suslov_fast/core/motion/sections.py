@@ -163,7 +163,7 @@ def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
     next_ = u + part
     is_near = is_right & (abs(part) <= FOUND)
     is_narrow = high - low <= WIDTH
-    is_end = is_narrow & is_beyond & (abs(value) <= larger(abs(a), abs(b)))
+    is_end = is_narrow & is_beyond & (ALMOST_0 * abs(value) <= larger(abs(a), abs(b)))
     is_found = (left > 0.0) & (is_near | is_end)
     is_inside = (next_ > low) & (next_ < high) & is_right
     is_last = (is_narrow & is_beyond) | (low >= high)

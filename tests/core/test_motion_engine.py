@@ -60,8 +60,10 @@ def lattice(s):
 
 
 def functions_of(s):
-    x, y = s
-    return y.then("sin") * 0.5, x.then("exp") * -0.1 - (x * x + 1.0).then("log") * y
+    """With a component that is 0 but for rounding."""
+    x, y, _ = s
+    rates = y.then("sin") * 0.5, x.then("exp") * -0.1 - (x * x + 1.0).then("log") * y
+    return *rates, x * 0.1 + x * 0.2 - x * 0.3
 
 
 def thin_layer(s):
@@ -89,7 +91,11 @@ CASES = {
     "thin_layer": (thin_layer, np.random.default_rng(6).uniform(-1.0, 1.0, (10, 2)), 7.0),
     "in_two_sets": (in_two_sets, np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 0.5, 2.0, 0.0]]), 9.0),
     "pairs": (pairs, np.append(np.random.default_rng(2).normal(size=(3, 40)), [[1.0]] * 3, 1), 3.0),
-    "functions_of": (functions_of, np.random.default_rng(4).uniform(-1.0, 1.0, (3, 2)), 5.0),
+    "functions_of": (
+        functions_of,
+        np.random.default_rng(4).uniform(-1, 1, (3, 3)) * [1, 1, 0],
+        5.0,
+    ),
     "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),

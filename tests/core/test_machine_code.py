@@ -11,9 +11,10 @@ import pytest
 from llvmlite import binding
 
 import suslov_fast as sf
-from suslov_fast.core.code import compiler as machine_code
+from suslov_fast.core.code import compiler as machine_code, runs
 from suslov_fast.core.compiling import numba as core_numba
 from suslov_fast.core.fields import (
+    called_stages,
     careful,
     driver,
     few_orbits,
@@ -322,6 +323,23 @@ def test_what_machine_code_is_given_stays_alive():
         assert addresses
         for address in addresses:
             assert any(begin <= address <= end for begin, end in places)
+
+
+def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
+    """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
+    field = sf.QuadraticField.from_function(
+        lambda x: (x[1] * x[2], x[0] - x[1], x[0] ** 2 - x[2]), 3
+    )
+    indices, values = field.terms
+    scheme, x = steps_field.scheme_of(indices, 3), np.full((8, 3), 0.5)
+    notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
+    given = scheme, np.atleast_2d(values), np.array([0.1])
+    lines = steps_field._Lines(given, x, notes, 8)
+    stage = called_stages.StageByRuns(lines)
+    heads = weakref.ref(runs.programs_of(scheme.step, False)[0].runs.heads)
+    runs.programs_of.cache_clear()
+    assert heads() is not None
+    assert stage.programs[0].runs.heads is heads()
 
 
 @pytest.mark.slow

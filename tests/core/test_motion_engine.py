@@ -138,11 +138,10 @@ def test_texts_are_those_of_every_process():
     assert one == other
 
 
-def motion(f, x0, times, rtol=1e-6, *, atol=None, sign=1.0, stiff=None):
+def motion(f, x0, times, rtol=1e-6, *, table=(), sign=1.0, **settings):
     """Return the states, and what is known of trajectories at their end."""
-    states = np.full((len(times), *x0.shape), np.nan)
-    settings = engine.Settings(rtol, atol, None, stiff)
-    found = engine.Motion(f, np.zeros(0), x0, np.array(times), sign, settings, states)
+    states, settings = np.full((len(times), *x0.shape), np.nan), engine.Settings(rtol, **settings)
+    found = engine.Motion(f, np.array(table), x0, np.array(times), sign, settings, states)
     found.run()
     return states, found.t, found.steps, found.state
 
@@ -192,10 +191,8 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
     f, table, _ = dense_field(rng)
 
     def found():
-        states = np.full((2, 9, f.D), np.nan)
-        settings = engine.Settings(1e-7, stiff=stiff)
         x0 = 0.1 * np.random.default_rng(3).normal(size=(9, f.D))
-        engine.Motion(f, table, x0, np.array([0.7, 3.0]), 1.0, settings, states).run()
+        states, *_ = motion(f, x0, [0.7, 3.0], 1e-7, table=table, stiff=stiff)
         balls = [*np.linspace((1.0, 0.0), (2.0, 1.0), 8), (1.0, np.nan)]
         options = {"rtol": 1e-6, "stiff": stiff}
         runs = [
@@ -376,9 +373,7 @@ def test_dense_fields():
     np.testing.assert_allclose(f.value(x, table), sparse.value(x, np.zeros(0)), rtol=1e-13)
     np.testing.assert_allclose(f.jacobian(x, table), sparse.jacobian(x, np.zeros(0)), rtol=1e-12)
     for stiff in (None, True):
-        states = np.full((1, 3, D), np.nan)
-        settings = engine.Settings(1e-9, stiff=stiff)
-        engine.Motion(f, table, x0, np.array([3.0]), 1.0, settings, states).run()
+        states, *_ = motion(f, x0, [3.0], 1e-9, table=table, stiff=stiff)
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
 
@@ -417,9 +412,7 @@ def test_llvms_passes_after_many_steps(B, monkeypatch):
         each = right_hand_side(van_der_pol, 2)
         half = engine.half_of(each, True, False)
         monkeypatch.setattr(half, "steps", steps)
-        states = np.empty((2, *x0.shape))
-        settings = engine.Settings(1e-7, stiff=True)
-        engine.Motion(each, np.zeros(0), x0, np.array([1.0, 900.0]), 1.0, settings, states).run()
+        states, *_ = motion(each, x0, [1.0, 900.0], 1e-7, stiff=True)
         found.append((states, engine.code_of_half(half, 1 if B == 1 else engine.WIDTH, False)))
     states, codes = zip(*found, strict=True)
     assert all(np.array_equal(each, states[0]) for each in states)

@@ -114,9 +114,6 @@ def test_three_dimensions(kernel, cases, seed):
     assert np.median(errors) < 1 / 16
 
 
-# --------------------------------------------------------------------------- three dimensions, more
-
-
 @pytest.mark.parametrize("size", [1e3, 1e5, 1e8])
 def test_large_dimensionless_numbers(size):
     """X, Y and K up to 1e8 keep seven digits; beyond, there is a warning."""

@@ -226,9 +226,6 @@ def test_a_pole_in_a_sub_step(method):
         assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
 
 
-# ------------------------------------------------------------------------------------- what remains
-
-
 @pytest.mark.parametrize("method", ["auto", *METHODS])
 def test_one_thread_of_numba(method, monkeypatch):
     """A call that Numba is told to make with one thread has no pool to wait for."""

@@ -202,9 +202,6 @@ def test_a_failure_has_a_status_of_its_own():
     assert run.failed_at.tolist() == [6, 12, 12, -1]
 
 
-# ------------------------------------------------------------------------------------ what is alike
-
-
 # ---------------------------------------------------------------- components that keep their signs
 # Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
 PREY = QuadraticField.from_function(

@@ -494,16 +494,6 @@ def test_balls_that_come_to_rest_on_a_vibrating_table():
         assert abs(motion.end[k] - limit) < 1e-5
 
 
-def test_spikes_of_a_neuron_in_step_with_its_input():
-    neuron = Field.from_function(lambda x: (1.5 + 0.3 * np.cos(x[1]) - x[0], 1.0), "v t")
-    spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1]))
-    orbit = periodic_orbit(neuron, [0.3, 0.0], 2 * np.pi, changes=spike)
-    own = flow(neuron, orbit.state, time=orbit.period, changes=spike).changes.time + orbit.state[1]
-    rates = 1.5 + 0.3 * np.cos(own)
-    right = np.exp(-2 * np.pi) * np.prod(rates / (rates - 1.0))
-    np.testing.assert_allclose(orbit.multipliers, [right], rtol=1e-7)
-
-
 def test_a_change_at_a_knot_of_f():
     """From there a step ends on the knot, so near that the state does not move."""
     spring = Field.from_function(lambda s: (s[1], np.interp(s[0], [-1, 0.4, 1], [1, 0, -2])), "x v")

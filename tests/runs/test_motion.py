@@ -87,9 +87,6 @@ def test_bodies_without_a_closed_form_go_member_by_member():
     assert abs(by_field.x - whole.omega).max() < 1e-8
 
 
-# ------------------------------------------------------------------------------------------- stiff
-
-
 def test_small_components_have_digits_with_atol():
     """y' = -y beside 1: 1e-12 of the largest has no digits by default."""
     field = of(lambda x: (-1e-3 * x[0], 1e-14 * x[0] - 50 * x[1]), 2)

@@ -163,17 +163,6 @@ def test_forces_keep_their_period():
     assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-9
 
 
-def test_a_variable_that_drifts():
-    """An angle that nothing depends on does not return, and does not count."""
-    field = Field.from_function(lambda s: (s[1], -s[0] - s[0] ** 3, 0.3), "q p angle")
-    orbit = periodic_orbit(field, [1.0, 0.0, 5.0])
-    other = periodic_orbit(
-        Field.from_function(lambda s: (s[1], -s[0] - s[0] ** 3), 2), [1.0, 0.0], orbit.period
-    )
-    assert orbit.period == pytest.approx(other.period, rel=1e-9)
-    assert len(orbit.multipliers) == 2
-
-
 @pytest.mark.parametrize(
     ("field", "start", "period", "reason"),
     [

@@ -254,6 +254,23 @@ def test_values_that_are_no_numbers_make_no_crossing():
     assert len(points) == 0  # a pole of the surface
 
 
+@pytest.mark.parametrize("gap", [0.3, 0.1, 1e-2, 1e-4, 1e-8])
+def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
+    """Half of the last ones, all that go upwards, were found."""
+    angles = np.linspace(0.1, 6.1, 40)
+    starts = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    starts = starts[abs(starts[:, 0]) > gap]
+    arguments = {"time": 2 * np.pi, "direction": 0, "rtol": 1e-6}
+
+    def hole(x):
+        return 1e-200 * np.sqrt(x**2 - gap**2)
+
+    for surface in (lambda s: s[0] + hole(s[0]), lambda s: np.sign(s[0]) + hole(s[0])):
+        assert len(of_oscillator(starts, surface, **arguments)) == 0
+    found = of_oscillator(starts, lambda s: s[0] - 0.5 + hole(s[0]), **arguments)
+    assert (found.count == 2).all()
+
+
 def test_progress_ends_a_search():
     told = []
 

@@ -63,13 +63,14 @@ def IS_ROUGH(error, least, rough):
 
 @rule
 def KNOWN(value, before, after):
-    """A value of a surface, that before it if it is no number, and whether they differ in sign.
+    """A value of a surface, the one before it, and whether they differ in sign.
+
+    Where the one before is no number nothing is crossed.
 
     One that is almost 0 between two of the other sign counts as one of theirs: whether it lies
     beyond 0 is for `DIP` to find out.
     """
     before = (abs(before) < inf).select(before, value)
-    value = (abs(value) < inf).select(value, before)
     is_above = before >= 0.0
     is_alone = ((value >= 0.0) ^ is_above) & ((value >= 0.0) ^ (after >= 0.0))
     is_alone = is_alone & (abs(value) <= ALMOST_0 * smaller(abs(before), abs(after)))
@@ -152,12 +153,14 @@ def BESIDE_LEAST(u, middle, half):
 def NEWTON(value, rate, up, a, b, u, low, high, left, taken, start, sign):
     """The next place to look for a crossing, or the crossing.
 
-    Where the surface has no slope it is the upper end of a bracket, unless values grow there.
+    Where the surface has no slope it is the upper end of a bracket, unless values grow there. No
+    number counts as beyond the surface, so a bracket shrinks to the beginning of a gap.
     """
     ahead = sign * rate
     is_right = (up > 0.5).select(ahead, -ahead) > 0.0
     move = -value / ahead
-    is_beyond = (value >= 0.0) ^ (up < 0.5)
+    known = (abs(value) < inf).select(value, (up > 0.5).select(1.0, -1.0))
+    is_beyond = (known >= 0.0) ^ (up < 0.5)
     low, high = is_beyond.select(low, u), is_beyond.select(u, high)
     part = move / taken
     next_ = u + part
@@ -445,19 +448,20 @@ def _find(lines, k, crosses, found):
         now.round = now.round + 1
         now.goes_on = (now.left > 0.0).any() & (now.round < MOST_LOOKS)
     is_found = work.ok[0] > 0.0
-    _go_beyond(lines, k, is_found, up)
-    _note(lines, k, is_found, up)
+    is_known = _go_beyond(lines, k, is_found, up)
+    _note(lines, k, is_found & is_known, up)
 
 
 def _go_beyond(lines, k, truth, up):
-    """Let states move on along their rates until they lie beyond the surface."""
+    """Let states move on along their rates beyond the surface; return where it has a value."""
     text, work = lines.text, lines.work
     step = (work.t[0] + work.taken[0]) * NUDGE
-    for now in text.rounds(Carried(step=step, round=0)):
+    for now in text.rounds(Carried(step=step, known=0.0, round=0)):
         lines.call("sections", work.before, lines.table, work.rates)
         value = work.rates[k]
-        is_above = value >= 0.0
-        is_short = truth & (is_above ^ (up > 0.5))
+        is_known, is_above = abs(value) < inf, value >= 0.0
+        now.known = is_known.select(1.0, 0.0)
+        is_short = truth & is_known & (is_above ^ (up > 0.5))
         length = is_short.select(now.step, 0.0)
         work.moment[0] = work.moment[0] + length
         signed = length * lines.number("sign")
@@ -467,6 +471,7 @@ def _go_beyond(lines, k, truth, up):
         now.step = now.step * 4.0
         now.round = now.round + 1
         now.goes_on = is_short.any() & (now.round < NUDGES)
+    return now.known > 0.0
 
 
 def _note(lines, k, truth, up):

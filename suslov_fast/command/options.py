@@ -27,7 +27,7 @@ PARAMETERS = {
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file)"
-_EQUATIONS = "such as \"x' = a*x - x*y; y' = x*y - y; a = 2\"; parameters have no '"
+_EQUATIONS = "such as \"x' = a*x - x*y; y' = x*y - y; a = 2\"; names without ' are parameters"
 _STATES = "array of numpy.save with a state in each row"
 _FORCE = "replace an existing file"
 

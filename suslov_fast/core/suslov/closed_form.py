@@ -42,7 +42,7 @@ Far from ell = 0, an orbit that turns has b = 2 i (k z + R**2 g) and
 c = -k**2 z - R**2 g (g conj(z) + 2 k). Both hold for g = 0, too, but cancel next to ell = 0.
 
 For k = 0 and T < 1 this is Theorem 1: r = exp(eps k1), equation (12), and -tan(psi) is the u of
-equations (10) and (11) half a step later.
+equation (11) and Proposition 1, half a step later.
 """
 
 import math

@@ -23,6 +23,7 @@ from ..lists.tables import LARGEST, Table, is_table
 from .compiler import pointer
 
 WRITTEN_OUT = 4  # indices of which loops are written out
+AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, and how many have to be there
 
 
 # -------------------------------------------------------------------------------------- the names
@@ -402,6 +403,27 @@ class Code:
         source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
         for k in self.each(count):
             target[k] = source[k]
+
+    def fill(self, rows, count, of, *inputs):
+        """Add loops that write of(a, b, ...) to so many rows, where a, b, ... are rows of inputs.
+
+        A `Value` among these is the same for all rows. One lane takes AT_ONCE rows at once, because
+        rounds of loops take most of the time of code without optimisation; but not if there are
+        few rows, because processors wait where they have just been written one by one.
+        """
+
+        def put(text, inputs, i):
+            values = (text.array(a.base, a.first)[i] if isinstance(a, Array) else a for a in inputs)
+            text.array(rows.base, rows.first)[i] = of(*values)
+
+        first = 0
+        if self.W == 1 and count >= MANY:
+            wide, first = self.lanes(AT_ONCE), count - count % AT_ONCE
+            own = [a if isinstance(a, Array) else wide.splat(a) for a in inputs]
+            for k in self.each(first // AT_ONCE):
+                put(wide, own, k * AT_ONCE)
+        for k in self.each(count - first):
+            put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
         """Add a loop that copies so many numbers, which stand so many bytes apart."""

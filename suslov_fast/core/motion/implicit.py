@@ -24,6 +24,7 @@ w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 """
 
 from math import inf
+from operator import add, mul
 
 from ..code.text import Carried, Index
 from ..lists.numbers import larger
@@ -82,8 +83,7 @@ class ImplicitColumns(Scope):
             of_rates = text.constants(of_rates)
             if self.half.looks_inside:
                 self.begin_quarters()
-            for i in text.each(self.D):
-                work.apart[i] = 0.0
+            text.fill(work.apart, self.D, lambda: 0.0)
             for c in text.each(Index(text, "%count"), most=0):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
@@ -96,28 +96,20 @@ class ImplicitColumns(Scope):
         a, b, right, apart = work.a, work.b, work.right, work.apart
         work.jacobian[self.f.entries] = s
         self.call("factor", work.jacobian, "%table", work.factors)
-        for i in text.each(D):
-            right[i] = s * f[i]
+        text.fill(right, D, mul, s, f)
         self.call("solve", work.factors, "%table", right)
-        for i in text.each(D):
-            ends[i] = right[i]
+        text.copy(right, ends, D)
         for m in text.each(N - 1, most=0):
             if self.half.looks_inside:
                 self.add_to_quarter(c, m, ends)
-            for i in text.each(D):
-                a[i] = x[i] + ends[i]
+            text.fill(a, D, add, x, ends)
             self.call("f", a, "%table", b)
-            for i in text.each(D):
-                right[i] = s * b[i]
+            text.fill(right, D, mul, s, b)
             with text.when(m.equals(0)):
-                for i in text.each(D):
-                    apart[i] = apart[i] + weight * (right[i] - ends[i])
+                text.fill(apart, D, _plus_change, apart, weight, right, ends)
             self.call("solve", work.factors, "%table", right)
-            for i in text.each(D):
-                ends[i] = ends[i] + right[i]
-        half = weight * 0.5
-        for i in text.each(D):
-            apart[i] = apart[i] + half * right[i]
+            text.fill(ends, D, add, ends, right)
+        text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
         """Begin the sums of columns at the quarters of the step; 3 is the number of no quarter."""
@@ -131,24 +123,29 @@ class ImplicitColumns(Scope):
         self.firsts = self.text.constants([sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))])
         self.of_quarters = self.text.constants([own.get(N, 0.0) for N in IMPLICIT])
         self.sums = self.work.nodes.after(3 * self.D)
-        for k in self.text.each(3 * self.D):
-            self.sums[k] = 0.0
+        self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
 
     def add_to_quarter(self, c, m, ends):
         """Add column c to the sums of a quarter if one ends after m + 1 sub-steps."""
         number = self.numbers[self.firsts[c] + m]
         with self.text.when(number < 3, likely=False):
             sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
-            for i in self.text.each(self.D):
-                sums[i] = sums[i] + weight * ends[i]
+            self.text.fill(sums, self.D, _plus_part, sums, weight, ends)
+
+
+def _plus_part(a, part, b):
+    return a + part * b
+
+
+def _plus_change(a, part, after, before):
+    return a + part * (after - before)
 
 
 def find_apart(lines):
     """Write what shows false steps to `right`, after f at the next state."""
     text, work = lines.text, lines.work
-    half = work.signed[0] * 0.5
-    for i in text.each(lines.D):
-        work.right[i] = work.apart[i] - half * work.f_new[i]
+    half = work.signed[0] * -0.5
+    text.fill(work.right, lines.D, _plus_part, work.apart, half, work.f_new)
     lines.call("solve", work.factors, lines.table, work.right)
 
 

@@ -8,6 +8,7 @@ state and crossings that are recorded: closed forms and matrix exponentials judg
 
 import itertools
 from functools import singledispatch
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -415,7 +416,7 @@ class StepsInNumPy:
             sums |= {name: of_sets[0][name] * of_sets[1][name] for name in zero}
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
         sums |= {"on_trial": 0.0, "of_length": sums["ratio"]}
-        sums |= self._second_trial(sums, (x, f, new, error, apart, inverse), taken)
+        sums |= self._second_trial(sums, own | {"f": f, "apart": apart})
         sums |= {"taken": taken, "aside": aside, **kept}
         before = self.row("t").copy()
         near = self._apply(lengths.NEAR)
@@ -440,7 +441,10 @@ class StepsInNumPy:
             self._keep(found)
         for lane in np.flatnonzero(served > 0.0):
             self._save(lane, new[:, lane])
-        passed = Passed(before, taken, x, f, new, f_new, inverse, ends, accepted)
+        passed = SimpleNamespace(
+            before=before, taken=taken, x=x, f=f, new=new, f_new=f_new, inverse=inverse, ends=ends,
+            accepted=accepted,
+        )  # fmt: skip
         self._save_inside(passed)
         is_taken = passed.accepted > 0.0
         if self.half.kinks:
@@ -466,8 +470,8 @@ class StepsInNumPy:
         low[:], watches = np.where(is_taken, found["low"], low), sums["watches"]
         self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
 
-    def _second_trial(self, sums, states, taken):
-        x, f, new, error, apart, inverse = states
+    def _second_trial(self, sums, line):
+        """Return what a second trial changes in the sums over components; `inverse` changes."""
         again = self.row("longer") <= lengths.AFTER_TRIAL
         refused = (sums["ratio"] > 1.0) | (sums["apart"] > lengths.MOST_APART)
         is_finite = sums["total"] < np.inf
@@ -477,18 +481,15 @@ class StepsInNumPy:
             tried = refused | (is_noisy > 0.0) & is_finite
         if not tried.any():
             return {}
-        line = {"x": x, "new": new, "f": f, "error": error, "apart": apart, "inverse": inverse}
-        line |= {"largest": self._rows("largest", self.D), "taken": taken}
         top = self._fold(second_trial.TOP, {"top": 0.0}, **line)[0]["top"]
-        large = self._fold(errors.LARGE, {"large": 0.0}, noisy=errors.NOISY * top, **line)[0][
-            "large"
-        ]
+        noisy = errors.NOISY * top
+        large = self._fold(errors.LARGE, {"large": 0.0}, noisy=noisy, **line)[0]["large"]
         is_noise = tried & (large < sums["ratio"])
-        found = {"least": np.full_like(x, np.inf), "largest": np.zeros_like(x)}
-        found["second"] = np.zeros_like(x)
+        zero, inverse = np.zeros_like(line["x"]), line["inverse"]
+        found = {"least": zero + np.inf, "largest": zero, "second": zero}
         for u, is_end in zip(second_trial.ALONG, second_trial.ENDS, strict=True):
             state = self._fold(second_trial.ON_LINE, u=u, **line)[1]["point"]
-            base, most = self._value(state), np.zeros_like(x)
+            base, most = self._value(state), zero
             for part, first in zip(second_trial.BESIDES, second_trial.FIRST, strict=True):
                 own = {"state": state, "part": part, "is_end": is_end}
                 beside = self._fold(second_trial.BESIDE, **own, **line)[1]["beside"]
@@ -766,15 +767,6 @@ class StepsInNumPy:
         if self.f.of_one_sign:
             return self._fold(inside.WITH_SIGN, value=states, x=passed.x)[1]["value"]
         return states
-
-
-class Passed:
-    """What is known of a step, to find the states inside it."""
-
-    def __init__(self, before, taken, x, f, new, f_new, inverse, ends, accepted):
-        self.before, self.taken, self.x, self.f = before, taken, x, f
-        self.new, self.f_new, self.inverse, self.ends = new, f_new, inverse, ends
-        self.accepted = accepted
 
 
 def take_in_numpy(monkeypatch):

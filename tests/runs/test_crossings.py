@@ -133,14 +133,17 @@ def test_bits_depend_on_no_cut(rng, monkeypatch, method):
 
 
 @pytest.mark.parametrize("most", [1, 3])
-def test_trajectories_end(rng, most):
-    """A failure after the end is not told; one before it keeps the crossings."""
+def test_trajectories_end(rng, most, monkeypatch):
+    """A failure after the end is not told; one before it keeps the crossings; in any pieces."""
     # x3 comes to a pole after up to 20 steps.
     field = sf.QuadraticField.from_function(lambda x: (3 * x[1], -3 * x[0], x[2] ** 2), 3)
     starts = rng.uniform(-1, 1, (60, 3))
     starts[:, 2] = sf.iterate(BLOW_UP, [2.0], -0.5, 60).x[rng.integers(0, 20, 60), 0]
     starts[7] = np.nan
     points = check(field, starts, 0.5, 60, first, direction=0, most=most)
+    for name in ("PIECE", "STATES"):
+        monkeypatch.setattr(module, name, 5)
+    assert check(field, starts, 0.5, 60, first, direction=0, most=most) == points
     ended = points.count == most
     assert (points.failed_at[ended] == -1).all()
     assert not np.isnan(points.final[ended]).any()

@@ -8,28 +8,7 @@ import pytest
 import suslov_fast as sf
 
 # With the body `unit` and eps = 1: x = Omega1 and y = -Omega2.
-ON_THE_POLE, UNDEFINED, HEALTHY = [1.0, -3.0], [0.0, -2.0], [0.3, 0.1]
-
-
-def test_failures_in_a_batch(unit):
-    """One warning has both kinds of failures, and names trajectories by their indices."""
-    omega = np.tile(HEALTHY, (3, 4, 1))
-    omega[1, 2], omega[2, 0], omega[0, 3] = ON_THE_POLE, UNDEFINED, [1e200, 0]
-    with pytest.warns(sf.SingularStepWarning) as caught:
-        result = sf.iterate(unit, omega, 1, 10)
-    assert str(caught[0].message) == (
-        "2 of 12 trajectories: singular step, first: (1, 2) at step 1; "
-        "1 of 12 trajectories: non-finite step, first: (0, 3) at step 1"
-    )
-    failed = result.failed_at == 1
-    assert np.argwhere(failed).tolist() == [[0, 3], [1, 2], [2, 0]]
-    assert result.status[failed].tolist() == [-2, -1, -1]
-    assert not result.ok
-    assert np.isnan(result.final[failed]).all()
-    assert (result.omega[0] == omega).all()
-    assert np.isnan(result.omega[1:, failed]).all()
-    healthy = sf.iterate(unit, HEALTHY, 1, 10)
-    assert (result.omega[:, ~failed] == healthy.omega[:, np.newaxis]).all()
+ON_THE_POLE, HEALTHY = [1.0, -3.0], [0.3, 0.1]
 
 
 def test_states_that_do_not_exist(body, unit):

@@ -251,15 +251,3 @@ def test_rows_beyond_the_end_of_a_run_are_untouched(monkeypatch):
     run = sf.iterate(BODY, STARTS, 0.2, 100, save_every=None, out=last, progress=lambda *_: False)
     assert run == sf.iterate(BODY, STARTS, 0.2, run.steps, save_every=None)
     assert (last[0] == run.final).all()
-
-
-class Bar:
-    def __init__(self, iterable=None, total=None):
-        raise AssertionError
-
-
-@pytest.mark.parametrize("progress", [Bar, lambda: 0, lambda done: 0, dict, len, 3])
-def test_what_progress_is_called_with(progress):
-    """Before anything is computed; `tqdm.tqdm` takes an iterable."""
-    with pytest.raises(TypeError, match=r"^progress\b"):
-        sf.iterate(BODY, STARTS, 0.2, 3, progress=progress)

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-EXPLICIT = 2, 4, 6, 8, 10
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
@@ -26,6 +25,7 @@ QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 # its last sub-step. Those of a chain follow one another. For lines of lanes turns gain nothing with
 # AVX2, and 3 % at most with AVX-512.
 CHAINS = (10,), (8, 2), (6, 4)
+EXPLICIT = tuple(sorted(N for chain in CHAINS for N in chain))
 
 
 class Pair(NamedTuple):

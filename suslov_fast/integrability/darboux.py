@@ -167,12 +167,7 @@ class _Points(NamedTuple):
             return [self.map.derivative(x).det() for x in self.x]
         p = int(self.x[0][0].modulus())
         if isinstance(cofactor, RationalFunction):
-            values = [flint.nmod(arithmetic.fmpq(cofactor.constant), p)] * len(self.x)
-            for P, e in cofactor.factors:
-                P = modulo(P, p, self.eps)
-                at_points = (flint.nmod(P(*x[:-1]), p) ** e for x in self.x)
-                values = [c * a for c, a in zip(values, at_points, strict=True)]
-            return values
+            return cofactor.values_modulo(p, self.eps, self.x)
         numbers = [cofactor(tuple(Fraction(int(a)) for a in x[:-1])) for x in self.x]
         if floats := [a for a in numbers if isinstance(a, float)]:
             how = "return integers or fractions"

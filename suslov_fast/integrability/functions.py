@@ -259,6 +259,15 @@ class RationalFunction(WithLetter):
         """The degree in x of the numerator or of the denominator, whichever is larger."""
         return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
+    def values_modulo(self, p: int, eps: int, points: Sequence[Any]) -> list[Any]:
+        """Return the values at points (x1, ..., xD, 1) modulo a prime, at this eps."""
+        values = [flint.nmod(arithmetic.fmpq(self.constant), p)] * len(points)
+        for P, e in self.factors:
+            P = modulo(P, p, eps)
+            powers = (flint.nmod(P(*x[:-1]), p) ** e for x in points)
+            values = [c * a for c, a in zip(values, powers, strict=True)]
+        return values
+
     def gradient_of_logarithm(self, p: int) -> list[Any]:
         """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
         n = variables_of(self.factors[0][0])

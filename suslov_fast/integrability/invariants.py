@@ -94,14 +94,11 @@ class Invariants:
         self.densities: list[RationalFunction] = []  # by a theorem
         self.early_densities: list[RationalFunction] = []  # before the factors of det DPhi
         self.has_factors = False  # whether these are known
-        self._point = arithmetic.random_point(map.dimension, self.p)[:-1]
+        self._point = arithmetic.random_point(map.dimension, self.p)
 
     def value(self, cofactor: Any) -> int:
         """Return the value of a cofactor at the random point, which stands for it."""
-        value = flint.nmod(arithmetic.fmpq(cofactor.constant), self.p)
-        for P, e in cofactor.factors:
-            value *= flint.nmod(modulo(P, self.p, EPS)(*self._point), self.p) ** e
-        return int(value)
+        return int(cofactor.values_modulo(self.p, EPS, [self._point])[0])
 
     # Generators and their products.
 

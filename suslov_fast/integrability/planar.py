@@ -245,10 +245,7 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] 
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
     # The unknowns are the generating functions of d, and of s for each curve that is used; a column
     # is multiplied by the common denominator of its entries.
-    columns, are_quotients = (
-        [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]],
-        False,
-    )
+    columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
     for k in used:
         if (quotients := passages[k].series) is None:
             return None
@@ -259,11 +256,10 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] 
         column[0] *= z
         column[1 + used.index(k)] += common
         columns.append(column)
-        are_quotients |= passages[k].endless
     rows = [*zip(*columns, strict=True)]
     # Cramer's rule: only 1 is on the right, in the first equation.
     P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
-    if are_quotients:
+    if any(passages[k].endless for k in used):
         common = P.gcd(Q)
         P, Q = P // common, Q // common
     sign = 1 if Q[0] > 0 else -1
@@ -299,9 +295,7 @@ def _exponents_of_monomials(map: RationalMap) -> list[list[int]] | None:
     """Return the matrix A of a monomial map; None for other maps."""
     if any(len(F) != 1 for F in map.forms):
         return None
-    *rows, denominator = (
-        [*map_exponents] for F in map.forms for map_exponents in exponents_in_x(F)
-    )
+    *rows, denominator = (exponents_in_x(F)[0] for F in map.forms)
     return [[int(a - b) for a, b in zip(row, denominator, strict=True)] for row in rows]
 
 

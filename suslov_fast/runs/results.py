@@ -208,7 +208,7 @@ class Result(metaclass=Answering):
         >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
         >>> run.to_dataframe().to_csv("states.csv", index=False)  # doctest: +SKIP
         """
-        from .files.frames import table
+        from .files.datasets import table
 
         return table(self)
 

@@ -1,11 +1,11 @@
-"""Results as an `xarray.Dataset`: dimensions and coordinates."""
+"""Results as an `xarray.Dataset`, with dimensions and coordinates, and as a table of pandas."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ...checks import extra, short, wrong
+from ...checks import FloatArray, extra, short, wrong
 from ...engine.status import Status
 from ..columns import ARGUMENTS, CHANGES, MOTION, OF_KIND, RUN, dims_of, in_stores, value_of
 
@@ -28,7 +28,8 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
         name: np.array(a, ndmin=count + body.axes.get(name, 0)) for name, a in arrays.items()
     }
     batch = _batch_names(run, dims, parameters)
-    special = {"states": {"long_name": run._meaning}, "status": flags()}
+    flags = {"flag_values": [*map(int, Status)], "flag_meanings": " ".join(Status.__members__)}
+    special = {"states": {"long_name": run._meaning}, "status": flags}
     variables: dict[str, Any] = {
         (run._variable if column.name == "states" else column.short): (
             dims_of(column, batch),
@@ -50,11 +51,6 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
         coordinates += [name] if body.axes.get(name) else []
     attributes = {**run._titles, **_arguments_of(run), "version": __version__}
     return with_time(xarray.Dataset(variables, attrs=attributes).set_coords(coordinates))
-
-
-def flags() -> dict[str, Any]:
-    """Return the attributes of statuses."""
-    return {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
 
 
 def _arguments_of(result: Any) -> dict[str, Any]:
@@ -144,3 +140,33 @@ def crossings_to_xarray(points: Any) -> Any:
         coords[name] = (dim, *("component",) * axes), points._at_crossings(values, axes)
     attributes = {**points._titles, "version": __version__, **_arguments_of(points)}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)
+
+
+def table(result: Any) -> Any:
+    """Return a result as a table; see `Result.to_dataframe`."""
+    parameters = varying_numbers(result)
+    if hasattr(result, "coordinates"):
+        columns = {name: getattr(result, name) for name in result.coordinates}
+        columns |= {name: result._at_crossings(values) for name, values in parameters.items()}
+        states = result.states
+    else:
+        columns, states = _of_runs(result)
+    for name, column in zip(result.body.labels, states.T, strict=True):
+        columns[f"{name}_" if name in columns else name] = column
+    return extra("pandas", "xarray").DataFrame(columns)
+
+
+def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
+    """Return the columns of a run or a motion, and its states, trajectory by trajectory."""
+    N, batch = len(run), run.status.shape
+    columns: dict[str, Any] = {}
+    if batch:
+        columns["trajectory"] = np.repeat(np.arange(run.status.size), N)
+    if hasattr(type(run), "n"):
+        columns["n"] = np.tile(run.n, run.status.size)
+    time = run.time.reshape((N, *(1,) * (1 + len(batch) - run.time.ndim), *run.time.shape[1:]))
+    columns["time"] = np.moveaxis(np.broadcast_to(time, (N, *batch)), 0, -1).ravel()
+    for name, values in varying_numbers(run).items():
+        columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
+    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body.labels))
+    return columns, states

@@ -54,5 +54,4 @@ def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
     instance("parameters", parameters, Mapping)
     if "body" not in parameters:
         raise wrong("parameters", "have an entry 'body', the name of the class", [*parameters])
-    body: BodyOrField = class_named(parameters["body"]).from_dict(parameters)
-    return body
+    return class_named(parameters["body"]).from_dict(parameters)

@@ -135,8 +135,7 @@ class Members(metaclass=Answering):
                 selected = index if array.shape[its_axis] == self.shape[axis] else common
                 array = array[(slice(None),) * its_axis + (selected,)]
             parts[name] = array
-        body: Kind = self.with_parts(parts)
-        return body
+        return self.with_parts(parts)
 
 
 def place_in(shape: tuple[int, ...], entry: Any) -> Any:

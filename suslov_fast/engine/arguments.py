@@ -151,5 +151,4 @@ def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single body with a field, for `compiled`."""
     indices, [values], _ = by_field(body, eps, ())
     halves = np.outer(stages.fractions, 0.5 * eps * values)
-    system: FieldSystem = system_of(indices, halves, body.dimension)
-    return system
+    return system_of(indices, halves, body.dimension)

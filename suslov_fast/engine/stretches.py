@@ -171,8 +171,7 @@ class March:
         """True where a change of sign, and not det A < 0, told the pole of each trajectory."""
         if not self.steps.notes_poles:
             return False
-        by_signs: NDArray[np.bool_] = self.carry[0].reshape(self.problem.batch) < 0
-        return by_signs
+        return self.carry[0].reshape(self.problem.batch) < 0
 
     def noted(self) -> tuple[NDArray[np.int64], Any]:
         """Return the first state with a positive status, 0 if none, and this status, each (B,)."""

@@ -87,13 +87,13 @@ class WithLetter:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        return self._at(value_of(self._letter_of(named), value, named))  # type: ignore[no-any-return]
+        return self._at(value_of(self._letter_of(named), value, named))
 
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         """Return the letter that a value, which may have its name, is for."""
         if not self.letter:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
-        return self.letter  # type: ignore[no-any-return]
+        return self.letter
 
 
 @dataclass(frozen=True, repr=False)

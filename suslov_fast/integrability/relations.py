@@ -95,7 +95,7 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
         rows = [gradient for of_relation in gradients for gradient in of_relation]
         return Counted(len(relations), int(flint.nmod_mat(rows, p).rank()))
 
-    return arithmetic.agreed_by_primes(rng, count_modulo)  # type: ignore[no-any-return]
+    return arithmetic.agreed_by_primes(rng, count_modulo)
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:

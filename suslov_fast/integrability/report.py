@@ -209,7 +209,7 @@ class Report:
         parts |= {name: getattr(self.map, name, None) for name in ("field", "eps")}
         parts |= {"growth": self.growth._asdict(), "dimension": self.dimension}
         text = json.dumps(parts, default=_plain)
-        return json.loads(text, parse_constant=lambda nan: None)  # type: ignore[no-any-return]
+        return json.loads(text, parse_constant=lambda nan: None)
 
 
 def _attributes(instance: Any) -> dict[str, Any]:

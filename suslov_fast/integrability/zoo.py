@@ -49,7 +49,7 @@ def _in_potential(slope: Callable[..., Any], I2: int = 1) -> QuadraticField:
         torque = np.cross(g, slope(*g))
         return torque[0], torque[1] / I2, *np.cross(g, (w1, w2, 0))
 
-    return of(field, 5)  # type: ignore[no-any-return]
+    return of(field, 5)
 
 
 def _on_so4(*moments: int) -> QuadraticField:
@@ -63,7 +63,7 @@ def _on_so4(*moments: int) -> QuadraticField:
         square, m = W @ W, moments
         return [Fraction(m[i] - m[j], m[i] + m[j]) * square[i, j] for i, j in pairs]
 
-    return of(field, 5)  # type: ignore[no-any-return]
+    return of(field, 5)
 
 
 def _nambu(x: Any, y: Any, z: Any) -> Any:

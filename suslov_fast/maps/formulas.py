@@ -200,8 +200,7 @@ IN_3D = {
 def _reaction_nd(problem: Problem) -> FloatArray:
     body, omega = problem.body, problem.omega
     after = states_after(problem) if np.any(problem.eps) else omega
-    values: FloatArray = quantities.reaction_between(body.J, body.I, omega, after)
-    return values
+    return quantities.reaction_between(body.J, body.I, omega, after)
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
@@ -251,8 +250,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 
 def _criticality_nd(problem: Problem) -> FloatArray:
     """Return t of the reduced body."""
-    values: FloatArray = IN_3D["criticality"].compute(_in_plane(problem)[0])
-    return values
+    return IN_3D["criticality"].compute(_in_plane(problem)[0])
 
 
 def _first_integral_nd(problem: Problem) -> FloatArray:

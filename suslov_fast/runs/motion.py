@@ -140,8 +140,7 @@ class Motion(States, OfMotion):
     @property
     def final(self) -> FloatArray:
         """The states at the last of the times, shape (..., D)."""
-        final: FloatArray = self.states[-1]
-        return final
+        return self.states[-1]
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -31,8 +31,7 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
     """Return a method that evaluates a public function for the states of a result."""
 
     def method(self: Any) -> FloatArray:
-        values: FloatArray = self._value(name, self.states)
-        return values
+        return self._value(name, self.states)
 
     method.__name__, method.__qualname__ = name, f"States.{name}"
     method.__doc__ = (
@@ -57,7 +56,7 @@ class Result(metaclass=Answering):
     @property
     def _variable(self: Any) -> str:
         """The name of the states, "omega" or "x"."""
-        return self.body.variable  # type: ignore[no-any-return]
+        return self.body.variable
 
     @property
     def _titles(self: Any) -> dict[str, str]:
@@ -75,8 +74,7 @@ class Result(metaclass=Answering):
         """The name of a conserved, or nearly conserved, quantity; along motions the energy."""
         if (map := vars(self).get("map")) is None:
             return "energy" if "energy" in self._functions else None
-        name: str | None = map.conserves(self.body)
-        return name
+        return map.conserves(self.body)
 
     def _value(self, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function of the system for states."""
@@ -132,8 +130,7 @@ class Result(metaclass=Answering):
     def _states_called(self, name: str) -> FloatArray:
         if name != self._variable:
             raise AttributeError  # `__getattr__` words the message
-        states: FloatArray = self.states
-        return states
+        return self.states
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -174,8 +171,7 @@ class Result(metaclass=Answering):
                     raise KeyError(f"run[{name!r}] is no component: use {known}")
             numbers = [labels.index(name) for name in names]
             index = ..., numbers[0] if isinstance(index, str) else numbers
-        states: FloatArray = self.states[index]
-        return states
+        return self.states[index]
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter(self.states)

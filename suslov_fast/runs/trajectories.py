@@ -162,8 +162,7 @@ class Trajectories(States):
     def time(self) -> FloatArray:
         """Times n eps of the saved states, shape (n_saved,), or (n_saved, ...) if eps varies."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
-        times: FloatArray = read_only(n * np.asarray(self.eps))
-        return times
+        return read_only(n * np.asarray(self.eps))
 
     @property
     def valid(self) -> NDArray[np.bool_]:

@@ -223,8 +223,7 @@ class QuadraticField(_FieldOfTerms):
         QuadraticField(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1^2)
         """
         checks.instance("body", body, Body)
-        field: QuadraticField = body.field()
-        return field
+        return body.field()
 
     @public
     def field(self) -> QuadraticField:

@@ -151,8 +151,7 @@ class FieldOfFunction(Body):
         else:
             f, mass = parted(f, mass, names, parameters)
         values = named_parameters(parameters, names, has_map=cls.has_map)
-        field: Self = cls._by_function(f, names, values, mass)
-        return field
+        return cls._by_function(f, names, values, mass)
 
     @classmethod
     @public
@@ -205,8 +204,7 @@ class FieldOfFunction(Body):
         names = variables("dimension", dimension, has_map=cls.has_map)
         check_function("H", H, names, parameters)
         values = named_parameters(parameters, names, has_map=cls.has_map)
-        field: Self = cls._by_hamiltonian(H, names, values, K)
-        return field
+        return cls._by_hamiltonian(H, names, values, K)
 
     @public
     def with_parameters(self, /, **parameters: Any) -> Self:
@@ -244,8 +242,7 @@ class FieldOfFunction(Body):
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
         if self.remake is None:
             raise TypeError("with_parameters: this field does not know its function: make it again")
-        field: Self = self.remake(**{**known, **parameters})
-        return field
+        return self.remake(**{**known, **parameters})
 
     @property
     def arrays(self) -> dict[str, FloatArray]:
@@ -290,8 +287,7 @@ class FieldOfFunction(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        slopes: FloatArray = self._slopes_at(checks.states("x", x, self.names))
-        return slopes
+        return self._slopes_at(checks.states("x", x, self.names))
 
     def with_parts(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, **self._shared})
@@ -410,8 +406,7 @@ class _FieldOfTerms(FieldOfFunction):
     def _rows(self) -> FloatArray:
         """The values of terms of all members (K, T)."""
         _, values = self._terms
-        rows: FloatArray = values.reshape(math.prod(self.shape), values.shape[-1])
-        return rows
+        return values.reshape(math.prod(self.shape), values.shape[-1])
 
     @property
     def _named_values(self) -> list[FloatArray]:
@@ -536,20 +531,17 @@ class _FieldOfTerms(FieldOfFunction):
     @cached_property
     def quadratic(self) -> NDArray[Any]:
         """q (..., D, D, D), symmetric in j and k; MemoryError where that is too large."""
-        table: NDArray[Any] = self._table("quadratic", 3)
-        return table
+        return self._table("quadratic", 3)
 
     @cached_property
     def linear(self) -> NDArray[Any]:
         """l (..., D, D)."""
-        table: NDArray[Any] = self._table("linear", 2)
-        return table
+        return self._table("linear", 2)
 
     @cached_property
     def constant(self) -> NDArray[Any]:
         """c (..., D)."""
-        table: NDArray[Any] = self._table("constant", 1)
-        return table
+        return self._table("constant", 1)
 
 
 _dense = lru_cache(16)(DenseRightHandSide)

@@ -216,8 +216,7 @@ class Field(FieldOfFunction):
     @cached_property
     def _table(self) -> FloatArray:
         """The values of f that depend on parameters alone, of all members."""
-        table: FloatArray = self._equations.right_hand_side.table_of(self._inputs)
-        return table
+        return self._equations.right_hand_side.table_of(self._inputs)
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
@@ -270,8 +269,7 @@ class Field(FieldOfFunction):
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call energy(another, run.states)"
             )
-        values: FloatArray = self.H(x)
-        return values
+        return self.H(x)
 
     def _energy(self, x: FloatArray) -> Any:
         found = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
@@ -361,8 +359,7 @@ def _for_motion(
     values, results = in_order(equations.values, equations.results)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
     P = len(equations.parameters)
-    fixed: RightHandSide = with_fixed_choices(values, results, P, by, twice, acts)
-    return fixed
+    return with_fixed_choices(values, results, P, by, twice, acts)
 
 
 def with_changes(
@@ -384,8 +381,7 @@ def with_changes(
             known[key] = field._by_lists(
                 lambda own: with_changes(own, acts, (), twice), acts, twice
             )
-    found: list[OfMembers] = known[key]
-    return found
+    return known[key]
 
 
 class Energy:

@@ -79,8 +79,7 @@ def _inverse(matrix: Any) -> list[list[float]]:
     scaled = matrix / np.where(rows > 0, rows, 1.0)
     if np.linalg.cond(scaled) * _LEAST > 1:
         raise _singular()
-    inverse: list[list[float]] = np.linalg.inv(matrix).tolist()
-    return inverse
+    return np.linalg.inv(matrix).tolist()
 
 
 def _singular() -> Any:

@@ -346,8 +346,7 @@ class Symbols(np.ndarray[Any, Any]):
     def of(cls, symbols: Sequence[Symbol]) -> Symbols:
         array = np.empty(len(symbols), object)
         array[:] = symbols
-        state: Symbols = array.view(cls)
-        return state
+        return array.view(cls)
 
     def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
         return _carried_out(ufunc, method, inputs, kwargs)

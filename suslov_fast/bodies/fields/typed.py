@@ -118,8 +118,7 @@ def _operations(indices: NDArray[np.int64], values: FloatArray, D: int) -> NDArr
     scaled = exists & (abs(values) != 1.0) & (j < D)
     products = _different((j * D + k)[is_product], exists[:, is_product])
     sums = exists.sum(axis=1) - _different(i, exists)
-    total: NDArray[np.int64] = sums + scaled.sum(axis=1) + products
-    return total
+    return sums + scaled.sum(axis=1) + products
 
 
 def _different(keys: NDArray[np.int64], exists: NDArray[np.bool_]) -> Any:

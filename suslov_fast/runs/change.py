@@ -130,7 +130,8 @@ class Change:
             how = "Change('h', to=...) acts where h is 0, Change(times=[1, 2], to=...) at times"
             raise wrong("surface or times", "given, one of them", f"{received}: {how}")
         if self.surface is not None:
-            _check_surface(self.surface)
+            how = "pass ends=True to end there, direction=-1 for downwards"
+            check_surface(self.surface, _ON_SURFACE, "x[k]", how)
         to = self.to
         to = to.tolist() if isinstance(to, np.ndarray) else to
         to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
@@ -271,23 +272,19 @@ def checked_direction(value: Any) -> int:
     return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
 
 
-def refuse_event(surface: Any, how: str) -> None:
-    """Raise TypeError for a surface that is an event of `solve_ivp`."""
-    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
-    if names:
+def check_surface(surface: Any, expected: str, component: str, how: str) -> None:
+    """Raise TypeError unless a surface is a text, or a function that is no event of `solve_ivp`.
+
+    `component` is how a function takes component k, and `how` tells what to pass for an event.
+    """
+    if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
         expected = "a function without the attributes of SciPy's events"
         raise wrong("surface", expected, f"{received}: {how}", TypeError)
-
-
-def _check_surface(surface: Any) -> None:
-    """Raise an error unless a surface is a function of the state, or a text."""
-    refuse_event(surface, "pass ends=True to end there, direction=-1 for downwards")
-    if isinstance(surface, str) or callable(surface):
-        return
-    is_number = isinstance(surface, (int, float))
-    how = f": pass lambda x: x[k] - {surface}, for component k" if is_number else ""
-    raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{how}", TypeError)
+    if not isinstance(surface, str) and not callable(surface):
+        is_number = isinstance(surface, (int, float))
+        what = f": pass lambda x: {component} - {surface}, for component k" * is_number
+        raise wrong("surface", expected, f"{kind_of(surface)}{what}", TypeError)
 
 
 class Traced:

@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
 from ..bodies.fields.calls import called_by_name
 from ..bodies.fields.texts import values_of
 from ..checks import FloatArray, arguments_of, require, wrong
 from ..engine.status import Status
 from ..engine.stretches import March, Report
-from .change import refuse_event
+from .change import check_surface
 
 # Numbers in a piece: long, because each piece costs as much as some steps; but shorter than outputs
 # that kernels write past the caches (`STREAM_FROM`), because the surface reads them again.
@@ -51,14 +50,10 @@ def checked_surface(surface: Any, labels: Sequence[str]) -> Any:
             how = f"{surface!r}: {error}; components are {', '.join(labels)}"
             raise wrong("surface", expected, how) from None
         return lambda x: _value_of(surface, dict(zip(labels, np.moveaxis(x, -1, 0), strict=True)))
-    if not callable(surface):
-        is_number = isinstance(surface, (int, float))
-        how = f": pass lambda x: x[..., k] - {surface}, for component k" if is_number else ""
-        raise wrong("surface", expected, f"{checks.kind_of(surface)}{how}", TypeError)
+    how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
+    check_surface(surface, expected, "x[..., k]", how)
     if len(needed := arguments_of(surface)) > 1:
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
-    how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
-    refuse_event(surface, how)
     return surface
 
 

@@ -400,7 +400,7 @@ TABLE = {
      "a package for delays, such as DelayDiffEq of Julia: here f has the present state alone"),
     ("noise sde sdeint sdeproblem stochastic brownian diffusion", "",
      "a package for noise, such as diffrax: here equations have none"),
-    ("bode transferfunction statespace lti ss tf", "",
+    ("bode transferfunction statespace lti ss", "",
      "scipy.signal, with A = field.jacobian(x) of an equilibrium x"),
     ("change", "changes Change",
      "flow(system, x0, time=t, changes=...), lyapunov_exponents, ensemble or periodic_orbit: maps "
@@ -461,7 +461,7 @@ TABLE = {
      "iterate, whose result has states"),
     ("solution explicitsolution", "states exact", ""),
     ("k1 k2 closedform", "closed_form", ""),
-    ("index idx orbit member which", "trajectory", "states[:, i], of trajectory i"),
+    ("index idx member which", "trajectory", "states[:, i], of trajectory i"),
     ("success retcode", "ok", ""),
     ("message error failed failedat", "status", ""),
     ("last end final finalstate laststate", "final states[-1]", ""),

@@ -163,11 +163,6 @@ def _momentum_in_3d(problem: Problem) -> FloatArray:
     return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
 
 
-def _closed_form(problem: Problem) -> FloatArray:
-    """Return h, k1, k2 and t (..., 4)."""
-    return np.stack(values_by_constants(quantities.closed_form, problem), axis=-1)
-
-
 def _step_full(problem: Problem) -> Any:
     body = problem.body
     return quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
@@ -189,8 +184,7 @@ GYROSTAT = {
 }
 IN_3D = {
     **GYROSTAT,
-    **formulas_named("to_xy from_xy"),
-    "closed_form": Formula(_closed_form),
+    **formulas_named("to_xy from_xy closed_form"),
     "step_full": Formula(_step_full),
     "scattering_angle": Formula(),
 }

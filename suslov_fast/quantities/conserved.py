@@ -367,5 +367,4 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:
     (-0.402536, 0.040232)
     """
     checked = problem("closed_form", body, omega0, eps, name="omega0")
-    values: FloatArray = checked.map.formulas["closed_form"].compute(checked)
-    return ClosedForm(*np.moveaxis(values, -1, 0))
+    return ClosedForm(*checked.map.formulas["closed_form"].compute(checked))

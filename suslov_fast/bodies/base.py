@@ -16,6 +16,9 @@ from .fields.latex import equations, symbol
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
+if TYPE_CHECKING:
+    from .fields.field import QuadraticField
+
 Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
@@ -85,7 +88,6 @@ class Body(Members):
     read: ClassVar[Any] = None
     texts: ClassVar[tuple[str, ...]] = ()
     remake: ClassVar[Any] = None
-    _field: ClassVar[Any]  # the equations of motion, of a body that is no field
     of_motion: ClassVar[Any] = MappingProxyType({})
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
@@ -154,8 +156,11 @@ class Body(Members):
         @property
         def dimension(self) -> int: ...
 
+        @property
+        def _field(self) -> "QuadraticField": ...
+
     @public
-    def field(self) -> Any:
+    def field(self) -> "QuadraticField":
         """Return the equations of motion as a field, as :meth:`QuadraticField.of` does."""
         return self._field
 

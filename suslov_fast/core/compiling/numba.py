@@ -385,16 +385,6 @@ class Kernel(Patient):
 kernel = Kernel  # the decorator
 
 
-def in_numpy(kernel):
-    """Return the decorator of `Kernel.in_numpy`, whose formulas take arrays."""
-
-    def register(py_function):
-        kernel.in_numpy = as_python(py_function, of_arrays=True)
-        return py_function
-
-    return register
-
-
 # A parallel call is a loop over parts that calls the kernel by its address. So each kernel is
 # compiled once, for serial and parallel calls, and this loop once for all kernels, because each
 # `prange` takes seconds. The loop takes the address of the arguments, because `prange` cannot pass

@@ -17,7 +17,15 @@ from .elapsed import Elapsed
 from .hidden import hidden_of
 from .numbers import Number, larger, operand_of, smaller
 from .records import same
-from .right_hand_side import Expressions, List, RightHandSide, depending, emitted, needed_for
+from .right_hand_side import (
+    Expressions,
+    List,
+    RightHandSide,
+    depending,
+    emitted,
+    needed_for,
+    renamed,
+)
 from .stairs import with_stairs
 from .step import Values
 from .tables import LARGEST, Table, is_table
@@ -122,29 +130,8 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
-    varying = [
-        each
-        for each in operations
-        if any(type(a) is int and a not in values.fixed for a in each[2])
-    ]
-    # Of clocks alone tables that jump are passed as kinks: nothing slides along their knots.
     of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
-    tables = {number: name for name, number, _ in varying if is_table(name)}
-    steady = {a for a, name in tables.items() if name.is_continuous or a in of_clocks}
-    jumps = {
-        number: name
-        for name, number, operands in varying
-        if name == "floor"
-        or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
-        or (is_table(name) and number not in steady)
-    }
-    kinks = {
-        number: name if is_table(name) else _EXTREMES.get(name, "ogt")
-        for name, number, operands in varying
-        if name in _EXTREMES
-        or (name == "fabs" and not _is_0_times(values, *operands))
-        or number in steady
-    }
+    jumps, kinks = _choosing(values, operations, of_clocks)
     kinds = jumps | kinks
     if not kinds:
         kept = range(D, D + P) if acts or offsets else ()
@@ -163,8 +150,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     tests = Expressions(given, values.fixed)  # the choices themselves
     old = {a: a for a in range(first)}
     for name, number, operands in operations:
-        of = [a if isinstance(a, float) else new[a] for a in operands]
-        others = [a if isinstance(a, float) else old[a] for a in operands]
+        of, others = renamed(operands, new), renamed(operands, old)
         old[number] = tests.emit(name, *others)
         if number not in kinds:
             new[number] = fixed.emit(name, *of)
@@ -195,10 +181,9 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
             b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
             new[number] = fixed.emit("select", truth, a, b)
     fixed.take_written(values, new)
-    own = [a if isinstance(a, float) else new[a] for a in results]
     f = RightHandSide(
         fixed,
-        own,
+        renamed(results, new),
         given - D,
         by,
         surfaces=[
@@ -219,6 +204,36 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     f.derived = _derived(f, range(first, first + counts_of_jumps))
     f.conditions = Conditions(found, len(jumps), P, places)
     return f
+
+
+def _choosing(values, operations, of_clocks):
+    """Return the kinds of the values by number where f may jump, and of those where it bends.
+
+    Tables that jump, but are functions `of_clocks` alone, are passed as kinks: nothing slides along
+    their knots.
+    """
+    varying = [
+        each
+        for each in operations
+        if any(type(a) is int and a not in values.fixed for a in each[2])
+    ]
+    tables = {number: name for name, number, _ in varying if is_table(name)}
+    steady = {a for a, name in tables.items() if name.is_continuous or a in of_clocks}
+    jumps = {
+        number: name
+        for name, number, operands in varying
+        if name == "floor"
+        or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
+        or (is_table(name) and number not in steady)
+    }
+    kinks = {
+        number: name if is_table(name) else _EXTREMES.get(name, "ogt")
+        for name, number, operands in varying
+        if name in _EXTREMES
+        or (name == "fabs" and not _is_0_times(values, *operands))
+        or number in steady
+    }
+    return jumps, kinks
 
 
 def _watch(f, kinds, jumps, choices):

@@ -361,29 +361,29 @@ def depending(operations, given):
     return found
 
 
+def renamed(operands, new):
+    """Return operands with their new names; constants, and those without another, stay."""
+    return [a if isinstance(a, float) else new.get(a, a) for a in operands]
+
+
 def emitted(values, list_, new=None):
     """Add the operations of a `List` to values; return its results there.
 
     `new` has the operands there of given ones, which those of the operations join; others stay.
     """
     new = {} if new is None else new
-
-    def named(a):
-        return a if isinstance(a, float) else new.get(a, a)
-
     for name, number, operands in list_.operations:
-        new[number] = values.emit(name, *map(named, operands))
-    return [*map(named, list_.results)]
+        new[number] = values.emit(name, *renamed(operands, new))
+    return renamed(list_.results, new)
 
 
 def renumbered(list_, given):
     """Return a `List` with other numbers of values that are given, a dict; others follow."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(list_.operations, count):
-        of = tuple(a if isinstance(a, float) else new[a] for a in operands)
-        operations.append((name, number, of))
+        operations.append((name, number, (*renamed(operands, new),)))
         new[old] = number
-    return List(operations, [a if isinstance(a, float) else new[a] for a in list_.results])
+    return List(operations, renamed(list_.results, new))
 
 
 def _signs_of_poles(values, f, quotients):

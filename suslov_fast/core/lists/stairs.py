@@ -7,7 +7,7 @@ that a change costs what one costs.
 
 import numpy as np
 
-from .right_hand_side import Expressions, needed_for
+from .right_hand_side import Expressions, needed_for, renamed
 from .step import OF_TRUTH_VALUES, evaluate
 from .tables import Table
 
@@ -42,11 +42,9 @@ def with_stairs(values, results):
         if table is not None:
             known[number] = new.emit(table, known[of[number][0]])
         else:
-            known[number] = new.emit(
-                name, *(a if isinstance(a, float) else known[a] for a in operands)
-            )
+            known[number] = new.emit(name, *renamed(operands, known))
     new.take_written(values, known)
-    return new, [a if isinstance(a, float) else known[a] for a in results]
+    return new, renamed(results, known)
 
 
 def _threshold(name, operands):

@@ -115,21 +115,17 @@ def save_states(lines):
     """Save the states at times that the step has passed, or reached aside."""
     text, work = lines.text, lines.work
     served = work.served[0] > 0.0
-
-    def passed(how):
-        return _passed(lines, how)
-
-    with text.when((served | passed(Value.__ge__)).any(), likely=False):
+    with text.when((served | _passed(lines, Value.__ge__)).any(), likely=False):
         save(lines, served.bits(), work.new)
         if not lines.half.is_implicit:
-            with text.when(passed(Value.__gt__).any()):
+            with text.when(_passed(lines, Value.__gt__).any()):
                 _find_nodes(lines)
                 for now in text.rounds(Carried()):
                     _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
-                    save(lines, passed(Value.__gt__).bits(), work.start)
-                    now.goes_on = passed(Value.__gt__).any()
+                    save(lines, _passed(lines, Value.__gt__).bits(), work.start)
+                    now.goes_on = _passed(lines, Value.__gt__).any()
         if not lines.half.changes:
-            save(lines, passed(Value.equals).bits(), work.new)
+            save(lines, _passed(lines, Value.equals).bits(), work.new)
 
 
 def save_at_end(lines):

@@ -38,7 +38,7 @@ from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
 from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
 from ..compiling.llvm import lesser, select
-from ..compiling.numba import as_python, formula, function, in_numpy, inlined, kernel, share
+from ..compiling.numba import as_python, formula, function, inlined, kernel, share
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -375,7 +375,6 @@ _step_in_python = as_python(nd_step_of_one.py_func)
 _MOST_IN_PYTHON = 256  # steps that lose digits, or pass a pole
 
 
-@in_numpy(nd_steps)
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
     """Take all trajectories by NumPy; return False if many steps lose digits, or pass a pole."""
     begin, end, start, stop, every, row = span
@@ -425,3 +424,6 @@ def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status,
             saved[row, own], row = w[:m].T, row + 1
     final[own], carry[0, own], status[own], failed_at[own] = w[:m].T, passed, code, failed
     return True
+
+
+nd_steps.in_numpy = as_python(nd_steps_side_by_side, of_arrays=True)

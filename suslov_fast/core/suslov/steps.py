@@ -8,7 +8,7 @@ import numpy as np
 from ..compiling.arrays import block_of, flat, uncounted
 from ..compiling.codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from ..compiling.llvm import lesser, select
-from ..compiling.numba import are_common, formula, in_numpy, kernel, pick, share
+from ..compiling.numba import are_common, as_python, formula, kernel, pick, share
 from .blocks import alignment, store_rows, write_pairs
 from .map import (
     LARGEST,
@@ -270,7 +270,6 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             alone, lanes, stride, shared = True, ONE, ONE, 0
 
 
-@in_numpy(steps)
 def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
     """Take all trajectories by NumPy, which rounds sums, products, quotients and roots alike."""
     begin, end, start, stop, every, row = span
@@ -318,3 +317,6 @@ def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, fa
     b[U:R, b[KIND] == FIXED] = w[:, b[KIND] == FIXED]
     final[own], carry[:, own] = w.T, b[:CARRIED]
     return True
+
+
+steps.in_numpy = as_python(steps_side_by_side, of_arrays=True)

@@ -8,9 +8,9 @@ tell of fast modes, so that within them this is for changes, and for surfaces of
 from math import inf
 
 from .derivative import gradients
-from .numbers import Number, larger, operand_of, smaller
+from .numbers import larger, operand_of, smaller
 from .right_hand_side import Expressions, List, emitted, needed_for
-from .tables import is_table
+from .tables import interval, is_table
 
 
 def aim_of(f, kinds, choices, is_implicit):
@@ -29,12 +29,8 @@ def aim_of(f, kinds, choices, is_implicit):
     new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
     results = emitted(values, f.watched, new)
     slopes = gradients(values, [*values.operations], results, D)
-    aim, since = inf, 0.0
+    aim, since, number = inf, 0.0, values.number
     kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
-
-    def number(a):
-        return Number(values.emit, a)
-
     for (kind, choice), a, row in zip(kinds, results, slopes, strict=True):
         s, rate = number(a), 0.0
         tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
@@ -44,8 +40,7 @@ def aim_of(f, kinds, choices, is_implicit):
             above, level = (number(2 * (D + choice) + k) for k in (0, 1))
             ends = [(s - level, above > 0.5)]
         elif is_table(kind) or kind == "floor":
-            low = number(new[choice])
-            high = number(new[choice + 1]) if is_table(kind) else low + 1.0
+            low, high = interval(kind, number, choice, new)
             truth = low.equals(low)
             ends = [(s - low, truth), (s - high, truth ^ truth)]
         else:

@@ -15,7 +15,7 @@ from .aim import aim_of
 from .changes import changes_of, is_section
 from .elapsed import Elapsed
 from .hidden import hidden_of
-from .numbers import Number, larger, operand_of, smaller
+from .numbers import larger, operand_of, smaller
 from .records import same
 from .right_hand_side import (
     Expressions,
@@ -72,20 +72,20 @@ def watch_of(f, kinds, jumps):
     first = side + 2 * of_changes
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
-    ends = [[Number(values.emit, begin + k) for k in range(count)] for begin in (0, count)]
+    ends = [[values.number(begin + k) for k in range(count)] for begin in (0, count)]
     changes, now, part = [], [], 1.0
     for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
         if kind == "side":
-            above, level = (Number(values.emit, side + k) for k in (0, 1))
+            above, level = (values.number(side + k) for k in (0, 1))
             a, b, side = a - level, b - level, side + 2
             change = (b >= 0.0) ^ (above > 0.5)
             own = larger(smaller(a / (a - b), 1.0), 0.0)
             part = smaller(change.select(own, 1.0), part)
             changes.append(change)
             continue
-        choice = Number(values.emit, of_table[choice_number])
+        choice = values.number(of_table[choice_number])
         if is_table(kind):
-            low, high = choice, Number(values.emit, of_table[choice_number + 1])
+            low, high = choice, values.number(of_table[choice_number + 1])
             is_above = b >= high
             change = (b < low) | is_above
             now.append(b.number)
@@ -261,13 +261,13 @@ def _choices(tests, kinds, jumps, found, first):
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(choices_of, kinds)))]
     for k, kind in reversed([*enumerate(kinds)]):
-        now, a = Number(tests.emit, places[k]), found[k]
+        now, a = tests.number(places[k]), found[k]
         if is_table(kind):
-            x, high = Number(tests.emit, a), Number(tests.emit, places[k] + 1)
+            x, high = tests.number(a), tests.number(places[k] + 1)
             differs = (x < now) | (x >= high)
         else:
             a = a if kind == "floor" else tests.emit("select", a, 1.0, 0.0)
-            differs = Number(tests.emit, a).equals(now) ^ now.equals(now)
+            differs = tests.number(a).equals(now) ^ now.equals(now)
         results.append(a)
         some = differs.select(1.0, some)
         if k < jumps:

@@ -135,10 +135,10 @@ class Elapsed:
         return rigid[1] if name == "fdiv" else any(rigid)
 
     def _without_turns(self, q):
-        emit, turn = self.values.emit, 2.0 * math.pi
-        turns = emit("floor", emit("fmul", 1.0 / turn, q))
-        rest = emit("fsub", q, emit("fmul", turn, turns))
-        return emit("select", emit("ogt", emit("fabs", q), _LARGE), rest, q)
+        """Return a phase, less whole turns where it is large."""
+        q, turn = self.values.number(q), 2.0 * math.pi
+        rest = q - turn * (1.0 / turn * q).then("floor")
+        return (abs(q) > _LARGE).select(rest, q).number
 
 
 def _is_0(a):

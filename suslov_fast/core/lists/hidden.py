@@ -18,10 +18,10 @@ Within ROUNDING of the numbers nothing is crossed, as where a temperature comes 
 from itertools import zip_longest
 from math import inf, prod
 
-from .numbers import Number, larger, smaller
+from .numbers import larger, smaller
 from .right_hand_side import List, depending, emitted, needed_for
 from .step import Values
-from .tables import LARGEST, is_table
+from .tables import LARGEST, interval, is_table
 
 POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a step would hide
 OF_ERROR, ROUNDING, TINY, MOST = 16.0, 2.0**-40, 2.0**-1000, 1e4
@@ -61,18 +61,17 @@ def _list_of(f, own, by_states, kinks):
     values = Values(rtol + 1 + len(f.table), ())
     state = {i: middle + i for i in range(f.D)} | of_table
     emitted(values, f.watched, state)
-    sizes, largest, some = _sizes(values.emit, f.watched.operations, state), 0.0, 0.0
+    sizes, largest, some = _sizes(values, f.watched.operations, state), 0.0, 0.0
     for k, a, kind, choice in own:
-        points = [Number(values.emit, n * count + k) for n in range(len(_ENDS))]
+        points = [values.number(n * count + k) for n in range(len(_ENDS))]
         surfaces = [points]
         if kind == "floor" or is_table(kind):
-            low = Number(values.emit, of_table[choice])
-            high = Number(values.emit, of_table[choice + 1]) if is_table(kind) else low + 1.0
+            low, high = interval(kind, values.number, choice, of_table)
             surfaces = [[s - low for s in points], [high - s for s in points]]
         rounding = ROUNDING * sizes[a]
         tells_nothing = rounding
         if a in by_states:
-            root = Number(values.emit, rtol).sqrt()
+            root = values.number(rtol).sqrt()
             tells_nothing = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
         for each in surfaces:
             ratio, twice = _told(each, rounding, tells_nothing)
@@ -109,9 +108,9 @@ def _told(points, rounding, tells_nothing):
     return (agree | (inside >= 0.0)).select(ratio, 0.0), agree.select(twice, 0.0)
 
 
-def _sizes(emit, operations, state):
+def _sizes(values, operations, state):
     """Return what values are the sums of, by modulus, at a state; of others their moduli."""
-    sizes = {a: abs(Number(emit, number)) for a, number in state.items()}
+    sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
         a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])
         if name in ("fadd", "fsub"):

@@ -65,6 +65,15 @@ def is_table(instruction):
     return isinstance(instruction, Table)
 
 
+def interval(kind, number, choice, places):
+    """Return the least and greatest argument of a table, or of `floor`, by its choice.
+
+    number(places[choice]) is the choice, that of a table is the first of several.
+    """
+    low = number(places[choice])
+    return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
+
+
 def of_line(knots, heights):
     """Return the table of straight lines between points, with knots where its slope changes."""
     knots, heights = np.array(knots), np.array(heights)

@@ -37,7 +37,6 @@ from suslov_fast.core.motion.columns import (
     QUARTERS,
     weights,
     weights_of_errors,
-    weights_of_few,
 )
 from suslov_fast.core.motion.rows import State
 from suslov_fast.engine import motions
@@ -730,7 +729,7 @@ class StepsInNumPy:
         of_step, D = {"t": passed.before, "taken": passed.taken}, self.D
         own = {"after": self.row("t"), "accepted": passed.accepted}
         signed = self._apply(inside.QUARTER, **of_step, **own)["signed"]
-        few, more = weights_of_few(EXPLICIT, 2)[inside.FEW - 1 : inside.FEW + 1]
+        few, more = inside.WEIGHTS
         own = {"error": self._sum(few - self.own, passed.ends), "inverse": passed.inverse}
         ratio = self._fold(errors.LARGER_RATIO, {"ratio": 0.0}, **own)[0]["ratio"]
         needs, x, f, nodes = ratio > inside.OF_FEW, passed.x, passed.f[:D], []

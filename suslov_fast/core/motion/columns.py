@@ -16,8 +16,6 @@ many digits.
 from math import prod
 from typing import NamedTuple
 
-import numpy as np
-
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
@@ -56,11 +54,3 @@ def weights_of_errors(columns, p):
     """Return the weights of the estimate: those above less those without the first column."""
     without = [0.0, *weights(columns[1:], p)]
     return [w - v for w, v in zip(weights(columns, p), without, strict=True)]
-
-
-def weights_of_few(columns, p):
-    """Return the weights of the first k columns in row k - 1, and 0 for the others."""
-    table = np.zeros((len(columns), len(columns)))
-    for k in range(1, len(columns) + 1):
-        table[k - 1, :k] = weights(columns[:k], p)
-    return table

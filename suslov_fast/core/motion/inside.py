@@ -14,9 +14,11 @@ again, to the next time.
 
 from math import inf, prod
 
+import numpy as np
+
 from ..code.text import Carried, Integers, Shared, Value
 from ..lists.numbers import larger
-from .columns import EXPLICIT, weights, weights_of_few
+from .columns import EXPLICIT, weights
 from .errors import LARGER_RATIO
 from .lengths import AFTER_REFUSED
 from .rows import State
@@ -27,6 +29,8 @@ from .scope import weighted
 # its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
 # step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = 3, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
+# Of FEW columns, and of one more; 0 of the others.
+WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
 _NODES = range(5)
 _SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
 _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
@@ -151,7 +155,7 @@ def _find_nodes(lines):
     """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
     text, line, work, D = lines.text, lines.line, lines.work, lines.D
     lines.keep(work, lines.apply(QUARTER, after=line.t[0], **_of_step(lines)))
-    few, more = weights_of_few(EXPLICIT, 2)[FEW - 1 : FEW + 1]
+    few, more = WEIGHTS
     of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
     for i in text.each(D, largest):
         inputs = {"error": weighted(of_few, lines.of_columns(work.ends, i))}

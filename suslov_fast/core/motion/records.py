@@ -25,8 +25,3 @@ def record(lines, truth, k, time, before, after):
             for i in text.each(D):
                 target[i] = source[i]
         lines.arguments[SLOT.recorded] = number + 1
-
-
-def is_full(lines):
-    """Return whether records of a step may have no place any more."""
-    return lines.arguments[SLOT.recorded] > lines.of.full

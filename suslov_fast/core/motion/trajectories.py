@@ -7,7 +7,6 @@ of a trajectory follow each other; those of a lane are W numbers apart.
 from ..code.text import Carried, Integers
 from . import changes, choosing, inside, lengths, sections
 from .arguments import SLOT
-from .records import is_full
 from .rows import State
 from .step import move
 
@@ -51,8 +50,8 @@ def pause_if_spent(lines):
     """Return 0 where the budget is spent."""
     text, left = lines.text, lines.arguments[SLOT.budget]
     is_spent = left.is_at_most(0)
-    if lines.half.changes:
-        is_spent = is_spent | is_full(lines)
+    if lines.half.changes:  # whose records may have no place any more
+        is_spent = is_spent | (lines.arguments[SLOT.recorded] > lines.of.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W, most=0):
             offset = lane * 8

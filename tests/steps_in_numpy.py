@@ -58,6 +58,18 @@ def _applied(rule, **inputs):
     return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
 
 
+def _interval_of(table, x, shift):
+    """Return the rows (4, ...) of the intervals that hold arguments x + shift.
+
+    Their knots are less by the shift, because x has digits that the sum has not.
+    """
+    place = np.searchsorted(table.rows[0, 1:], x + shift, "right")
+    place = place - (x < table.rows[0, place] - shift)
+    rows = table.rows[:, place + (x >= table.rows[1, place] - shift)]
+    rows[:2] -= shift
+    return rows
+
+
 def _value_of_columns(whole, x, table):
     """Return f and the denominators of a `Variational` at states (D, ...)."""
     f, shape = whole.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
@@ -589,7 +601,7 @@ class StepsInNumPy:
             rows = [a]
             if is_table(kind):
                 shift = shift_of(self.half.block, k)
-                rows = kind.interval_of(a, 0.0 if shift is None else self.table[shift])
+                rows = _interval_of(kind, a, 0.0 if shift is None else self.table[shift])
             for row in rows:
                 self.table[place] = np.where(truth, row, self.table[place])
                 place += 1

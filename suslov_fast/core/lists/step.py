@@ -153,11 +153,11 @@ class _Functions(dict):
 FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
-def evaluate(operations, values, functions=FUNCTIONS):
+def evaluate(operations, values):
     """Carry out operations on numbers or arrays; add their results to the dict `values`."""
     for instruction, number, operands in operations:
         numbers = (a if isinstance(a, float) else values[a] for a in operands)
-        values[number] = functions[instruction](*numbers)
+        values[number] = FUNCTIONS[instruction](*numbers)
 
 
 def length_of(operations):

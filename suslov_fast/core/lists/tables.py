@@ -36,21 +36,10 @@ class Table(str):
         low, _, heights, slopes = self.rows
         return Table, (low[1:], heights, slopes, self.is_continuous)
 
-    def interval_of(self, x, shift=0.0):
-        """Return the rows (4, ...) of the intervals that hold arguments x + shift.
-
-        Their knots are less by the shift, because x has digits that the sum has not.
-        """
-        place = np.searchsorted(self.rows[0, 1:], x + shift, "right")
-        place = place - (x < self.rows[0, place] - shift)
-        rows = self.rows[:, place + (x >= self.rows[1, place] - shift)]
-        rows[:2] -= shift
-        return rows
-
     def __call__(self, x):
         """Return the values at arguments (...)."""
         x = np.clip(x, -LARGEST, LARGEST)
-        low, _, height, slope = self.interval_of(x)
+        low, _, height, slope = self.rows[:, np.searchsorted(self.rows[0, 1:], x, "right")]
         return slope * (x - low) + height
 
     @functools.cached_property

@@ -312,7 +312,7 @@ def _put_choices(lines, truth, kinds, found, place):
 
 
 def shift_of(f, number):
-    """Return the place of the shift of a table, see `Table.interval_of`, None without one."""
+    """Return the place of the shift of a table, see `Intervals.holding`, None without one."""
     conditions = f.conditions
     if number not in conditions.shifts:
         return None

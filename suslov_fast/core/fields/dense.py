@@ -139,10 +139,8 @@ def take_dense_stage(address, table, plan):
     of_one_sign = array_at(p[PLACE.of_one_sign], (D,), np.bool_)
     lanes, size = W if p[PLACE.for_each] else 1, 8 * W * D * (D + 1)
     coefficients = array_at(table, (lanes, p[PLACE.T]), np.float64)
-    x, a = (
-        array_at(address, (D, W), np.float64),
-        array_at(p[PLACE.memory], (W, D, D + 1), np.float64),
-    )
+    x = array_at(address, (D, W), np.float64)
+    a = array_at(p[PLACE.memory], (W, D, D + 1), np.float64)
     columns = array_at(p[PLACE.memory] + size, (W, D + 1, D), np.float64)
     states = array_at(p[PLACE.memory] + 2 * size, (W, D + 1), np.float64)
     for l in range(W):

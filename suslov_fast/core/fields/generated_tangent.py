@@ -96,15 +96,11 @@ def text_of_tangent(tangent, name, W, for_each):
         scaled = [Value(text, stage.values[number]) for number in tangent.scaled]
         volume, near_1, far = scaled
         most = LIMIT * volume
-        fine = [length > LEAST_SIZE, length < LARGEST_SIZE, power < most * most]
-        outside = [
-            *(near_1 <= NEAR_1_LEAST, near_1 >= NEAR_1_LARGEST),
-            *(far <= LEAST_LENGTH, far >= LARGEST_LENGTH),
-        ]
-        due = (fine[0] & fine[1] & fine[2]).bits() ^ all_lanes
-        outside = (outside[0] | outside[1] | outside[2] | outside[3]).bits()
-        flags = flags | (due & others) << DUE
-        flags = flags | (outside & others) << OUTSIDE
+        fine = (length > LEAST_SIZE) & (length < LARGEST_SIZE) & (power < most * most)
+        outside = (near_1 <= NEAR_1_LEAST) | (near_1 >= NEAR_1_LARGEST)
+        outside = outside | (far <= LEAST_LENGTH) | (far >= LARGEST_LENGTH)
+        flags = flags | ((fine.bits() ^ all_lanes) & others) << DUE
+        flags = flags | (outside.bits() & others) << OUTSIDE
         for k, value in enumerate([*after, *scaled]):
             line[k] = value
         less = most * volume  # the square root of LIMIT for LIMIT

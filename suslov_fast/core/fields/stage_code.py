@@ -48,10 +48,8 @@ class Stage:
         """Carry out the rare operations, too; return `Rare`."""
         text, step, values = self.text, self.step, dict(self.values)
         text.carry_out(step.rare, values, self.load)
-        accurate, told = (
-            Truth(text, values[step.accurate]),
-            Truth(text, values[step.negative]).bits(),
-        )
+        accurate = Truth(text, values[step.accurate])
+        told = Truth(text, values[step.negative]).bits()
         if step.changed is not None:
             told = told | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)

@@ -243,16 +243,8 @@ class RightHandSide:
     @functools.cached_property
     def key(self):
         """A text that tells the lists of this right-hand side from those of others."""
-        lists = (
-            self.f,
-            self.fixed,
-            self.derivative,
-            self.pattern,
-            self.watched,
-            self.watch,
-            self.second,
-        )
-        lists += self.hidden, self.aim, self.choices, self.slopes, self.slope_places
+        lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
+        lists += self.second, self.hidden, self.aim, self.choices, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
         return repr((self.D, self.table, kinds, *lists, self.changes))
 

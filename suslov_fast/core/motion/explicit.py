@@ -117,10 +117,8 @@ class ExplicitColumns(Scope):
         """Add a loop over the registers of a line; yield x, f, the address of `work`, and table."""
         for part in self.text.each(self.text.W // inner.W, most=0):
             offset = part * (8 * inner.W)
-            x, f, work, table = (
-                Index(self.text, f"%{name}") for name in ("x", "f", "work", "table")
-            )
-            x, f, work = x + offset, f + offset, work + offset
+            x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
+            table = Index(self.text, "%table")
             table = table + offset if self.for_each else table
             yield inner.array(x), inner.array(f), work, table
 
@@ -147,10 +145,8 @@ class ExplicitColumns(Scope):
                         self.begin(of_work.a, of_work.b, x, f, s, *self.loops())
                     of_b = self.pair(of_work, table, double, factor)
                     with text.when(is_end):
-                        ends, apart = (
-                            inner.array(rows.at(column * D))
-                            for rows in (of_work.ends, of_work.apart)
-                        )
+                        ends = inner.array(of_work.ends.at(column * D))
+                        apart = inner.array(of_work.apart.at(column * D))
                         self.end(of_work, of_work.a, of_work.b, x, ends, apart, *self.loops())
                         for i, value in of_b.items():
                             of_work.f_last[i] = value
@@ -235,11 +231,8 @@ class ExplicitColumns(Scope):
         D = self.D
         of_a, of_b = self.names
         for x, f, lanes, table in self.parts(inner):
-            x, f, work = (
-                {i: x[i] for i in range(D)},
-                {i: f[i] for i in range(D)},
-                inner.arrays(lanes, self.half.work),
-            )
+            x, f = ({i: rows[i] for i in range(D)} for rows in (x, f))
+            work = inner.arrays(lanes, self.half.work)
             h, states = work.signed[0], {}
             for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
                 s = h * (1.0 / N)

@@ -301,7 +301,7 @@ def _dip(lines, i, first, last):
     values, count = lines.work.values, lines.half.changes.sections
     a, b, c = (values.after(j * count)[i] for j in range(3))
     inputs = {"a": a, "b": b, "c": c, "first": first, "last": last}
-    return lines.apply(DIP, accepted=lines.work.accepted[0], **inputs)
+    return lines.apply(DIP, **inputs)
 
 
 def record_jumps(lines, is_there):

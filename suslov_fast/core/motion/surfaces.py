@@ -39,13 +39,18 @@ ROUNDS = 14.0
 ON = 2.0**-8  # part of its value at the end of a part, by which a start on a surface is beside it
 
 
+def _bend(change, f, f_new, signed, u):
+    """What the cubic through both ends has beside a straight line, by u (u - 1)."""
+    return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+
+
 def _point(x, new, f, f_new, signed, u, quartic=0.0):
     """A component at a part u of an explicit step: the cubic with values and rates at the ends.
 
     The rate at another point, see `QUARTIC`, makes it a polynomial of degree 4.
     """
     change, product = new - x, u * (u - 1.0)
-    bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+    bend = _bend(change, f, f_new, signed, u)
     return {"point": x + u * change + (bend + product * quartic) * product}
 
 
@@ -60,9 +65,8 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
     """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
-    of_bend = (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
     of_cubic = (
-        change + (2.0 * u - 1.0) * of_bend
+        change + (2.0 * u - 1.0) * _bend(change, f, f_new, signed, u)
         + slope * (signed * f + signed * f_new - 2.0 * change)
     )  # fmt: skip
     own = (signed * f_point - of_cubic) * (1.0 / (2.0 * slope * (2.0 * u - 1.0)))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import OF_SYMBOLS, short
-from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp, not_
+from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp
 from ...core.lists.right_hand_side import Expressions
 from ...core.lists.step import OF_TRUTH_VALUES
 from ...words import answer
@@ -71,7 +71,7 @@ class Tracer:
             return operand
         if isinstance(operand, (bool, float)):
             return self.values.emit("oeq", 1.0 if operand else 0.0, 1.0)
-        return not_(self.values, self.values.emit("oeq", operand, 0.0))
+        return (~self.values.number(operand).equals(0.0)).number
 
     def asked(self, operand: Any) -> Exception:
         """Return the error of a question whether a value is true."""

@@ -92,7 +92,7 @@ def watch_of(f, kinds, jumps):
             level = is_above.select(high, low)
             a, b = a - level, b - level
         elif kind == "floor":
-            change = b.then("floor").equals(choice).select(0.0, 1.0) > 0.0
+            change = ~b.then("floor").equals(choice)
             level = choice + (b >= choice + 1.0).select(1.0, 0.0)
             a, b = a - level, b - level
         else:

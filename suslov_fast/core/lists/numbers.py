@@ -2,7 +2,7 @@
 
 
 class Number:
-    """A value of a list, or a constant: +, -, *, /, comparisons; & | ^ of truth values.
+    """A value of a list, or a constant: +, -, *, /, comparisons; & | ^ ~ of truth values.
 
     `emit` adds an operation to the list and returns the number of its value.
     """
@@ -25,6 +25,10 @@ class Number:
 
     def __abs__(self):
         return self.then("fabs")
+
+    def __invert__(self):
+        """Return the opposite of a truth value."""
+        return self ^ Number(self.emit, 0.0).equals(0.0)
 
     def __le__(self, other):
         return self._of("oge", other, self)

@@ -115,15 +115,6 @@ RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 
 # ------------------------------------------------------------------ functions made of others
-def not_(values, a):
-    """Return the opposite of a truth value."""
-    return values.emit("xor", a, values.emit("oeq", 0.0, 0.0))
-
-
-def _not(a):
-    return a ^ Number(a.emit, 0.0).equals(0.0)
-
-
 def _power(a, exponent):
     """Return a**exponent: products and roots where 2 exponent is an integer of at most 64."""
     number = exponent.number
@@ -228,11 +219,11 @@ _MADE = [
     Function("less_equal", 2, "", lambda a, b: b >= a, sign="<="),
     Function("greater_equal", 2, "oge", sign=">="),
     Function("equal", 2, "oeq", sign="=="),
-    Function("not_equal", 2, "", lambda a, b: _not(a.equals(b)), sign="!="),
+    Function("not_equal", 2, "", lambda a, b: ~a.equals(b), sign="!="),
     Function("logical_and", 2, "and", sign="&"),
     Function("logical_or", 2, "or", sign="|"),
     Function("logical_xor", 2, "xor", sign="^"),
-    Function("logical_not", 1, "", _not, sign="~"),
+    Function("logical_not", 1, "", lambda a: ~a, sign="~"),
 ]
 FUNCTIONS = {record.name: record for record in [*_OF_LISTS, *_MADE]}
 # Other names of NumPy for the same functions.

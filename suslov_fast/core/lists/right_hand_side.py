@@ -8,7 +8,7 @@ import numpy as np
 
 from .derivative import gradients
 from .grouped import Groups
-from .records import RECORDS, not_, same
+from .records import RECORDS, same
 from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, dot, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
@@ -415,11 +415,11 @@ def _taken(values, f):
                 continue
             condition = 1.0
             if name == "select" and k:
-                condition = operands[0] if k == 1 else not_(values, operands[0])
+                condition = operands[0] if k == 1 else (~values.number(operands[0])).number
             elif name == "fmul":
                 other = operands[1 - k]
                 if other in values.fixed or values.of.get(other, ("",))[0] == "select":
-                    condition = not_(values, emit("oeq", other, 0.0))
+                    condition = (~values.number(other).equals(0.0)).number
             own = _both(emit, truth, condition)
             before = found.get(a, 0.0)
             if 0.0 in (own, before):

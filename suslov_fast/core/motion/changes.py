@@ -71,13 +71,13 @@ def CROSSED(value, rate, side, level, is_here, by_motion, jumps, t, last, sign):
     is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
     is_back = is_back & _is_on(value - level, rate, last, jumps)
     stays = is_above & value.equals(level)
-    crosses = is_back.select(0.0, differs.select(1.0, 0.0)) > 0.0
+    crosses = differs & ~is_back
     begins = level.equals(TINY) & (by_motion > 0.0) & (t <= AT_ONCE * last)
     return {
         "side": crosses.select(is_above.select(1.0, 0.0), side),
         "level": is_back.select(stays.select(_beyond(value), value), level),
-        "up": begins.select(0.0, (crosses & is_above).select(1.0, 0.0)) > 0.0,
-        "down": is_above.select(0.0, crosses.select(1.0, 0.0)) > 0.0,
+        "up": crosses & is_above & ~begins,
+        "down": crosses & ~is_above,
     }
 
 

@@ -98,7 +98,7 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
     is_known = (ratio <= 1.0) & (total < inf)
     return {
-        "fails": is_inside.select(is_known.select(0.0, 1.0), 0.0),
+        "fails": (is_inside & ~is_known).select(1.0, 0.0),
         "wanted": length,
         "second": inf,
         "t": t,

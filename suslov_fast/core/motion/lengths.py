@@ -150,7 +150,7 @@ def AFTER(
     most = accepted.select(longer, of_refused)
     factor = sees.select(larger(smaller(SAFETY * _root(of_length), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
-    changes = served.select(0.0, taken) > 0.0
+    changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
     after = moved.select(reaches, t)
     longer_now = (on_trial > 0.0).select(AFTER_TRIAL, LONGER)

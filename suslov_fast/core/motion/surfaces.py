@@ -120,17 +120,18 @@ def CUT(
     seen = is_near.select(larger(crosses, twice), starts) > 0.0
     seen = seen & (taken > 0.0) & (total < inf)
     is_last = is_near & ((taken - inner <= sought) | (since <= sought))
-    cut = seen & (is_last.select(0.0, 1.0) > 0.0)
+    cut = seen & ~is_last
     is_long = taken > HIDDEN_FROM * last
-    again = (hidden >= 1.0) & is_long & (cut.select(0.0, accepted + served) > 0.0)
-    is_right = (seen | again).select(0.0, accepted + served) > 0.0
+    is_right = accepted + served > 0.0
+    again = (hidden >= 1.0) & is_long & is_right & ~cut
+    is_right = is_right & ~(seen | again)
     holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
     told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
-    forgets = (searches.select(0.0, 1.0) > 0.0) & (taken > 0.0)
+    forgets = ~searches & (taken > 0.0)
     searches = searches | again
-    moved = searches.select(0.0, accepted) > 0.0
+    moved = ~searches & (accepted > 0.0)
     first = (crossed > 0.0).select(end, 1.0) * taken
     outer_now = cut.select(first, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
@@ -145,7 +146,7 @@ def CUT(
     has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
     guess = has_aim.select(aim + 0.5 * sought, guess)
     guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
-    is_rough = misses | ((end < 1.0) & (is_near.select(0.0, mode) > 0.0))
+    is_rough = misses | ((end < 1.0) & ~is_near & (mode > 0.0))
     guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
     after_this = (moved & is_near).select(whole, wanted)
     after_this = (moved & is_long).select(smaller(after_this, told), after_this)

@@ -37,6 +37,7 @@ from .flow import to_tolerance
 from .iterate import iterate
 
 _ROUNDS, _HALVINGS = 60, 10
+_BACK, _BESIDE = 2, 1e-2  # steps back to a family, and how far from it, in sizes of the orbit
 # Singular values below this part of the largest one, or below the residual, are directions along a
 # family of orbits, of which a system with an integral has one for each of its values.
 _LEAST = 1e-8
@@ -310,16 +311,26 @@ class Shooting:
         return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improve(self) -> bool:
-        """Take a step, or a part of it; return whether the ends came nearer."""
+        """Take a step, or a part of it; return whether the ends came nearer.
+
+        A long step along a curved family of orbits leaves it: next steps lead back. Maps need that,
+        which split a family into a few orbits that are hardly isolated.
+        """
+        tries = 1 + _BACK if isinstance(self.flow, OfMap) else 1
         before, distance = self.arcs, self.distance
         change, of_T = self._step()
-        if not (np.isfinite(change).all() and np.isfinite(of_T)):
-            return False
         for k in range(_HALVINGS):
-            nodes = before.nodes + change / 2**k
-            self._go_to(nodes, before.T * float(np.exp(of_T / 2**k)))
-            if self.distance < distance:
-                return True
+            nodes, T = before.nodes + change / 2**k, before.T * float(np.exp(of_T / 2**k))
+            for _ in range(tries):
+                if not (np.isfinite(nodes).all() and np.isfinite(T)):
+                    break
+                self._go_to(nodes, T)
+                if self.distance < distance:
+                    return True
+                if self.distance > _BESIDE:
+                    break
+                back, of_T_back = self._step()
+                nodes, T = self.nodes + back, self.T * float(np.exp(of_T_back))
         self._take(before)
         return False
 

@@ -451,6 +451,19 @@ def test_periodic_points_of_a_map():
         periodic_orbit(well, [0.6, 0.0], eps=1.0, steps=6)
 
 
+@pytest.mark.parametrize(("method", "steps"), [("order4", 7), ("order6", 6), ("order8", 5)])
+def test_orbits_that_few_steps_hardly_isolate(method, steps):
+    """Newton's steps along the family of the motion were too short to reach one of these."""
+    field = QuadraticField.from_hamiltonian(
+        lambda x: (x @ x) / 2 + 0.3 * x[0] ** 3 + 0.1 * x[0] * x[1] ** 2 - 0.15 * x[1] ** 3, 2
+    )
+    T = periodic_orbit(field, [0.25, 0.0]).period
+    orbit = periodic_orbit(field, [0.25, 0.0], T, steps=steps, method=method)
+    final = sf.iterate(field, orbit.state, orbit.period / steps, steps, method=method).final
+    np.testing.assert_allclose(final, orbit.state, rtol=0, atol=1e-10)
+    assert abs(orbit.period / T - 1) < 0.03
+
+
 def test_a_map_without_an_orbit():
     rising = QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2)
     with pytest.raises(RuntimeError, match="no orbit"):

@@ -73,24 +73,6 @@ def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Argu
 ALL = slice(None)  # the indices of a group of all trajectories
 
 
-def alike(
-    indices: NDArray[Any], values: FloatArray, eps: FloatArray
-) -> Iterator[tuple[Any, NDArray[Any], FloatArray, FloatArray]]:
-    """Group trajectories whose fields have the same zeros; yield their indices and arguments.
-
-    The operations of a step, and so its rounding errors, depend on which terms are zero. Without
-    groups, the bits of a trajectory would depend on the fields of others.
-    """
-    if len(values) == 1 or (nonzero := values != 0.0).all():
-        yield ALL, indices, values, eps
-        return
-    patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
-    for k, pattern in enumerate(patterns):
-        [where] = np.nonzero(which.ravel() == k)
-        terms = [np.ascontiguousarray(a[:, pattern]) for a in (indices, values[where])]
-        yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
-
-
 def in_stages(stages: Stages) -> Callable[..., Any]:
     """Return the function of arguments of the kernel of fields, for steps made of these stages.
 
@@ -98,12 +80,13 @@ def in_stages(stages: Stages) -> Callable[..., Any]:
     """
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        if body.shape or type(eps) is not float or eps == 0.0:  # 0.0 equals -0.0
-            return with_scheme(body, stages, *by_field(body, eps, batch))
-        of, arguments = vars(body).get("_last", (None, None))
+        is_single = not body.shape and type(eps) is float and eps != 0.0  # 0.0 equals -0.0
+        of, arguments = vars(body).get("_last", (None, None)) if is_single else (None, None)
         if of != (stages, eps):
-            arguments = with_scheme(body, stages, *by_field(body, eps, batch))
-            vars(body)["_last"] = (stages, eps), arguments
+            indices, values, rows = by_field(body, eps, batch)
+            arguments = scheme_of(indices, body.dimension, stages), values, rows
+            if is_single:
+                vars(body)["_last"] = (stages, eps), arguments
         return arguments
 
     return by_scheme
@@ -112,21 +95,23 @@ def in_stages(stages: Stages) -> Callable[..., Any]:
 by_scheme = in_stages(WHOLE)
 
 
-def with_scheme(
-    body: Any, stages: Stages, indices: NDArray[Any], values: FloatArray, eps: FloatArray
-) -> Any:
-    """Return arguments with the operations of a step in place of the indices of its terms."""
-    return scheme_of(indices, body.dimension, stages), values, eps
-
-
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
+    """Group trajectories whose fields have the same zeros; yield their indices and arguments.
+
+    The operations of a step, and so its rounding errors, depend on which terms are zero. Without
+    groups, the bits of a trajectory would depend on the fields of others. Arguments are those of
+    `by_scheme`.
+    """
     (step, stages), values, eps = arguments
-    for where, *of_group in alike(step.indices, values, eps):
-        if where is ALL:
-            yield where, arguments
-            continue
-        yield where, (scheme_of(of_group[0], step.D, stages), *of_group[1:])
+    if len(values) == 1 or (nonzero := values != 0.0).all():
+        yield ALL, arguments
+        return
+    patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):
+        [where] = np.nonzero(which.ravel() == k)
+        indices, own = (np.ascontiguousarray(a[:, pattern]) for a in (step.indices, values[where]))
+        of_eps = eps[where] if len(eps) > 1 else eps
+        yield where, (scheme_of(indices, step.D, stages), own, of_eps)
 
 
 def body_system(body: Any, eps: float) -> BodySystem:

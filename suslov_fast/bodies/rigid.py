@@ -61,15 +61,6 @@ class _In3D(Body):
         return QuadraticField._of(parts_of(terms, self.labels))
 
 
-def _excess(tensors: FloatArray) -> Any:
-    """Return (m1 + m2) / m3 - 1 for the principal moments m1 <= m2 <= m3 of inertia tensors.
-
-    It is positive for a rigid body, 0 for a flat one, and negative if no body has the tensor.
-    """
-    moments = np.linalg.eigvalsh(tensors)
-    return moments.sum(axis=-1) / moments[..., -1] - 2.0
-
-
 @public_class
 @dataclass(frozen=True, eq=False, repr=False)
 class Suslov3D(_In3D):
@@ -134,7 +125,9 @@ class Suslov3D(_In3D):
         T, signs = self._inertia(0.0), np.diag([-1.0, -1.0, 1.0])
         B = np.trace(T, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 2 * T
         ends = np.sort(np.linalg.eigvals(signs @ B).real, axis=-1)[..., 1:]
-        exists = _excess(self._inertia(ends.mean(axis=-1))) > 0.0
+        # Between them the two smaller moments exceed the largest one, if a body has these numbers.
+        moments = np.linalg.eigvalsh(self._inertia(ends.mean(axis=-1)))
+        exists = moments.sum(axis=-1) > 2.0 * moments[..., -1]
         low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)
         return low[()], high[()]
 

@@ -74,7 +74,10 @@ class _Colours(NamedTuple):
 
     @property
     def norm(self) -> Any:
-        return None if self.values is None else Normalize(*_range(self.values))
+        if self.values is None:
+            return None
+        finite = self.values[np.isfinite(self.values)]
+        return Normalize(finite.min(), finite.max()) if finite.size else Normalize(0.0, 1.0)
 
     def explain(self, axes: Any, drawn: Any) -> None:
         """Add a colour bar, or a legend if a parameter has few values."""
@@ -343,12 +346,6 @@ def _dots(
     drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **style)
     axes.autoscale_view()
     return drawn, len(shown)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """Return the least and the largest finite value."""
-    finite = values[np.isfinite(values)]
-    return (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
 
 
 def _label(axes: Any, run: Any, chosen: list[int]) -> None:

@@ -73,11 +73,6 @@ class FieldScene:
         values |= {"member": (0,) * len(field.shape), "numbers": (*self.numbers.values(),)}
         self.first = self._checked(values)
 
-    @property
-    def query(self) -> str:
-        """The first view in an address."""
-        return self.first.query
-
     def view(self, query: str) -> View:
         """Return the view in a query, checked; what is missing is that of the first one."""
         values = values_in(query, [*self.first.parts])

@@ -207,10 +207,10 @@ def explore(
         eps, steps = defaults[0] if eps is None else eps, defaults[1] if steps is None else steps
     if either_map_or_motion("explore", eps, steps, time, method=method, rtol=rtol):
         scene = FieldScene(field, x0, time=time, rtol=rtol)
-        return Page(scene.query, scene)
+        return Page(scene.first.query, scene)
     if not is_plane:
         scene = FieldScene(field, x0, eps=eps, steps=steps, method=method)
-        return Page(scene.query, scene)
+        return Page(scene.first.query, scene)
     if method != "auto":
         raise wrong("method", '"auto" for a body in three dimensions', repr(method))
     constants = field.constants

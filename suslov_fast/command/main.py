@@ -85,6 +85,7 @@ def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     from .. import checks
+    from ..runs.iterate import checked_counts
 
     body, eps = body_and_step(options, needs_step=not is_motion)
     starts = _starts(options, body)
@@ -97,7 +98,7 @@ def run(options: argparse.Namespace) -> None:
 
         numba.set_num_threads(thread_count(options.threads))
     is_stored = path is not None and path.suffix == ".zarr"
-    compute: Any = _in_store if is_stored else _motion if is_motion else _in_memory
+    compute: Any = _in_store if is_stored else _in_memory
     names = ("rtol", "atol") if is_motion else ("save_every", "method", "attitude")
     settings = {name: getattr(options, name) for name in names}
     settings = {name: value for name, value in settings.items() if value is not None}
@@ -108,6 +109,7 @@ def run(options: argparse.Namespace) -> None:
         if len(settings.get("atol", ())) == 1:
             [settings["atol"]] = settings["atol"]
     steps = 1000 if options.steps is None else options.steps
+    checked_counts(steps, options.save_every)
     work = (body, starts) if is_motion else (body, starts, eps, steps)
     try:
         facts = compute(path, options.force, work, settings)
@@ -162,13 +164,22 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
 
 def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Compute a run in memory, save it if there is a path, and return its summary."""
-    from ..engine.threads import CROSSOVER
-    from ..runs.iterate import checked_counts
-
     _check_writable(path, force)
-    body, starts, eps, steps = work
-    checked_counts(steps, None)
-    starts = _states_of(starts, body)
+    body, starts, *others = work
+    if isinstance(starts, sf.RandomStarts):
+        starts = starts.states(starts.shape[0], dimension=body.dimension)
+    compute: Any = _along_map if others else _motion
+    result, facts = compute(body, starts, *others, settings)
+    if path is not None:
+        result.save(path, overwrite=force)
+        facts["written"] = str(path)
+    return facts
+
+
+def _along_map(body: Any, starts: Any, eps: Any, steps: int, settings: Any) -> tuple[Any, Any]:
+    """Return a run of a map, and its summary."""
+    from ..engine.threads import CROSSOVER
+
     settings = {"save_every": None, "on_singular": "ignore", **settings}
     few = min(max(1, steps), CROSSOVER // max(1, len(starts)) + 1)
     short = settings | {"progress": None}
@@ -177,14 +188,11 @@ def _in_memory(path: Path | None, force: bool, work: Any, settings: Any) -> dict
     failed = result.status < 0
     computed = (failed * result.failed_at + ~failed * steps).sum()
     rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
-    return _saved(result, path, force, facts_of(result, starts) | rate)
+    return result, facts_of(result, starts) | rate
 
 
-def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
-    """Solve the equations of motion, as `_in_memory` computes a run."""
-    _check_writable(path, force)
-    body, starts = work
-    starts = _states_of(starts, body)
+def _motion(body: Any, starts: Any, settings: Any) -> tuple[Any, Any]:
+    """Return a motion, and its summary."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts them
         short = settings | {"progress": None}
@@ -192,7 +200,7 @@ def _motion(path: Path | None, force: bool, work: Any, settings: Any) -> dict[st
         if few < len(starts):
             _tell_if_long(lambda count: sf.flow(body, starts[:count], **short), few, len(starts))
         seconds, result = _seconds(partial(sf.flow, body, starts, **settings))
-    return _saved(result, path, force, facts_of(result) | {"seconds": seconds})
+    return result, facts_of(result) | {"seconds": seconds}
 
 
 def _seconds(function: Callable[[], Any]) -> tuple[float, Any]:
@@ -226,21 +234,6 @@ def _check_writable(path: Path | None, force: bool) -> None:
             folder = path.absolute().parent
             how = "choose another folder" if folder.exists() else f"make the folder {folder}"
             raise PermissionError(f"{path}: nothing can be written there: {how}")
-
-
-def _states_of(starts: Any, body: Any) -> Any:
-    """Return initial states as an array."""
-    if isinstance(starts, sf.RandomStarts):
-        return starts.states(starts.shape[0], dimension=body.dimension)
-    return starts
-
-
-def _saved(result: Any, path: Path | None, force: bool, facts: dict[str, Any]) -> dict[str, Any]:
-    """Save a result, if there is a path, and return its summary."""
-    if path is not None:
-        result.save(path, overwrite=force)
-        facts["written"] = str(path)
-    return facts
 
 
 def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:

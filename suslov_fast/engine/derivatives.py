@@ -31,11 +31,6 @@ def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[
     yield from by_zeros(arguments)
 
 
-def _of_part(part: slice, *parameters: FloatArray) -> list[FloatArray]:
-    """Return the rows of parameters for a part of the batch; a single row is for all of it."""
-    return [rows[part] if len(rows) > 1 else rows for rows in parameters]
-
-
 def _at_states(
     compute: Callable[..., None], problem: Problem, own: tuple[int, ...], shape: tuple[int, ...]
 ) -> FloatArray:
@@ -164,7 +159,8 @@ def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
         for begin in range(0, len(states), width):
             part = slice(begin, begin + width)
             x = states[part]
-            values, eps = _of_part(part, *parameters)
+            # A single row of a parameter is for all of the batch.
+            values, eps = (rows[part] if len(rows) > 1 else rows for rows in parameters)
             arguments = tangent.arguments_of(scheme, values, eps, len(x))
             carry, sums = tangent.carry_of(arguments[0], *x.shape), _no_sums(*x.shape)
             yield _Part(part if where is ALL else where[part], arguments, x, carry, sums, cost)

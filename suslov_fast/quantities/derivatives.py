@@ -237,7 +237,16 @@ def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
     if moves.any():
         moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]
-    _refuse_moving(checked, moves)
+    if moves.any():
+        moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
+        text = f"{checked.name} is not a fixed point"
+        if checked.batch:
+            where = spell(first_index(moves))
+            text = f"{checked.name}: states that are not fixed points, first: {where}"
+        raise ValueError(
+            f"{text}: use jacobian for the derivative there; "
+            "for a periodic orbit see periodic_orbit"
+        )
     return derivative
 
 
@@ -250,17 +259,3 @@ def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
     residual, x = abs(slopes @ d - f)[..., 0], np.broadcast_to(x, sizes.shape)
     is_small = abs(d[..., 0]).max(axis=-1) <= _FIXED * abs(x).max(axis=-1)
     return known & is_small & (residual <= _FIXED * sizes).all(axis=-1)
-
-
-def _refuse_moving(checked: Problem, moves: Any) -> None:
-    """Raise ValueError if `moves` (..., D) is True for a component of a state."""
-    if moves.any():
-        moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
-        text = f"{checked.name} is not a fixed point"
-        if checked.batch:
-            where = spell(first_index(moves))
-            text = f"{checked.name}: states that are not fixed points, first: {where}"
-        raise ValueError(
-            f"{text}: use jacobian for the derivative there; "
-            "for a periodic orbit see periodic_orbit"
-        )

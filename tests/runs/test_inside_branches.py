@@ -224,7 +224,7 @@ def test_choices_that_change_twice_within_what_would_be_a_step():
 
 # ------------------------------------------------------------------- many comparisons of one number
 BEGIN = np.linspace(0.25, 9.75, 40)
-SIGNS = (-1.0) ** np.arange(40)
+STAIR, SIGNS = 9.5 / 39, (-1.0) ** np.arange(40)
 
 
 @pytest.mark.parametrize(
@@ -237,6 +237,9 @@ SIGNS = (-1.0) ** np.arange(40)
         (lambda t: np.where((t >= BEGIN).sum() > 20, 1.0, 0.0), 10 - BEGIN[20]),
         (lambda t: (t >= BEGIN).sum() * np.where(t < 5, 1.0, 0.5),
          np.maximum(5 - BEGIN, 0).sum() + 0.5 * (10 - np.maximum(BEGIN, 5)).sum()),
+        # Each stair leads beyond a kink, for 1/20 of the way to the next one.
+        (lambda t: np.maximum((t >= BEGIN).sum() - 0.95 - (t - 0.25) / STAIR, 0),
+         (40 * 0.05**2 + (0.25 / STAIR - 0.95) ** 2) / 2 * STAIR),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("sign", [1.0, -1.0])

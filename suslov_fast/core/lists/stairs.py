@@ -2,14 +2,15 @@
 
 What is made of comparisons u >= c, constants and operations on these alone is constant between the
 thresholds c. As a `Table` it has two surfaces at a time, where each comparison would have one, so
-that a change costs what one costs.
+that a change costs what one costs. Not where another choice reads the value: it would be made by
+a sum of which clocks have more digits, see `elapsed`.
 """
 
 import numpy as np
 
 from .right_hand_side import Expressions, needed_for, renamed
 from .step import OF_TRUTH_VALUES, evaluate
-from .tables import Table
+from .tables import Table, is_table
 
 MANY = 8  # thresholds from which on a table is made
 _COMPARISONS = "olt", "ogt", "oge"
@@ -32,7 +33,9 @@ def with_stairs(values, results):
     is_truth = {number for name, number, _ in operations if name in OF_TRUTH_VALUES}
     read = [a for _, number, operands in operations if number not in of for a in operands]
     roots = {a for a in [*read, *results] if a in of and a not in is_truth}
-    roots = {a for a in roots if len(of[a][1]) >= MANY}
+    choices = [each for each in operations if each[1] not in of and _chooses(each[0])]
+    others = needed_for(operations, [a for *_, operands in choices for a in operands])
+    roots = {a for a in roots if len(of[a][1]) >= MANY} - {number for _, number, _ in others}
     given = values.count - len(values.operations)
     new, known = Expressions(given, [a for a in values.fixed if a < given]), {}
     known |= {a: a for a in range(given)}
@@ -45,6 +48,10 @@ def with_stairs(values, results):
             known[number] = new.emit(name, *renamed(operands, known))
     new.take_written(values, known)
     return new, renamed(results, known)
+
+
+def _chooses(name):
+    return name in (*_COMPARISONS, "oeq", "max", "min", "fabs", "floor") or is_table(name)
 
 
 def _threshold(name, operands):

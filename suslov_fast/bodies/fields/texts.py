@@ -178,7 +178,7 @@ def values_of(
         try:
             known[name] = found[name] = _value(tree, known, calls, 0)
         except (ArithmeticError, TypeError, RecursionError) as error:
-            raise ValueError(f"equations: {short(text)}: {error}") from None
+            raise ValueError(f"equations: {short(text)}: {error.args[-1]}") from None
         if isinstance(found[name], tuple):
             raise ValueError(f"equations: {short(text)} is no number")
     return found

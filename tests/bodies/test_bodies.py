@@ -8,8 +8,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from test_field import FIELDS
+from test_mass import SYSTEMS
+from test_right_hand_sides import PUBLIC, field_of
 
 from suslov_fast import (
+    Field,
     QuadraticField,
     Suslov3D,
     SuslovGyrostat,
@@ -27,7 +30,8 @@ BATCHES = {
     (0,): SuslovGyrostat(2.3, 1.4, 0.5, -0.7, []),
 }
 BODIES = [*SINGLE, *BATCHES.values()]
-EVERY = [*BODIES, *FIELDS.values()]
+EVERY = [*BODIES, *FIELDS.values(), *(field_of(name)[0] for name in PUBLIC)]
+EVERY += [Field.from_function(f, 4, mass=mass, g=9.81) for mass, f in [SYSTEMS["double pendulum"]]]
 each_body = pytest.mark.parametrize("body", EVERY, ids=lambda body: type(body).__name__)
 
 
@@ -60,7 +64,11 @@ def test_copies_are_equal_and_immutable(body):
         assert twin == body
         assert hash(twin) == hash(body)
         assert twin.shape == body.shape
-        assert twin.to_dict() == plain
+        assert json.dumps(twin.to_dict()) == json.dumps(plain)
+        states = np.full(body.dimension, 0.5)
+        assert vector_field(twin, states).tobytes() == vector_field(body, states).tobytes()
+    assert "\n" not in repr(body)
+    assert len(repr(body)) < 310
     with pytest.raises(AttributeError):
         setattr(body, list(plain)[1], 3)
     for array in (each for each in body.parts.values() if isinstance(each, np.ndarray)):

@@ -1,8 +1,5 @@
 """Equations M(x) x' = f(x), beside np.linalg.solve and SciPy."""
 
-import json
-import pickle
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -65,10 +62,6 @@ def test_mechanisms_beside_scipy(name):
     motion = flow(field, x[0], time=2.0, rtol=1e-12)
     solved = solve_ivp(rates, (0, 2), x[0], method="DOP853", rtol=1e-12, atol=1e-13)
     assert abs(motion.x - solved.y[:, -1]).max() < 1e-9
-    again = sf.body_from_dict(json.loads(json.dumps(field.to_dict())))
-    assert again == field
-    np.testing.assert_array_equal(again(x), field(x))
-    assert pickle.loads(pickle.dumps(field)) == field
 
 
 def test_energy_and_derivatives_of_a_double_pendulum():

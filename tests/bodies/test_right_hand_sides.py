@@ -3,7 +3,6 @@
 import functools
 import json
 import math
-import pickle
 
 import mpmath as mp
 import numpy as np
@@ -41,20 +40,6 @@ def test_its_derivative_is_that_of_differences(name):
     found = field.jacobian(x)
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * abs(expected).max())
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_files_and_copies_are_equal(name):
-    field, x = field_of(name)
-    text = json.dumps(field.to_dict())
-    for copy in (body_from_dict(json.loads(text)), pickle.loads(pickle.dumps(field))):
-        assert copy == field
-        assert hash(copy) == hash(field)
-        assert copy.names == field.names
-        assert copy(x).tobytes() == field(x).tobytes()
-        assert json.dumps(copy.to_dict()) == text
-    assert "\n" not in repr(field)
-    assert len(repr(field)) < 310
 
 
 # ------------------------------------------------------------------------------------ bits of NumPy

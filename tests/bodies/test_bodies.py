@@ -248,6 +248,8 @@ def test_from_mass_tensor(rng):
         assert abs(rotation @ axis / np.linalg.norm(axis) - np.eye(n)[-1]).max() < 1e-14
         block = turned[:-1, :-1]
         assert abs(block - np.diag(np.diag(block))).max() < 1e-14 * abs(matter).max()
+        about_last = SuslovND.from_mass_tensor(matter, np.eye(n)[-1])[0]
+        assert SuslovND.from_mass_tensor(matter)[0] == about_last
 
 
 def test_bodies_as_fields(rng):

@@ -7,7 +7,7 @@ import children
 import numpy as np
 import pytest
 from steps_in_numpy import take_in_numpy
-from systems import SPRING
+from systems import SPRING, rates_of_henon_heiles, robertson
 
 import suslov_fast as sf
 from suslov_fast import Field, flow
@@ -27,20 +27,9 @@ def right_hand_side(f, D):
     return RightHandSide(values, [a.number if isinstance(a, Number) else a for a in results])
 
 
-def henon_heiles(s):
-    x, y, p, q = s
-    return p, q, -x - 2.0 * x * y, y * y - x * x - y
-
-
 def van_der_pol(s):
     x, v = s
     return v, 1000.0 * (1.0 - x * x) * v - x
-
-
-def robertson(s):
-    x, y, z = s
-    a, b, c = 0.04 * x, 1e4 * y * z, 3e7 * y * y
-    return b - a, a - b - c, c
 
 
 def pole_of_a_clock(s):
@@ -96,7 +85,11 @@ CASES = {
         np.random.default_rng(4).uniform(-1, 1, (3, 3)) * [1, 1, 0],
         5.0,
     ),
-    "henon_heiles": (henon_heiles, np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)), 20.0),
+    "henon_heiles": (
+        rates_of_henon_heiles,
+        np.random.default_rng(0).uniform(-0.2, 0.2, (11, 4)),
+        20.0,
+    ),
     "van_der_pol": (van_der_pol, np.array([[2.0, 0.0], [1.0, 1.0], [np.nan, 1.0]]), 900.0),
     "robertson": (robertson, np.array([[1.0, 0.0, 0.0], [0.5, 1e-5, 0.1]]), 4e4),
     "pole_of_a_clock": (pole_of_a_clock, np.array([[1.0, 0.0], [1.0, 2.0], [1.0, 1.48]]), 2.0),

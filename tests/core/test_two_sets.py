@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from systems import rates_of_henon_heiles
 
 from suslov_fast import Field, QuadraticField, flow
 from suslov_fast.core.lists.two_sets import sets_of
@@ -61,17 +62,12 @@ def test_others_have_the_columns_of_gragg(name):
     assert sets(Field.from_function(NOT_TAKEN[name], D)) is None
 
 
-def henon_heiles(s, a=1.0):
-    x, y, p, q = s
-    return p, q, -x - 2 * a * x * y, -y - a * (x * x - y * y)
-
-
 STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
 
 
 @pytest.mark.parametrize("kind", [Field, QuadraticField])
 def test_families_and_kinds_of_fields(kind):
-    field = kind.from_function(henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
+    field = kind.from_function(rates_of_henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
     assert sets(field) == ([0, 1], [2, 3])
     together = flow(field, STATES, time=[3.0, 10.0])
     for k in (0, 7, 19):
@@ -81,7 +77,7 @@ def test_families_and_kinds_of_fields(kind):
 
 def test_order():
     """Ten: with half the steps of one length the error is 1,024 times as large."""
-    field, errors = Field.from_function(henon_heiles, 4), []
+    field, errors = Field.from_function(rates_of_henon_heiles, 4), []
     right = flow(field, STATES, time=12.0, rtol=1e-13).x[-1]
     for h in (0.8, 0.4):
         run = flow(field, STATES, time=12.0, rtol=1e-2, max_step=h)
@@ -112,7 +108,7 @@ def layer(s):
 ANGLES = np.linspace(0.0, 6.0, 20)
 R, B = 1.0 - 0.9 * np.cos(ANGLES), np.sqrt(1.0 - 0.9**2)
 PROBLEMS = {
-    "henon_heiles": (henon_heiles, STATES),
+    "henon_heiles": (rates_of_henon_heiles, STATES),
     "pendulum": (pendulum, np.random.default_rng(1).uniform(-2.0, 2.0, (20, 2))),
     "kepler": (
         kepler,

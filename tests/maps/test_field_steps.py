@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
-from systems import lorenz
+from systems import lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
@@ -22,11 +22,6 @@ from suslov_fast.core.lists import step as plans
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 of_function = sf.QuadraticField.from_function
-
-
-def henon_heiles(x):
-    q1, q2, p1, p2 = x
-    return p1, p2, -q1 - 2 * q1 * q2, q2 * q2 - q1 * q1 - q2
 
 
 def lotka_volterra(x):
@@ -47,7 +42,7 @@ def square(x):
     [
         (lorenz, (1.0, 2.0, 20.0), 1 / 64, 200, 2e-13),
         (lorenz, (1.0, 2.0, 20.0), -0.5, 20, 1e-12),  # with other pivots
-        (henon_heiles, (0.125, 0.25, 0.25, -0.125), 0.25, 500, 1e-12),
+        (rates_of_henon_heiles, (0.125, 0.25, 0.25, -0.125), 0.25, 500, 1e-12),
         (lotka_volterra, (0.5, 0.7), 0.125, 200, 1e-13),
         (chain, (1.0, 0.5, 0.75, 1.25, 1.5, 0.25), 0.125, 60, 1e-13),
         (square, (0.1,), 0.5, 15, 1e-13),
@@ -281,7 +276,7 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
 @pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
-    field, calls, call = of_function(henon_heiles, 4), [], steps_field.call
+    field, calls, call = of_function(rates_of_henon_heiles, 4), [], steps_field.call
 
     def counted(*given):
         calls.append(given)

@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from systems import HENON_HEILES as HENON
+from systems import HENON_HEILES as HENON, PREY
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
@@ -203,10 +203,6 @@ def test_a_failure_has_a_status_of_its_own():
 
 
 # ---------------------------------------------------------------- components that keep their signs
-# Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
-PREY = QuadraticField.from_function(
-    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
-)
 DECAY = QuadraticField.from_function(lambda x: (-2000 * x[0],), 1)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from children import TWO_THREADS
+from systems import rates_of_henon_heiles
 
 from suslov_fast import (
     Change,
@@ -379,19 +380,14 @@ def test_derivatives_where_f_jumps_at_a_change():
 
 
 # -------------------------------------------------------------- sections, and periodic orbits
-HENON_HEILES = Field.from_function(
-    lambda s: (s[2], s[3], -s[0] - 2 * s[0] * s[1], -s[1] - s[0] ** 2 + s[1] ** 2), "x y p q"
-)
-
-
 @pytest.mark.parametrize("stiff", [None, True])
 def test_a_section_changes_no_bit(stiff):
     x = np.random.default_rng(3).uniform(-0.2, 0.2, (11, 4))
-    time = np.linspace(1.0, 20.0, 7)
-    plain = flow(HENON_HEILES, x, time=time, stiff=stiff)
+    field, time = Field.from_function(rates_of_henon_heiles, "x y p q"), np.linspace(1.0, 20.0, 7)
+    plain = flow(field, x, time=time, stiff=stiff)
     sections = [Change("x"), Change(lambda s: s[1] - s[2], direction=1)]
     for own in (x, x[4]):
-        found = flow(HENON_HEILES, own, time=time, stiff=stiff, changes=sections)
+        found = flow(field, own, time=time, stiff=stiff, changes=sections)
         of_plain = plain.x if own is x else plain.x[:, 4]
         np.testing.assert_array_equal(found.x, of_plain)
         values = np.where(

@@ -5,16 +5,14 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from systems import PREY
 
 import suslov_fast as sf
 from suslov_fast.core.motion.engine import Settings
 from suslov_fast.runs import columns, results
 
 pytest.importorskip("zarr")
-# Two populations: from these starts a failure after a pole, a pole, and neither.
-FIELD = sf.QuadraticField.from_function(
-    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
-)
+# From these starts a failure after a pole, a pole, and neither.
 STARTS = [[0.05, 0.25], [0.05, 0.05], [4.5, 5.0]]
 NAMES = {column.name for column in columns.RUN if column.is_public}
 
@@ -33,8 +31,8 @@ def test_each_column_is_everywhere(tmp_path, kind):
     """The same values in a run, its file, its dataset and a store, under one name."""
     store = tmp_path / "run.zarr"
     if kind == "Trajectories":
-        run = sf.iterate(FIELD, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
-        stored = sf.ensemble(FIELD, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
+        run = sf.iterate(PREY, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
+        stored = sf.ensemble(PREY, STARTS, 0.1, 60, save_every=20, store=store, chunk=1)
         assert (run.first_pole >= 0).any()
     else:
         escaping = sf.QuadraticField.from_function(lambda x: (x[0] ** 2, -x[1]), "x y")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
+from systems import three_bodies
 
 import suslov_fast as sf
 
@@ -50,17 +51,6 @@ def test_a_tuple_of_surfaces_says_which_was_crossed():
 
 
 def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
-    def f(x):
-        x, y, u, v = x
-        to_earth = ((x + MU) ** 2 + y**2) ** 1.5
-        to_moon = ((x - 1 + MU) ** 2 + y**2) ** 1.5
-        return (
-            u,
-            v,
-            2 * v + x - (1 - MU) * (x + MU) / to_earth - MU * (x - 1 + MU) / to_moon,
-            -2 * u + y - (1 - MU) * y / to_earth - MU * y / to_moon,
-        )
-
     def distance(x):
         return (x[..., 0] - 1 + MU) ** 2 + x[..., 1] ** 2
 
@@ -68,11 +58,11 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
     r, angle = rng.uniform(0.02, 0.12, 16), rng.uniform(0.0, 2.0 * np.pi, 16)
     speed = np.sqrt(MU / r) * rng.uniform(0.9, 1.35, 16) - r
     x0 = np.transpose([
-        1 - MU + r * np.cos(angle), r * np.sin(angle), -speed * np.sin(angle),
-        speed * np.cos(angle),
+        1 - MU + r * np.cos(angle), r * np.sin(angle), 0 * r, -speed * np.sin(angle),
+        speed * np.cos(angle), 0 * r,
     ])  # fmt: skip
     surfaces = (lambda x: distance(x) - 0.25**2, lambda x: 0.005**2 - distance(x))
-    field = sf.Field.from_function(f, "x y u v")
+    field = sf.Field.from_function(three_bodies, "x y z u v w", mu=MU)
     points = sf.crossings(field, x0, surface=surfaces, time=4.0, most=1)
     events = [lambda t, x, s=s: s(x) for s in surfaces]
     for event in events:
@@ -80,8 +70,9 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
     assert 4 <= len(points) <= 12
     for k, start in enumerate(x0):
         found = solve_ivp(
-            lambda t, x: f(x), (0, 4.0), start, "DOP853", events=events, rtol=1e-12, atol=1e-12
-        )
+            lambda t, x: three_bodies(x, MU), (0, 4.0), start, "DOP853", events=events, rtol=1e-12,
+            atol=1e-12,
+        )  # fmt: skip
         assert points.count[k] == found.status
         if found.status:
             (own,) = np.flatnonzero(points.trajectory == k)

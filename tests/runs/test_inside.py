@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import expit
-from systems import field
+from systems import field, robertson
 
 import suslov_fast as sf
 
@@ -115,11 +115,6 @@ def test_times_just_before_the_last_one(T):
 
 def forced(s):
     return s[1], s[0] - s[0] ** 3 - 0.3 * s[1] + 0.5 * np.cos(1.2 * s[2]), 1.0
-
-
-def robertson(s):
-    slow, back, fast = 0.04 * s[0], 1e4 * s[1] * s[2], 3e7 * s[1] ** 2
-    return back - slow, slow - back - fast, fast
 
 
 def kepler(s):

@@ -7,7 +7,7 @@ import naive
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from systems import LORENZ, lorenz
+from systems import LORENZ, PREY, lorenz
 
 import suslov_fast as sf
 from suslov_fast.core.fields import generated_tangent
@@ -112,17 +112,14 @@ class NeverAccurate(generated_tangent.Stage):
 )
 def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
     """A population turns negative, with det A > 0 all the way."""
-    prey = sf.QuadraticField.from_function(
-        lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
-    )
     batch = [start, [4.0, 5.0], start]
     monkeypatch.setattr("suslov_fast.core.code.compiler.known_codes", {})
     for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
-        sf.lyapunov_exponents(prey, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
+        sf.lyapunov_exponents(PREY, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
     for x0 in (start, batch):
-        told = poles_told(sf.iterate, prey, x0, eps, steps, method=method)
+        told = poles_told(sf.iterate, PREY, x0, eps, steps, method=method)
         assert "(a component that cannot change its sign did)" in told[0]
-        arguments = prey, x0, eps, 5, steps - 5
+        arguments = PREY, x0, eps, 5, steps - 5
         assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
     assert told[0].startswith("2 of 3")
     monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE_OF_TANGENT", 0)  # as of many variables

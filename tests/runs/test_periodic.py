@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from systems import LORENZ
+from systems import LORENZ, three_bodies
 
 import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow, periodic_orbit
@@ -20,21 +20,6 @@ KEPLER = Field.from_function(
 def roessler(c):
     return QuadraticField.from_function(
         lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - c)), 3
-    )
-
-
-def three_bodies(s, mu):
-    """The restricted three-body problem in space: positions, then velocities."""
-    x, y, z, u, v, w = s
-    a, b = x + mu, x + mu - 1
-    r1, r2 = (a * a + y * y + z * z) ** 1.5, (b * b + y * y + z * z) ** 1.5
-    return (
-        u,
-        v,
-        w,
-        2 * v + x - (1 - mu) * a / r1 - mu * b / r2,
-        -2 * u + y - (1 - mu) * y / r1 - mu * y / r2,
-        -(1 - mu) * z / r1 - mu * z / r2,
     )
 
 

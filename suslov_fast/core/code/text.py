@@ -136,7 +136,7 @@ class Value(_Comparable):
     def __abs__(self):
         return Value(self.text, self.text._call("fabs", self))
 
-    def root(self):
+    def sqrt(self):
         return Value(self.text, self.text._call("sqrt", self))
 
     def floor(self):

@@ -183,7 +183,7 @@ def text_of_orthonormalise(name, D, W):
             return [at.product]
 
         [square] = text.otherwise(now.r.equals(0), [product], subtract_all, likely=None)
-        length = due.select(square.root(), 1.0)
+        length = due.select(square.sqrt(), 1.0)
         lengths = carried.from_here(LENGTHS)
         lengths[now.r] = lengths[now.r] * length
         is_0 = length.equals(0.0)

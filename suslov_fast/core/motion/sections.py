@@ -433,18 +433,16 @@ def _find(lines, k, crosses, found):
             work.f_before.choose(is_far, i, work.f[i])
         inputs = {"value": value, "rate": rate, "up": up, "taken": taken, "start": work.t[0]}
         inputs |= {"a": found.a, "b": found.b}
-        result = lines.apply(NEWTON, **inputs, **{name: getattr(now, name) for name in
-                             ("u", "low", "high", "left")})  # fmt: skip
-        is_found = result.pop("found")
+        result = lines.apply(NEWTON, **inputs, **vars(now))
+        is_found, move, moment = (result.pop(name) for name in ("found", "move", "moment"))
         with text.when(is_found.any()):
-            move = result["move"] * sign
+            move = move * sign
             for i in text.each(lines.D):
                 work.before.choose(is_found, i, work.start[i] + move * work.f[i])
                 work.f_before.choose(is_found, i, work.f[i])
-            work.moment.choose(is_found, 0, result["moment"])
+            work.moment.choose(is_found, 0, moment)
             work.ok.choose(is_found, 0, 1.0)
-        for name in ("u", "low", "high", "left"):
-            setattr(now, name, result[name])
+        now.update(result)
         now.round = now.round + 1
         now.goes_on = (now.left > 0.0).any() & (now.round < MOST_LOOKS)
     is_found = work.ok[0] > 0.0

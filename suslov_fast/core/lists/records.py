@@ -38,7 +38,7 @@ class Function(NamedTuple):
         """Return the operand that is the value at operands."""
         if self.instruction:
             return values.emit(self.instruction, *operands)
-        return operand_of(self.formula(*[Number(values.emit, a) for a in operands]))
+        return operand_of(self.formula(*map(values.number, operands)))
 
     def partials(self, emit, *operands_and_value):
         """Return the operands that are the partial derivatives."""

@@ -234,7 +234,7 @@ def list_of(name):
     """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
     function, count = ELEMENTARY[name]
     values = Values(count, ())
-    return values.operations, function(*[Number(values.emit, k) for k in range(count)]).number
+    return values.operations, function(*map(values.number, range(count))).number
 
 
 def of_one_sign(indices):

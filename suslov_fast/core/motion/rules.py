@@ -7,7 +7,7 @@ step.
 import inspect
 from typing import NamedTuple
 
-from ..lists.numbers import Number, operand_of
+from ..lists.numbers import operand_of
 from ..lists.step import Values
 
 TINY = 2.0**-1000  # in place of 0
@@ -27,6 +27,6 @@ def rule(function, *others):
     parameters = inspect.signature(function).parameters.values()
     inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
     values = Values(len(inputs), ())
-    found = function(**{name: Number(values.emit, k) for k, name in enumerate(inputs)})
+    found = function(**{name: values.number(k) for k, name in enumerate(inputs)})
     results = {name: operand_of(a) for name, a in found.items()}
     return Rule(inputs, values.operations, results)

@@ -16,7 +16,7 @@ from ..core.fields.stages import WHOLE, Stages
 from ..engine.problem import Problem, check
 from ..engine.stretches import Steps
 from ..words import answer, in_place_of
-from .formulas import Formula, Plane, eigenvalues
+from .formulas import Formula, Reduced, eigenvalues
 
 Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
 
@@ -54,8 +54,9 @@ class Map:
     attitude : {"axial", "in_rows"} or None
         How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
         if they do not.
-    plane : Plane or None
-        How `exact`, `flow` and `limits` reduce a problem to a solved one in three dimensions.
+    plane : callable or None
+        The reduction of a problem of `exact`, `flow` and `limits` to a solved one in three
+        dimensions: returns that problem, and the function that maps its states back.
     eigenvalues : callable
         ``eigenvalues(problem, slopes)`` returns those of f', the `slopes` (..., D, D), at steady
         states, as an array (..., D), from which the `multipliers` follow.
@@ -68,7 +69,7 @@ class Map:
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE
     attitude: Literal["axial", "in_rows"] | None = None
-    plane: Plane | None = None
+    plane: Callable[[Problem], Reduced] | None = None
     eigenvalues: Eigenvalues = eigenvalues
 
     def functions(self, body: Any) -> list[str]:

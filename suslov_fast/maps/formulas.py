@@ -31,11 +31,8 @@ class Formula(NamedTuple):
     poles: bool = False  # True if infinite values are results; else they become NaN
 
 
-class Plane(NamedTuple):
-    """The reduction of a problem to one in three dimensions, whose solution is known."""
-
-    # Returns an equivalent problem, and the function that maps its states back.
-    reduce: Callable[[Problem], tuple[Problem, Callable[[FloatArray], FloatArray]]]
+# A problem in three dimensions, and the function that maps its states back.
+Reduced = tuple[Problem, Callable[[FloatArray], FloatArray]]
 
 
 def values_by_constants(formula: Universal, problem: Problem) -> Any:
@@ -168,7 +165,10 @@ def _step_full(problem: Problem) -> Any:
     return quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
 
 
-SOLVED_ALREADY = Plane(lambda problem: (problem, lambda states: states))  # needs no reduction
+def as_it_is(problem: Problem) -> Reduced:
+    """Return a problem in three dimensions, which needs no reduction."""
+    return problem, lambda states: states
+
 
 GYROSTAT = {
     **KAHAN,
@@ -224,7 +224,7 @@ def _momentum_nd(problem: Problem) -> FloatArray:
     return wedge(vector, I) + wedge(J * vector, last)
 
 
-def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+def in_plane(problem: Problem) -> Reduced:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
     A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
@@ -244,7 +244,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 
 def _criticality_nd(problem: Problem) -> FloatArray:
     """Return t of the reduced body."""
-    return IN_3D["criticality"].compute(_in_plane(problem)[0])
+    return IN_3D["criticality"].compute(in_plane(problem)[0])
 
 
 def _first_integral_nd(problem: Problem) -> FloatArray:
@@ -295,4 +295,3 @@ IN_ND = {
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),
 }
-IN_PLANE = Plane(_in_plane)

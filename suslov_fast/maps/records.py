@@ -8,13 +8,13 @@ from .formulas import (
     GYROSTAT,
     IN_3D,
     IN_ND,
-    IN_PLANE,
     KAHAN,
     OF_ORDER,
-    SOLVED_ALREADY,
+    as_it_is,
     eigenvalues_in_3d,
     eigenvalues_nd,
     eigenvalues_of_gyrostat,
+    in_plane,
 )
 from .methods import (
     COMPOSITIONS,
@@ -34,7 +34,7 @@ for _record in (
         methods={"auto": STEPS_3D},
         formulas=IN_3D,
         attitude="axial",
-        plane=SOLVED_ALREADY,
+        plane=as_it_is,
         eigenvalues=eigenvalues_in_3d,
     ),
     Map(  # equation (15)
@@ -44,7 +44,7 @@ for _record in (
         methods={"auto": STEPS_ND, "gauss": GAUSS},
         formulas=IN_ND,
         attitude="in_rows",
-        plane=IN_PLANE,
+        plane=in_plane,
         eigenvalues=eigenvalues_nd,
     ),
     Map(
@@ -54,7 +54,7 @@ for _record in (
         methods={"auto": STEPS_WITH_ROTOR},
         formulas=GYROSTAT,
         attitude="axial",
-        plane=SOLVED_ALREADY,
+        plane=as_it_is,
         eigenvalues=eigenvalues_of_gyrostat,
     ),
     Map(

@@ -131,7 +131,7 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray,
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     start = problem("limits", body, omega0, eps, name="omega0")
-    plane, from_plane = start.map.plane.reduce(start)
+    plane, from_plane = start.map.plane(start)
     minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
     return from_plane(minus), from_plane(plus)
 
@@ -141,7 +141,7 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
 
     `times` (N,) or () are numbers of states of the map, or times of the flow.
     """
-    plane, from_plane = problem.map.plane.reduce(problem)
+    plane, from_plane = problem.map.plane(problem)
     batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
     starts = flat_arrays(plane.omega, batch)
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)

@@ -83,6 +83,40 @@ def test_threads_and_forks(setup, code, layer):
     children.run(setup + code, 12, timeout=1800, **children.layer(layer))
 
 
+COMPILES = """
+import itertools, os, signal, threading, warnings
+import suslov_fast as sf
+warnings.simplefilter("ignore", DeprecationWarning)
+numbers = itertools.count(1)
+def compute():
+    c = float(next(numbers))
+    return sf.flow(sf.Field.from_function(lambda x: (-c * x[0],), 1), [1.0], time=1.0)
+compute()
+stop = threading.Event()
+def compute_on():
+    while not stop.is_set():
+        compute()
+thread = threading.Thread(target=compute_on)
+thread.start()
+for _ in range(4):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)
+        compute()
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+stop.set()
+thread.join()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_forks_while_a_thread_compiles():
+    """The lock of the compiler, which the thread had, was held without end in the child."""
+    children.run(COMPILES)
+
+
 FIELDS_AT_EXIT = """
 def compute():
     print((run(1, threads=2) == expected).all())

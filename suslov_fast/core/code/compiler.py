@@ -7,6 +7,7 @@ LLVM write the types of pointers differently.
 
 import ctypes
 import itertools
+import os
 import threading
 
 from llvmlite import binding
@@ -33,6 +34,10 @@ known_codes = {}  # addresses, by the arguments of `code_of`
 _engines = {}  # by level of optimisation, and whether their code lasts
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
+if hasattr(os, "register_at_fork"):  # a child has no thread that would give it back
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):

@@ -26,6 +26,7 @@ import functools
 import gc
 import importlib
 import math
+import os
 import re
 import sys
 import threading
@@ -61,6 +62,14 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 _FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
 _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
+
+
+with suppress(ImportError, AttributeError):  # names that Numba does not promise; Windows
+    # A child forked while another thread compiles would wait for it without end.
+    _lock = importlib.import_module("numba.core.compiler_lock").global_compiler_lock
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
 
 
 # -------------------------------------------------------------------------------------- functions

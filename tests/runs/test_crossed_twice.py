@@ -148,6 +148,15 @@ def test_a_kink_that_a_motion_comes_to_does_not_keep_it_from_the_last_time():
     np.testing.assert_allclose(sf.flow(f, [2.0, 1.0, 0.0], time=3000.0).x[0, 2], 21.0, rtol=1e-7)
 
 
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("max_step", [0.05, 0.1])
+def test_a_time_just_before_a_surface_ends_no_solution(max_step, stiff):
+    """Sixty steps of 0.1 end 5e-15 beyond t = 6, which is a surface, and asked for."""
+    f = field(lambda s: (np.heaviside(s[1] - 6, 1.0) + (s[1] ** 2 > 49), 1.0), "x t")
+    motion = sf.flow(f, [0.0, 0.0], time=[6.0, 12.0], max_step=max_step, stiff=stiff)
+    np.testing.assert_allclose(motion.x[:, 0], [0.0, 11.0], atol=1e-9)
+
+
 def test_bits_depend_on_no_neighbour(rng):
     f = field(
         lambda s, c: (np.where(s[1] > c, 1.0, 0.0) + np.sign(np.sin(s[3]) - c), s[2], -s[1], 1.0),

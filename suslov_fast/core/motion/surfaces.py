@@ -108,7 +108,8 @@ def CUT(
 
     One that may hide two crossings (`hidden`, see `lists.hidden`) is taken again with half of its
     length or more. Where points tell of two, `twice` is 1. A search starts by `starts`, and after
-    it a step has at most the length `known`, within which values were told. At a `goal` steps end.
+    it a step has at most the length `known`, within which values were told, if that is long: a time
+    may be just before a surface. At a `goal` steps end.
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
     the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Once
@@ -167,7 +168,7 @@ def CUT(
         "outer": forgets.select(inf, outer_now),
         "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
-        "whole": is_near.select(whole, smaller(wanted, known)),
+        "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
         "beyond": (cut & is_near).select(1.0, 0.0),
         "at_surface": (moved & seen).select(1.0, 0.0),
         "jumped": jumped.select(1.0, 0.0),

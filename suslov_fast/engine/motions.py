@@ -132,7 +132,7 @@ def _of_group(f: Any, table: FloatArray, starts: FloatArray, asked: Asked) -> Fo
             ends = np.empty(B)
             ends.fill(np.nan)
             status = np.zeros(B, np.int8)
-            return Found(states, ends, steps, status, records=records, is_good=True)
+            return Found(states, ends, steps, status, False, records, None, None, True)
     else:
         states = np.full((len(times), *starts.shape), np.nan)
     engine = Engine(f, table, starts, times, sign, settings, states, stops)

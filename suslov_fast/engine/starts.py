@@ -78,7 +78,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
     numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
-    low, high = min([0.0, *numbers]), max([0.0, *numbers])
+    low, high = min(numbers, default=0.0), max(numbers, default=0.0)
     if low < 0.0 < high:
         how = "call flow twice, forward and backward"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
@@ -102,7 +102,7 @@ def checked_settings(
         atol = atol if isinstance(atol, float) else tuple(atol.tolist())
     if max_step is not None:
         max_step = checks.positive("max_step", max_step)
-    if not isinstance(stiff, bool | np.bool_ | None):
+    if not (stiff is None or isinstance(stiff, (bool, np.bool_))):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)
     return Settings(number, atol, max_step, None if stiff is None else bool(stiff))
 

@@ -170,13 +170,16 @@ def flow(
     changed = changes_of_records(found.records, system, acting, batch) if acting else None
     return Motion._of(
         {
-            "states": found.states.reshape(len(times), *batch, system.dimension),
+            "states": found.states.reshape((len(times), *batch, system.dimension)),
             "time": times,
             "body": system,
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
-            **settings._asdict(),
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": settings.max_step,
+            "stiff": settings.stiff,
             "by": names,
             "_derivatives": of_columns,
             "changes": changed,

@@ -10,7 +10,7 @@ from array import array
 
 import numpy as np
 
-from .arguments import NUMBER
+from .arguments import NUMBER, SLOT
 from .engine import (
     NO_STOPS,
     NO_TIMES,
@@ -25,6 +25,7 @@ from .engine import (
 )
 from .rows import BEGINS, OF_CHANGES, State
 
+_KEPT = 1024  # times that memory is kept of
 _NAN = array("d", [math.nan])
 _GREW = array("d", [3.0]).tobytes()  # of a component, see `errors.LOW`
 
@@ -43,10 +44,18 @@ class _Memory:
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
         self.x, self.low = rows[:, : f.D], rows[:, places.low : places.far]
         self.state, self.steps = rows[:, places.state], rows[:, places.steps]
-        self.first, self.source = self.all.copy(), None  # what calls begin with, and its table
-        self.first_table = self.first[count:].reshape(shape)
+        first, self.source = self.all.copy(), None  # what calls begin with, and its table
+        self.first_table = first[count:].reshape(shape)
+        self.now, self.first = self.all.data, first.data  # Python copies them sooner than NumPy
         given = rows, self.table, self.numbers, components_of(f, settings.atol)
-        self.taker = Taker(half, 1 if B == 1 else WIDTH, *given)
+        self.taker, self.moduli = Taker(half, 1 if B == 1 else WIDTH, *given), None
+
+    def set_times(self, moduli, settings):
+        """Set the times, whose moduli are these bytes."""
+        self.moduli, self.times = moduli, array("d", moduli)
+        self.times.extend(NO_TIMES)
+        set_times(self.numbers, self.half, settings, self.times)
+        self.taker.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
 
 
 @functools.lru_cache(64)
@@ -75,13 +84,12 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
     half, taker = memory.half, memory.taker
     if (source := table.tobytes()) != memory.source:
         memory.first_table[:], memory.source = half.table_of(table.T).T, source
-    memory.all[:] = memory.first
+    if (moduli := times.tobytes()) != memory.moduli:
+        memory.set_times(moduli, settings)
+    memory.now[:] = memory.first
     memory.x[:] = x0
-    moduli = array("d", times.tobytes())
-    moduli.extend(NO_TIMES)
-    set_times(memory.numbers, half, settings, moduli)
     states = _NAN * (len(times) * B * f.D)
-    taker.point_to(moduli.buffer_info()[0], states.buffer_info()[0], 8 * B * f.D)
+    taker.arguments[SLOT.states] = states.buffer_info()[0]
     if f.changes:
         of_stops, equal = (stops or NO_STOPS).array
         memory.numbers[NUMBER.enough], memory.numbers[NUMBER.since] = enough, since
@@ -90,7 +98,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
         taker.point_to_changes(of_stops, equal, records)
     while not taker.take():
         pass
-    states = np.ndarray((len(times), B, f.D), buffer=states)
+    states = np.ndarray((len(times), B, f.D), np.float64, states)
     if memory.state.tolist().count(State.DONE) < B or _GREW in memory.low.tobytes():
         own = memory.table[:, : len(f.table)].copy() if f.conditions else None
         found = states, None, None, (memory.rows.copy(), own, records)
@@ -98,5 +106,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
         found = states, memory.steps.astype(np.int64), records, None
         if starts is not None:
             add_starts(f, starts, states, records)
+    if len(times) > _KEPT:
+        memory.moduli = memory.times = None
     free.append(memory)
     return found

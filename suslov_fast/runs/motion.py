@@ -140,6 +140,8 @@ class Motion(States, OfMotion):
     @property
     def final(self) -> FloatArray:
         """The states at the last of the times, shape (..., D)."""
+        if not len(self.time):
+            raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]
 
     @property
@@ -173,4 +175,4 @@ class Motion(States, OfMotion):
         )
         states = f"{self._variable}: {self.states.shape}"
         ended = ended_in_words(self.status)
-        return f"Motion({states}, time: {times}, rtol: {self.rtol:g}{ended})"
+        return f"Motion({states}, time: {times or 'none'}, rtol: {self.rtol:g}{ended})"

@@ -232,7 +232,7 @@ def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_colum
 
 
 def test_old_codes_are_freed(monkeypatch, anew):
-    monkeypatch.setattr(machine_code, "MOST_CODES", 2)
+    monkeypatch.setattr(machine_code, "MOST_TEXT", 2 * machine_code.LEAST_TEXT)
     engines = set()
     for D in range(1, 6):
         squares = sf.QuadraticField.from_function(lambda x: x**2, D)
@@ -253,7 +253,7 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
             sf.step(sf.QuadraticField(np.ones((D, D, D)), np.eye(D)), np.ones((2, D)), 0.001)
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
-    monkeypatch.setattr(machine_code, "MOST_CODES", 3)
+    monkeypatch.setattr(machine_code, "MOST_TEXT", 3 * machine_code.LEAST_TEXT)
     monkeypatch.setattr(stretches, "STRETCH", 1)
     monkeypatch.setattr(derivatives, "STRETCH", 1)
     last = 9

@@ -366,6 +366,7 @@ TABLE = [
     (TypeError, "to_dict", lambda: sf.Change(lambda x: x[0]).to_dict()),
     (ValueError, "description", lambda: sf.Change.from_dict({"surface": "x1", "at": 1})),
     (TypeError, "time", lambda: sf.flow(FIELD, (0, 15), [10.0, 1.0]), section(steps=4)),
+    (IndexError, "time", lambda: motion(time=[])().final),
     (ValueError, "time", motion(time=[[1.0]]), motion(time=INF), motion(time=[-1.0, 1.0]),
      section(time=[1.0, 2.0]), section(time=NAN), exponents(time=-1.0)),
     (ValueError, "transient", section(transient=-1.0), exponents(time=1.0, transient=-1.0)),

@@ -15,9 +15,10 @@ from numba import config
 
 from ..compiling.numba import advice_on_numba
 
-# Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
-# to a process, and LLVM ends the process where it gets none.
-MOST_CODES = 4096
+# Length of the texts of codes that are kept, beside those that last: some 250 MB of memory. Each
+# counts as a part of it at least, because it takes two memory mappings; Linux grants 65,530 to a
+# process, and LLVM ends the process where it gets none.
+MOST_TEXT, LEAST_TEXT = 2**28, 2**16
 
 
 def pointer(kind):
@@ -80,10 +81,10 @@ def compiled(key, text_of, level=2, lasts=False, passes=False):
 
 
 def _free_old():
-    """Forget the codes that do not last, if there are MOST_CODES of them, and their engines."""
+    """Forget the codes that do not last, if they have MOST_TEXT, and their engines."""
     # A signal handler may compile or free codes between any two lines, so the loops need copies.
-    old = [key for key in known_codes.copy() if not key[-1]]
-    if len(old) >= MOST_CODES:
+    old = {key: code for key, code in known_codes.copy().items() if not key[-1]}
+    if sum(code.length for code in old.values()) >= MOST_TEXT:
         for key in old:
             known_codes.pop(key, None)
         for key in _engines.copy():
@@ -108,7 +109,7 @@ def _compile(text, name, level, lasts, passes):
         address = Address(engine.get_function_address(name))
     finally:
         engine.remove_module(module)
-    address.engine = engine
+    address.engine, address.length = engine, max(len(text), LEAST_TEXT)
     address.call = _CALL(address)  # takes the address of an array; made once, for small calls
     return address
 

@@ -70,7 +70,7 @@ def test_truth_values(W):
 @WIDTHS
 @pytest.mark.parametrize("count", [1, 4, 7])
 def test_loops(W, count):
-    """Prefix sums and powers, also where a loop of few rounds is written out."""
+    """Prefix sums and powers, also where a loop has one round."""
 
     def body(text, x, y, integers):
         sums = Carried(total=0.0, n=0)

@@ -22,7 +22,7 @@ from ..lists.step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 from ..lists.tables import LARGEST, Table, is_table
 from .compiler import pointer
 
-WRITTEN_OUT = 4  # indices of which loops are written out
+WRITTEN_OUT = 4  # rounds of loops that are written out where they take much of the time
 AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, and how many have to be there
 
 
@@ -427,7 +427,7 @@ class Code:
 
     def copy_numbers(self, source, step, target, other, count):
         """Add a loop that copies so many numbers, which stand so many bytes apart."""
-        for k in self.each(count, most=0):
+        for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
 
@@ -493,12 +493,12 @@ class Code:
             for key, value in vars(each).items():
                 value = self.value(value)
                 phis.append((each, key, value))
-                setattr(each, key, type(value)(value.text, f"%{name}_{key}"))
+                setattr(each, key, type(value)(value.text, f"%{name}.{key}"))
         yield carried
         goes_on = vars(carried).pop("goes_on")
         # The next values have names only now.
         self.target.lines[place:place] = [
-            f"  %{name}_{key} = phi {first.kind} "
+            f"  %{name}.{key} = phi {first.kind} "
             f"[ {first}, %{before} ], [ {first._number(getattr(each, key))}, %{name}_end ]"
             for each, key, first in phis
         ]
@@ -507,7 +507,7 @@ class Code:
         self.branch(goes_on, name, f"{name}_after")
         self.label(f"{name}_after")
 
-    def each(self, count, carried=None, most=WRITTEN_OUT):
+    def each(self, count, carried=None, most=1):
         """Add a loop over indices, whose body is that of `for`, see `rounds`.
 
         A `count` in Python that is at most `most` gives no loop: the body is written so many times.
@@ -531,7 +531,7 @@ class Code:
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
             return lambda carried=None: (k + first for k in self.each(count, carried))
-        array = indices if count <= WRITTEN_OUT else self.constants(indices)
+        array = indices if count < 2 else self.constants(indices)
         return lambda carried=None: (array[k] for k in self.each(count, carried))
 
     # ------------------------------------------------------------------------------ names, memory
@@ -733,7 +733,7 @@ class Code:
         memory = text.new(f"alloca {self.V}, i64 2, align 64")
         memory = text.array(text.new(f"ptrtoint {pointer(self.V)} {memory} to i64"))
         memory[0], memory[1] = Value(text, "%x"), Value(text, "%usual")
-        for lane in text.each(self.W, most=0):
+        for lane in text.each(self.W):
             given, result = (one.array(memory.at(k) + lane * 8) for k in range(2))
             x = given[0]
             with text.when(one._is_far(x)):

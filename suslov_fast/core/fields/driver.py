@@ -11,7 +11,7 @@ import functools
 import operator
 from typing import NamedTuple
 
-from ..code.text import Carried, Code, Index, Integers, Shared, Truth
+from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
 from ..compiling.codes import CHANGED
 from ..lists.step import SIGNIFICANT
 from .stage_code import Stage, add_table, loader
@@ -212,7 +212,7 @@ class _Driver:
             with text.when(number < self.of.trajectories):
                 place = Shared(one, row + number * self.D * 8)
                 x = one.array(state + 8 * l)
-                for k in text.each(self.D):
+                for k in text.each(self.D, most=WRITTEN_OUT):
                     place[k] = x[k]
 
 

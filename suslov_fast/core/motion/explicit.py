@@ -115,7 +115,7 @@ class ExplicitColumns(Scope):
 
     def parts(self, inner):
         """Add a loop over the registers of a line; yield x, f, the address of `work`, and table."""
-        for part in self.text.each(self.text.W // inner.W, most=0):
+        for part in self.text.each(self.text.W // inner.W):
             offset = part * (8 * inner.W)
             x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
             table = Index(self.text, "%table")
@@ -131,7 +131,7 @@ class ExplicitColumns(Scope):
         inverses = text.constants([1.0 / pair.N for pair in pairs])
         begins = text.constants([int(pair.begins) for pair in pairs])
         ends = text.constants([int(pair.ends) for pair in pairs])
-        for k in text.each(len(pairs), most=0):
+        for k in text.each(len(pairs)):
             column, begin, end = columns[k], begins[k], ends[k]
             inverse = Shared(inner, inverses.base)[k]
             is_end = end.differs(0)
@@ -280,7 +280,7 @@ class ExplicitColumns(Scope):
         def call(name, of):
             text.invoke(f"{self.name}_{name}_lanes", of, "%table", f, scratch)
 
-        for m in text.each(len(rounds), most=0):
+        for m in text.each(len(rounds)):
             s = signed * parts[m]
             double, factor = s + s, s * last[m]
             begins = begin[m] > 0.0

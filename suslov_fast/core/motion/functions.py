@@ -14,7 +14,7 @@ import numpy as np
 from ..code.runs import program_of
 from ..code.runs_code import add_runs
 from ..code.sparse_code import ARRAYS, Arrays, add_factors, add_solution, lengths_of
-from ..code.text import Carried, Index, Shared
+from ..code.text import WRITTEN_OUT, Carried, Index, Shared
 from ..lists.right_hand_side import renumbered
 from ..lists.step import OF_LIBRARY, OF_LISTS
 
@@ -216,12 +216,12 @@ class Tangents(_Loops):
             to[i] = found[i]
         for k in range(D, extended):
             to[f.D - D + k] = found[k]
-        for c in text.each(f.columns):
+        for c in text.each(f.columns, most=WRITTEN_OUT):
             place = (c + 1) * D
             text.copy(x.at(place), found.at(vector), D)
             text.invoke(f"{name}_product", found.at(entries), "%table", to.at(place), inner)
         last = to.after(f.D - 2 * f.has_trace - f.q * D)
-        for c in text.each(f.q):
+        for c in text.each(f.q, most=WRITTEN_OUT):
             for i in own():
                 k = i + c * D
                 a = found.after(of_parameters)[k]

@@ -84,7 +84,7 @@ class ImplicitColumns(Scope):
             if self.half.looks_inside:
                 self.begin_quarters()
             text.fill(work.apart, self.D, lambda: 0.0)
-            for c in text.each(Index(text, "%count"), most=0):
+            for c in text.each(Index(text, "%count")):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
@@ -99,7 +99,7 @@ class ImplicitColumns(Scope):
         text.fill(right, D, mul, s, f)
         self.call("solve", work.factors, "%table", right)
         text.copy(right, ends, D)
-        for m in text.each(N - 1, most=0):
+        for m in text.each(N - 1):
             if self.half.looks_inside:
                 self.add_to_quarter(c, m, ends)
             text.fill(a, D, add, x, ends)

@@ -107,7 +107,7 @@ class Lines(Scope):
 
     def lanes_with(self, bits):
         """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
-        for lane in self.text.each(self.text.W, most=0):
+        for lane in self.text.each(self.text.W):
             bit = (bits >> lane) & 1
             with self.text.when(bit.equals(1)):
                 yield lane * 8

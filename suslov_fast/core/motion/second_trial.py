@@ -174,13 +174,13 @@ def _changes_beside(lines, is_noise):
         least[i], largest[i], second[i] = inf, 0.0, 0.0
     points = is_noise.any().select(text.value(len(ALONG)), text.value(2))
     samples = is_noise.any().select(text.value(len(BESIDES)), text.value(1))
-    for point in text.each(points, most=0):
+    for point in text.each(points):
         for i in text.each(lines.D):
             on_line = lines.apply(ON_LINE, i, x=line.x[i], u=along[point])
             state.put_chosen(i, on_line["point"])
             most[i] = 0.0
         lines.call("f", state, lines.table, base)
-        for k in text.each(samples, most=0):
+        for k in text.each(samples):
             counts = is_noise | (ends[point] * firsts[k] > 0.0)
             for i in text.each(lines.D):
                 of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}

@@ -239,7 +239,7 @@ def find_crossings(lines):
         directions = _directions(lines)
         first = text.constants([part / parts for part in range(parts)])
         limits = text.constants(_LIMITS)
-        for k in text.each(count, most=0):
+        for k in text.each(count):
             # Where a solution slides all its crossings tell which of them count.
             direction = 0.0 if lines.f.conditions else directions[k]
             for now in text.rounds(Carried(last=-1.0)):
@@ -248,7 +248,7 @@ def find_crossings(lines):
                 with text.when(crosses.any(), likely=False):
                     _find(lines, k, crosses, found)
                 now.last, now.goes_on = found.first, crosses.any()
-            for part in text.each(len(_LIMITS), most=0):
+            for part in text.each(len(_LIMITS)):
                 least = limits[part * 2], limits.after(1)[part * 2]
                 dip = _dip(lines, part * count + k, *least)
                 with text.when(dip["dips"].any(), likely=False):
@@ -286,7 +286,7 @@ def _first_after(lines, k, last, first, direction):
     """
     text, values, count = lines.text, lines.work.values, lines.half.changes.sections
     found = Carried(first=np.inf, u=0.0, low=0.0, high=1.0, a=0.0, b=0.0, up=0.0)
-    for part in text.each(SECTION_PARTS, found, most=0):
+    for part in text.each(SECTION_PARTS, found):
         inputs = {"a": values[part * count + k], "b": values[(part + 1) * count + k]}
         inputs |= {"first": first[part], "accepted": lines.work.accepted[0]}
         inside = lines.apply(IN_PART, direction=direction, **inputs)
@@ -310,7 +310,7 @@ def record_jumps(lines, is_there):
     lines.call("sections", work.new, lines.table, work.values)
     work.moment[0] = line.t[0]
     text.copy(work.new, work.before, lines.D)
-    for k in text.each(half.changes.sections, most=0):
+    for k in text.each(half.changes.sections):
         accepted = is_there.select(1.0, 0.0)
         inputs = {"a": line.section[k], "b": work.values[k], "first": 0.0, "accepted": accepted}
         inputs |= {"direction": 0.0}

@@ -53,7 +53,7 @@ def pause_if_spent(lines):
     if lines.half.changes:  # whose records may have no place any more
         is_spent = is_spent | (lines.arguments[SLOT.recorded] > lines.of.full)
     with text.when(is_spent, likely=False):
-        for lane in text.each(text.W, most=0):
+        for lane in text.each(text.W):
             offset = lane * 8
             _write_back(lines, offset, Integers(text, lines.work.own.at() + offset)[0])
         text.leave("i64 0")

@@ -60,7 +60,7 @@ class ExplicitColumns(Scope):
     splits = True  # whether columns tell how far their two halves lie apart
 
     def __init__(self, text, half, name, for_each):
-        super().__init__(text, half, name, for_each, "%work")
+        super().__init__(text, half, name, for_each)
         self.functions = {name: half.functions[name] for name in self.names}
         self.length = sum(function.length for function in self.functions.values())
         self.is_inlined = self.length <= INLINED

@@ -70,9 +70,6 @@ class ImplicitColumns(Scope):
     The entries of J stand in the row `jacobian` of `Work`, as those of f' come from `derive`.
     """
 
-    def __init__(self, text, half, name, for_each):
-        super().__init__(text, half, name, for_each, "%work")
-
     def add(self):
         """Add the function."""
         text, work = self.text, self.work
@@ -160,8 +157,7 @@ def derive(lines):
         (jacobian, entries),
         (jacobian.after(entries + 1 + lines.D), lines.half.couplings),
     ):
-        for k in text.each(count):
-            part[k] = text.apply(FINITE, entry=part[k])["entry"]
+        text.fill(part, count, lambda a: a.text.apply(FINITE, entry=a)["entry"], part)
     largest = Carried(top=0.0)
     for i in text.each(lines.D, largest):
         largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]

@@ -13,7 +13,7 @@ from .rows import OF_CHANGES, State
 class Scope:
     """A function of the text of a half: `work` has an array for each part of `Work`."""
 
-    def __init__(self, text, half, name, for_each, work):
+    def __init__(self, text, half, name, for_each, work="%work"):
         self.text, self.half, self.name, self.for_each = text, half, name, for_each
         self.f, self.D = half.f, half.f.D
         self.extended = self.D + len(self.f.denominators)

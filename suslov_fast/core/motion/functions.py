@@ -69,13 +69,13 @@ class OfList:
 
         Inputs are read anew in each block, and results written where they are found.
         """
-        operations, results = self.list_.operations, self.list_.results
-        rows, constants = defaultdict(list), []  # 1 is a number of a value, 1.0 a constant
-        for k, a in enumerate(results):
-            if isinstance(a, float):
-                constants.append((a, [k]))
-            elif a is not None:
+        operations, rows, given = self.list_.operations, defaultdict(list), []
+        own = {number for _, number, _ in operations}
+        for k, a in enumerate(self.list_.results):
+            if type(a) is int and a in own:
                 rows[a].append(k)
+            elif a is not None:  # an input, a number of the table, or a constant
+                given.append((a, k))
         x, to, computed = text.array("%from"), text.array("%to"), {}
         with text.function(name):
             load = self._loader(text, lambda k: x[k], "%table", for_each)
@@ -88,21 +88,18 @@ class OfList:
                 text.carry_out(block, found, load)
                 for _, number, _ in block:
                     computed[number] = found[number]
-                    for k in rows.pop(number, ()):
+                    for k in rows[number]:
                         to[k] = found[number]
-            copies = [(a, k) for a, places in rows.items() if a < self.inputs for k in places]
+            copies = [(a, k) for a, k in given if type(a) is int and a < self.inputs]
             if len(copies) > BLOCK:
-                sources, targets = zip(*copies, strict=True)
-                sources = text.constants(sources)
-                targets = text.constants(targets)
+                sources, targets = map(text.constants, zip(*copies, strict=True))
                 for k in text.each(len(copies)):
                     to[targets[k]] = x[sources[k]]
-                rows = {a: places for a, places in rows.items() if a >= self.inputs}
-            rest = [(a, k) for a, places in [*rows.items(), *constants] for k in places]
-            for begin in range(0, len(rest), BLOCK):
+                given = [(a, k) for a, k in given if isinstance(a, float) or a >= self.inputs]
+            for begin in range(0, len(given), BLOCK):
                 if begin:
                     text.next_block()
-                for a, k in rest[begin : begin + BLOCK]:
+                for a, k in given[begin : begin + BLOCK]:
                     to[k] = self._result(text, a, {}, load)
 
 

@@ -10,6 +10,8 @@ from dataclasses import FrozenInstanceError
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+
 import suslov_fast
 
 from .words import answer
@@ -75,12 +77,23 @@ class Answering(type):
 
 
 def with_answers(kind: type[R]) -> type[R]:
-    """Let the objects of a class answer an attribute that they lack."""
+    """Let the objects of a class answer an attribute that they lack.
+
+    Two named tuples of arrays are equal if these are, where NaN equals NaN.
+    """
 
     def answer(self: Any, name: str) -> Any:
         raise lacking(self, name)
 
+    def equals(self: Any, other: Any) -> bool:
+        return type(other) is type(self) and all(
+            np.array_equal(a, b, equal_nan=True) for a, b in zip(self, other, strict=True)
+        )
+
     kind.__getattr__ = answer  # type: ignore[attr-defined]
+    if issubclass(kind, tuple):
+        kind.__eq__ = equals  # type: ignore[method-assign]
+        kind.__ne__ = lambda self, other: not equals(self, other)  # type: ignore[method-assign]
     return kind
 
 

@@ -85,7 +85,10 @@ _MESSAGES = {
     ),
     Status.ACCUMULATES: "changes of the state follow one another without end",
     Status.STOPPED: "finished: a change of the state ended it",
-    Status.DEGENERATE: "an equilibrium is degenerate, as at a fold: f' is singular there",
+    Status.DEGENERATE: (
+        "an equilibrium is degenerate, as at a fold, or at 0 if f is homogeneous: f' is singular "
+        "there; for a line of steady states pass the body, not its field"
+    ),
     Status.NOT_FOUND: "no equilibrium is found from this state: pass a nearer one",
 }
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, first_index, spell, states, warn
 from ..engine.status import Status
 from ..keywords import public_class, with_answers
@@ -67,7 +67,8 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
         return field[np.unravel_index(members[index], field.shape)] if field.shape else field
 
     with np.errstate(all="ignore"):
-        if has_line := isinstance(system, (Suslov3D, SuslovND)):
+        has_line = isinstance(system, (Suslov3D, SuslovND))
+        if has_line := has_line or (isinstance(system, SuslovGyrostat) and not np.any(system.k)):
             x = _on_line(system, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
         sizes = _sizes_of(x)

@@ -42,8 +42,8 @@ class Changes(Points):
 
     Notes
     -----
-    ``len(changes)`` is K; iteration and indexing are those of `states`. Files and stores of the
-    motion have them.
+    ``len(changes)`` is K; iteration and indexing are those of `states`, so that a table of all
+    columns is ``changes.to_dataframe()``. Files and stores of the motion have them.
 
     Examples
     --------

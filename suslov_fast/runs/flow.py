@@ -72,9 +72,10 @@ def flow(
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities.
     time : array_like(float, shape=() or (n,))
-        Times counted from x0, in any order, all 0 or later, or all 0 or earlier. A number is one
-        time, n = 1. Where equations depend on time, x0 holds the initial one, of a variable t with
-        the rate 1: ``Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
+        Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
+        is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. Where equations depend on
+        time, x0 holds the initial one, of a variable t with the rate 1:
+        ``Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-60 of

@@ -53,7 +53,8 @@ class Motion(States, OfMotion):
     Notes
     -----
     ``motion.ok`` is True if all solutions reach the last time. ``len(motion)``, ``motion[k]`` and
-    iteration are those of `states`. Two motions are equal if all attributes are equal; NaN equals
+    iteration are those of `states`: k is the number of a time, ``motion[:, k]`` the array of
+    trajectory k. Two motions are equal if all attributes are equal; NaN equals
     NaN. Arrays are read-only, so that a motion stays what was computed: change a copy.
 
     Examples

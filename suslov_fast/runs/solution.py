@@ -46,7 +46,7 @@ def exact(
     body : Suslov3D, SuslovND or SuslovGyrostat
         Any body in three dimensions; in n dimensions an integrable one.
     omega0, eps
-        As in :func:`iterate`.
+        As in :func:`iterate`: numbers of any type, mpmath's too, are rounded to float64.
     n : array_like(float, shape=() or (N,))
         Numbers of the states, positive or negative. If ``t**2 - (e k)**2 < 1``, with
         ``e = eps / (2 sqrt(I1 I2))`` and the momentum k of a rotor (without one, if ``|t| < 1``),

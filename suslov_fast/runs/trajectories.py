@@ -51,9 +51,10 @@ class Trajectories(States):
 
     Notes
     -----
-    ``len(run)``, ``run[k]`` and iteration are those of `states`; ``dir(run)`` lists the quantities
-    that the run has. Two runs are equal if all attributes are equal; NaN equals NaN. Arrays are
-    read-only, so that a run stays what was computed: change a copy, ``run.states.copy()``.
+    ``len(run)``, ``run[k]`` and iteration are those of `states`: k is the number of a saved state,
+    ``run[:, k]`` the array of trajectory k. ``dir(run)`` lists the quantities that the run has. Two
+    runs are equal if all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run
+    stays what was computed: change a copy, ``run.states.copy()``.
 
     Examples
     --------

@@ -269,6 +269,9 @@ def test_steady_states_near_those_of_bodies():
     np.testing.assert_allclose(found.states[0, 0], -0.05 / 0.34 * np.array([-0.3, 0.5]))
     body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
     assert abs(sf.vector_field(body, fixed_points(body, near=[1, 0.5, 0.2]).states)).max() < 1e-15
+    still = fixed_points(sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0), near=[1.0, 0.5])
+    assert still == fixed_points(sf.Suslov3D(4, 1, -0.5, -0.3), near=[1.0, 0.5])
+    assert still != found
     rotor = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 1)
     found = fixed_points(rotor, near=[1.0, 0.5])
     assert abs(sf.vector_field(rotor, found.states)).max() < 1e-15

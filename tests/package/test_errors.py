@@ -183,6 +183,7 @@ TABLE = [
      field(lambda x: (1,), 1.5)),
     (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
      field(tuple, ""), hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
+     hamiltonian(lambda x: x[0], "q1 p1 q2 p2"),
      terms(*NONE, 0), terms(*NONE, "u u")),
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),

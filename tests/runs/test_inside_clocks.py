@@ -93,6 +93,17 @@ def test_members_and_derivatives_at_dates():
     np.testing.assert_allclose(motion.derivative("x0")[0, :, 0, 1], 2 * np.exp(-left / 2))
 
 
+@pytest.mark.parametrize("at", [0.0, DATE])
+def test_derivatives_by_the_lag_of_a_table(at):
+    """x' = T(t - lag), so dx/dlag = T(start - lag) - T(end - lag), by the start its negative."""
+    knots, heights = [0, 1, 2, 5, 7], [0, 1, -1, 2, 0]
+    f = field(lambda s, lag: (np.interp(s[1] - at - lag, knots, heights), 1.0), lag=[0.1, 0.7])
+    motion = sf.flow(f, [0.0, at + 0.9], time=[0.5, 2.5], derivatives=("lag", "x0"))
+    begin, end = (np.interp(0.9 + t - f.parameters["lag"], knots, heights) for t in (0.0, 2.5))
+    np.testing.assert_allclose(motion.derivative("lag")[1, :, 0], begin - end, rtol=1e-8)
+    np.testing.assert_allclose(motion.derivative("x0")[1, :, 0, 1], end - begin, rtol=1e-8)
+
+
 def test_two_clocks_and_a_rate_that_is_a_parameter():
     f = field(lambda s, r: (np.cos(s[1] - r * s[2]), r, 1.0), "x t u", r=[1.0, 2.0])
     motion = sf.flow(f, [[1.0, DATE, DATE - 1.0], [1.0, 5.0, 2.0]], time=4.0)

@@ -124,8 +124,10 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     elapsed, D = Elapsed(*with_stairs(values, results), P, acts), len(results)
     values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
     offsets, own = elapsed.offsets, elapsed.shifts.items()
-    # A shift that depends on a choice, as in t - 24 floor(t / 24), stays in the argument.
-    shifted = {a: (p, q) for a, (p, q) in own if q in values.fixed}
+    # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
+    # derivative.
+    rigid = values.fixed - depending(values.operations, by)
+    shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
     changes = changes_of(acts, D, P, by, twice) if acts else None
     on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]

@@ -66,7 +66,10 @@ def test_random_starts(body):
     """A state depends on the seed and its index alone."""
     starts = sf.RandomStarts((40, 50), extent=2.0, seed=3)
     states = starts.states(2000)
-    assert (abs(states) <= 2).all()
+    box = sf.RandomStarts(2000, low=(0.5, 1.0), high=3.0).states(2000)
+    for found, low, high in ((states, [-2, -2], [2, 2]), (box, [0.5, 1.0], [3.0, 3.0])):
+        assert ((found >= low) & (found <= high)).all()
+        np.testing.assert_allclose([found.min(axis=0), found.max(axis=0)], [low, high], atol=0.03)
     assert (starts.states(3, start=1234) == states[1234:1237]).all()
     assert (sf.RandomStarts(2000, 2.0, 4).states(2000) != states).all()
     run = sf.iterate(body, starts, 0.1, 2)

@@ -19,6 +19,7 @@ _DIGITS, _STEP = 150, Decimal("1e-50")  # of decimals, and of differences beside
 _PIVOT = Decimal("1e-40")  # pivots for which f' is singular
 _MOST, _LAST = 30, 1e-28  # steps of Newton's method, and the last one beside x
 _CHANGED = 1e-6  # what other last digits of the numbers of f may change
+_NOTHING = 1e-30  # beside units: components that are 0
 _NAMES = "fadd fsub fmul fdiv sum fabs sqrt".split()
 _OPERATIONS = OF_TRUTH_VALUES | {name: OF_NUMBERS[name] for name in _NAMES}
 _OPERATIONS |= {"exp": Decimal.exp, "log": Decimal.ln, "pow": pow, "max": max, "min": min}
@@ -38,7 +39,8 @@ def by_decimals(field: Any, x: FloatArray, own: Any, units: FloatArray) -> Any:
             found, other = (_equilibrium(field, x, own, units, k) for k in (0, 1))
     except (DecimalException, KeyError):
         return None
-    return found[:-1] if np.allclose(found, other, _CHANGED, 0.0) else None
+    least = np.append(_NOTHING * units, 0.0)
+    return found[:-1] if np.allclose(found, other, _CHANGED, least) else None
 
 
 def _equilibrium(field: Field, x: Any, own: Any, units: FloatArray, other: int) -> FloatArray:
@@ -49,10 +51,10 @@ def _equilibrium(field: Field, x: Any, own: Any, units: FloatArray, other: int) 
     f = field._equations.right_hand_side
 
     def given(a: Any) -> Any:
-        exact = Decimal(float(a))  # short numbers, such as those of stoichiometry, are not rounded
-        return (
-            exact if a == np.float32(a) else exact * Decimal(1 + other * 2**-52 * math.frexp(a)[0])
-        )
+        exact = Decimal(float(a))
+        if not other or a == float(np.float32(a)):  # as short numbers of stoichiometry are
+            return exact
+        return exact * (1 + Decimal(2**-52 * math.frexp(a)[0]))
 
     def results(operations: Any, numbers: Any, known: dict[int, Any]) -> Any:
         for name, number, operands in operations:
@@ -62,7 +64,7 @@ def _equilibrium(field: Field, x: Any, own: Any, units: FloatArray, other: int) 
 
     parameters = dict(enumerate(map(given, field.parameters.values()), f.D))
     table = dict(zip(f.table, results(f.fixed, f.table, parameters), strict=True))
-    x, least = (np.array([*map(Decimal, a.tolist())]) for a in (x, 1e-30 * units))
+    x, least = (np.array([*map(Decimal, a.tolist())]) for a in (x, _NOTHING * units))
     places, h = np.flatnonzero(own), _STEP * (1 + other)
     for _ in range(_MOST):
         scale = abs(x) + least

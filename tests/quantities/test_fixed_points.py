@@ -201,12 +201,12 @@ def test_equilibria_of_components_of_different_sizes():
 
 def _network(power):
     """Concentrations c at equilibrium; a weak link, beside which the fast reaction cancels."""
-    c = np.array([1e-2, 1e-12, 3e-16, 0.2])
+    c = np.array([1e-2, 1e-12, 3e-16, 0.2, 0.0])
 
     def f(x):
         a = [x[i] / c[i] for i in range(4)]
         rates = 1e-2 * (1 - a[0]), 1e-17 * (a[0] - a[1]), 1e-2 * power(a[1], a[2]), a[1] - a[3]
-        return rates[0] - rates[1], rates[1] - rates[2] - rates[3], 2 * rates[2], rates[3]
+        return rates[0] - rates[1], rates[1] - rates[2] - rates[3], 2 * rates[2], rates[3], -x[4]
 
     return c, f
 
@@ -224,8 +224,9 @@ def _network(power):
 def test_equilibria_of_networks_with_weak_links(rate):
     """The last ones were 5 to 30 % off, because f in doubles does not see the link."""
     c, f = _network(rate)
-    found = _near(f, c * [[1.1, 0.8, 1.2, 1.1], [0.9, 1.3, 1.1, 0.8]])
-    np.testing.assert_allclose(found.states, [c, c], rtol=1e-14)
+    near = c * [[1.1, 0.8, 1.2, 1.1, 0], [0.9, 1.3, 1.1, 0.8, 0]] + [[0, 0, 0, 0, 1e-9], [0] * 5]
+    found = _near(f, near)
+    np.testing.assert_allclose(found.states, [c, c], rtol=1e-14, atol=1e-40)
     assert not found.status.any()
 
 
@@ -242,6 +243,8 @@ def test_what_rounded_numbers_link_is_a_curve():
         x = fixed_points(kind.from_function(f, 3), near=[1, 0.7, 0.5]).states
         np.testing.assert_allclose(x / x[0], [1, 0.5, 0.875], rtol=1e-14)
         assert 0.5 < x[0] < 1.5
+    fed = _near(lambda x: np.add(f(x), [0.1, 0.2, 0.1 - 0.4]), [1, 0.7, 0.5]).states
+    np.testing.assert_allclose(fed, [1.71627907, 0.35813953, -0.12325581], rtol=1e-6)
     with pytest.warns(UserWarning, match="degenerate"):
         assert _near(lambda x: (x[0] - 1, x[1] ** 3), [1.1, 0.0]).status == sf.Status.DEGENERATE
 

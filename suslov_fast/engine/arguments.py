@@ -26,7 +26,7 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *inner))
     elif array.flags.carray:  # kernels are compiled for this memory layout alone
-        return array.reshape((-1, *inner))
+        return array.reshape((math.prod(batch), *inner))
     if array.size > MANY:
         require(array.nbytes, "divide the batch")
     flat = array.reshape(math.prod(batch), *inner)

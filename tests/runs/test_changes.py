@@ -175,6 +175,8 @@ def test_a_start_on_a_surface_is_no_change(v, direction, times):
     change = Change("h", direction=direction, to=BOUNCE.to)
     found = flow(BALL, [0.0, v], time=0.3, changes=change).changes
     np.testing.assert_allclose(found.time, times, atol=1e-7)
+    slow = Field.from_function(lambda x, e: (v * 1e-4, 0.0), "h v", e=0.9)
+    assert len(flow(slow, [0.0, 0.0], time=0.3, changes=change).changes) == 0
 
 
 def test_order_at_surfaces():

@@ -25,7 +25,8 @@ Kind = TypeVar("Kind", bound="Body")
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by described labels "
     "has_map listed_right_hand_sides may_escape meaning of_member of_motion parts positive read "
-    "reduction remake right_hand_sides steady texts variable with_parts without_value".split()
+    "reduction remake right_hand_sides steady steady_line texts variable with_parts "
+    "without_value".split()
 )
 
 
@@ -61,6 +62,8 @@ class Body(Members):
         Parameters that are coordinates of datasets, and that ``==`` ignores.
     steady, meaning : str
         The steady states as a formula, and what parameters are, for messages.
+    steady_line : ndarray(float, shape=(..., D)) or None
+        The direction of the line of steady states through 0; None without one.
     called : str
         What messages call the class.
     variable : {"omega", "x"}
@@ -80,6 +83,7 @@ class Body(Members):
     called: ClassVar[str] = "a body or a field"
     variable: ClassVar[str] = "omega"
     steady: ClassVar[str] = ""
+    steady_line: ClassVar[Any] = None
     meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2

@@ -104,6 +104,10 @@ class SuslovND(Body):
     def labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
+    @property
+    def steady_line(self) -> FloatArray:
+        return self.I
+
     @cached_property
     def _field(self) -> QuadraticField:
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())

@@ -43,6 +43,11 @@ class _In3D(Body):
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, vars(self).get("k", 0.0)
 
+    @property
+    def steady_line(self) -> FloatArray | None:
+        *_, I13, I23, k = self.constants
+        return None if np.any(k) else np.stack(np.broadcast_arrays(I23, -I13), axis=-1)
+
     def _inertia(self, I3: Any) -> FloatArray:
         """Return the inertia tensors (..., 3, 3) with this I3."""
         I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)

@@ -72,21 +72,27 @@ def _equilibrium(field: Field, x: Any, own: Any, units: FloatArray, other: int) 
         value, *beside = (
             results(f.f.operations, f.f.results, dict(enumerate(y)) | table)[own] for y in sides
         )
-        rows = np.array([*((side - value) / h for side in beside), value]).T
-        sizes = abs(rows[:, :-1]).max(axis=1, keepdims=True)
-        rows, det = rows / sizes, sizes.prod()
-        for i in range(len(rows)):
-            best = i + abs(rows[i:, i]).argmax()
-            rows[[i, best]] = rows[[best, i]]
-            det *= abs(rows[i, i])
-            if abs(rows[i, i]) < _PIVOT:
-                raise DecimalException
-            rows[i, i:] /= rows[i, i]
-            below = i + 1 + np.flatnonzero(rows[i + 1 :, i])
-            rows[below, i:] -= rows[below, i, np.newaxis] * rows[i, i:]
-        for i in reversed(range(len(rows))):
-            rows[:i, -1] -= rows[:i, i] * rows[i, -1]
-        x[own] -= rows[:, -1] * scale[own]
-        if abs(rows[:, -1]).max() < _LAST:
+        slopes = np.array([(side - value) / h for side in beside]).T
+        part, det = _solved(slopes, value)
+        x[own] -= part * scale[own]
+        if abs(part).max() < _LAST:
             return np.array([*x, det.ln()], float)
     raise DecimalException
+
+
+def _solved(matrix: Any, right: Any) -> tuple[Any, Decimal]:
+    """Return the solution of linear equations in decimals, and the size of the determinant."""
+    sizes = abs(matrix).max(axis=1, keepdims=True)
+    rows, det = np.column_stack([matrix, right]) / sizes, sizes.prod()
+    for i in range(len(rows)):
+        best = i + abs(rows[i:, i]).argmax()
+        rows[[i, best]] = rows[[best, i]]
+        det *= abs(rows[i, i])
+        if abs(rows[i, i]) < _PIVOT:
+            raise DecimalException
+        rows[i, i:] /= rows[i, i]
+        below = i + 1 + np.flatnonzero(rows[i + 1 :, i])
+        rows[below, i:] -= rows[below, i, np.newaxis] * rows[i, i:]
+    for i in reversed(range(len(rows))):
+        rows[:i, -1] -= rows[:i, i] * rows[i, -1]
+    return rows[:, -1], det

@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, first_index, spell, states, warn
 from ..engine.status import Status
 from ..keywords import public_class, with_answers
@@ -67,9 +65,8 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
         return field[np.unravel_index(members[index], field.shape)] if field.shape else field
 
     with np.errstate(all="ignore"):
-        has_line = isinstance(system, (Suslov3D, SuslovND))
-        if has_line := has_line or (isinstance(system, SuslovGyrostat) and not np.any(system.k)):
-            x = _on_line(system, x)
+        if has_line := system.steady_line is not None:
+            x = _on_line(system.steady_line, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
         sizes = _sizes_of(x)
         units = np.where(x == 0.0, sizes, abs(x))
@@ -109,16 +106,11 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
     return Equilibria(np.where(is_regular[..., np.newaxis], found, np.nan), values, status)
 
 
-def _on_line(body: Any, x: FloatArray) -> FloatArray:
-    """Return the nearest steady states of bodies without a rotor, which are lines through 0.
+def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the nearest states on lines through 0, of steady states.
 
     Newton's method halves states there, because f is homogeneous.
     """
-    direction = (
-        body.I
-        if isinstance(body, SuslovND)
-        else np.stack(np.broadcast_arrays(body.I23, -body.I13), -1)
-    )
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
     return np.where(square > 0, along * direction, x)  # without a direction all are steady

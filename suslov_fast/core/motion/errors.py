@@ -44,7 +44,7 @@ def LARGEST(new, largest, top):
 
 @rule
 def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
-    """The same where a clock counts with its change in the step."""
+    """`LARGEST` with clocks, which count with their change in the step."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}

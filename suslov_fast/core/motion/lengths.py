@@ -238,7 +238,7 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """The same for an implicit lane, which may become explicit."""
+    """Whether the motion ends, or an implicit lane becomes explicit, after `AFTER`."""
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)

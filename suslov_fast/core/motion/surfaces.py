@@ -40,7 +40,7 @@ ON = 2.0**-8  # part of its value at the end of a part, by which a start on a su
 
 
 def _bend(change, f, f_new, signed, u):
-    """What the cubic through both ends has beside a straight line, by u (u - 1)."""
+    """The difference of the cubic through both ends from a straight line, by u (u - 1)."""
     return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
 
 
@@ -75,9 +75,10 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @rule
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """The same in an implicit step, whose rates tell of fast modes: by states at its quarters.
+    """A component at a part u of an implicit step, by states at its quarters.
 
-    The polynomial of degree 4 through them, which are given less x, has no rates.
+    The polynomial of degree 4 through them, which are given less x, has no rates, because these
+    tell of fast modes.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)

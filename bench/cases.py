@@ -278,15 +278,6 @@ motions.add_cases(add)
 events.add_cases(add)
 inside.add_cases(add)
 
-for key, whose, label, kept in (
-    ("crossings", OURS, "`crossings`", "crossings"),
-    ("states", NUMPY, "all states by `iterate(..., out=out)`, then NumPy", "states"),
-    ("last", OURS, "`iterate(..., save_every=None)`: no crossings", "last"),
-):
-    for batch, steps in ((4096, 1000), (1, 1_000_000)):
-        add("crossings", key, whose, label, work.sections, kept, batch, steps, x=batch)
-
-
 def orientations(what, n, size):
     """A function of a run of 4096 bodies in n dimensions, 100 steps, and of its states."""
     batch, steps = size(4096, 16), size(100, 5)
@@ -319,14 +310,6 @@ for key, whose, label, call in (
     ("solve", NUMPY, "`numpy.linalg.solve`, 4 x 4", lambda: np.linalg.solve(SYSTEM, SYSTEM[0])),
 ):
     add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)
-by_ensemble = lambda *run, path: sf.ensemble(*run, store=path, save_every=1)  # noqa: E731
-by_numpy = lambda *run, path: np.save(path, iterate(*run).states)  # noqa: E731
-for clock, said in (("wall", ""), ("cpu", ", processor time")):
-    label = f"`ensemble(..., save_every=1)`{said}"
-    add("stores", f"ensemble-{clock}", OURS, label, work.stores, by_ensemble)
-    label = f"`iterate` and `numpy.save`{said}"
-    add("stores", f"save-{clock}", NUMPY, label, work.stores, by_numpy)
-
 BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.QuadraticField(np.ones((2, 2, 2)))"
 for key, label, code in (
     ("exact", "`exact`", f"s.exact({BODY_3D}, [1, 0.5], 0.2, 25)"),

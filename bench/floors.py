@@ -76,10 +76,6 @@ ROWS = (
      "one_orbit_of_a_field-iterate-3", "one_orbit_of_a_field-own-system-3", "≥", 0.8),
     ("one orbit of a chain of 12, beside a loop over `step_system`",
      "one_orbit_of_a_field-iterate-12", "one_orbit_of_a_field-own-system-12", "≥", 0.8),
-    ("`crossings` of 4096 orbits, beside all states and NumPy",
-     "crossings-crossings-4096", "crossings-states-4096", "≥", 1),
-    ("`crossings` of one orbit, beside all states and NumPy",
-     "crossings-crossings-1", "crossings-states-1", "≥", 1),
     ("steps with a rotor, beside those without", "rotors-iterate-0.7", "rotors-iterate-0", "≤", 3),
     ("`energy`, beside NumPy", "quantities-energy", "quantities-energy-numpy", "≥", 1.5),
     ("`to_xy`, beside NumPy", "quantities-to_xy", "quantities-to_xy-numpy", "≥", 1.5),
@@ -112,7 +108,5 @@ ROWS = (
      "processes-readme-first", "processes-import-numba", "≤", 45),
     ("`import suslov_fast`, beside `import numba`",
      "processes-import-suslov_fast", "processes-import-numba", "≤", 0.1),
-    ("`ensemble`, beside `iterate` and `numpy.save`, processor time",
-     "stores-ensemble-cpu", "stores-save-cpu", "≤", 3),
 )
 # fmt: on

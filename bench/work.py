@@ -222,42 +222,6 @@ def at_equal_error(function, argument, below, size):
     return Work(lambda: call(some), len(some), "trajectory", check)
 
 
-def sections(kept, batch, steps, size):
-    """Crossings of x3 = 27 by orbits of the Lorenz system, or all states, or the last ones."""
-    field, eps = problem.sparse_field(3), problem.EPS_FIELD
-    x, steps = starts(min(batch, size(batch, 32)), 3, 0.5, 1), size(steps, 20)
-    out = np.zeros((steps + 1, *x.shape)) if kept == "states" else None
-
-    def surface(states):
-        return states[..., 2] - 27.0
-
-    def call():
-        if kept == "crossings":
-            return suslov_fast.crossings(field, x, eps, steps, surface).states
-        if kept == "last":
-            return suslov_fast.iterate(field, x, eps, steps, save_every=None).final
-        states = suslov_fast.iterate(field, x, eps, steps, out=out).states
-        values = surface(states)
-        n, trajectory = np.nonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
-        a, b = values[n, trajectory], values[n + 1, trajectory]
-        share = (a / (a - b))[:, np.newaxis]
-        before, after = states[n, trajectory], states[n + 1, trajectory]
-        return before + share * (after - before)
-
-    return Work(call, steps * len(x), "step")
-
-
-def stores(function, size):
-    """All states of 100,000 orbits over 100 steps, on disk."""
-    omega0 = starts(size(100_000, 100))
-
-    def call():
-        with tempfile.TemporaryDirectory() as folder:
-            function(problem.BODY, omega0, EPS, 100, path=f"{folder}/states")
-
-    return Work(call, 101 * len(omega0), "state")
-
-
 def processes(codes, fresh, size):
     """Processes with this package, one after the other; with a new cache of kernels if `fresh`.
 

@@ -148,8 +148,8 @@ def mathml(display):
 
 
 RESULTS = set(
-    "Trajectories Crossings Contraction HKBasis ImplicitIntegral KahanMap Locus PlanarEntropy "
-    "RationalFunction RationalMap Report SingularStepError Field Motion Changes".split()
+    "Trajectories Contraction HKBasis ImplicitIntegral KahanMap Locus PlanarEntropy "
+    "RationalFunction RationalMap Report SingularStepError Field Motion Events".split()
 )
 
 

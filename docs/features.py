@@ -38,7 +38,6 @@ ROWS = (
         "",
         (
             "step",
-            "crossings",
             "jacobian",
             "multipliers",
         ),
@@ -46,7 +45,6 @@ ROWS = (
     ("", ("vector_field",)),
     ("", ("lyapunov_exponents",)),
     ("", ("matrix",)),
-    ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("the motion: to a tolerance for fields, in closed form for bodies", ("flow",)),
     ("state n, limits and regime in closed form", ("exact", "limits", "criticality")),
     ("", ("energy",)),
@@ -71,8 +69,6 @@ def call(name, body, state):
     _, *parameters = signature(function).parameters.values()
     needed = [each.name for each in parameters if each.default is each.empty]
     keywords = {each.name: GIVEN["time"] for each in parameters if each.name == "time"}
-    if name == "crossings":  # of the map
-        needed, keywords = ["x0", "eps", "steps", "surface"], {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -6,14 +6,12 @@ from .bodies.fields.field import QuadraticField as QuadraticField
 from .bodies.fields.general import Field as Field
 from .bodies.nd import NotIntegrableError as NotIntegrableError, SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D, SuslovGyrostat as SuslovGyrostat
-from .engine.random_starts import RandomStarts as RandomStarts
 from .engine.status import (
     PoleWarning as PoleWarning,
     SingularStepWarning as SingularStepWarning,
     Status as Status,
 )
 from .errors import SuslovError as SuslovError
-from .plots.explore.server import explore as explore
 from .plots.phase import plot_phase as plot_phase
 from .quantities.conserved import (
     ClosedForm as ClosedForm,
@@ -34,12 +32,11 @@ from .quantities.derivatives import (
     reaction as reaction,
     vector_field as vector_field,
 )
-from .quantities.fixed_points import fixed_points as fixed_points
+from .quantities.equilibria import fixed_points as fixed_points
 from .runs.change import Change as Change
-from .runs.crossings import Crossings as Crossings
-from .runs.ensemble import ensemble as ensemble, open_ensemble as open_ensemble
+from .runs.crossings import crossings as crossings
+from .runs.events import Events as Events
 from .runs.failures import SingularStepError as SingularStepError
-from .runs.find_crossings import crossings as crossings
 from .runs.flow import flow as flow
 from .runs.iterate import iterate as iterate, step as step, step_full as step_full
 from .runs.lyapunov import lyapunov_exponents as lyapunov_exponents
@@ -59,5 +56,3 @@ from .versions import show_versions as show_versions
 __version__: str
 
 _threads_are_gone: bool
-
-def _here(name: str) -> str: ...

@@ -15,13 +15,12 @@ from fractions import Fraction
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, SupportsFloat, get_args
+from typing import Any, Protocol, SupportsFloat, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .core.compiling.interrupts import uninterrupted
-from .words import in_place_of
 
 FloatArray = NDArray[np.float64]
 
@@ -38,14 +37,6 @@ Reals = (
     | Sequence[Sequence[SupportsFloat]]
     | Sequence[Sequence[Sequence[SupportsFloat]]]
 )
-
-if TYPE_CHECKING:
-
-    class OneOrEach(NDArray[Any], list[NDArray[Any]]):  # type: ignore[misc]
-        """An array for a single body, a list of arrays for a family: callers need no cast."""
-
-else:
-    OneOrEach = Any
 
 _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}
@@ -389,7 +380,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
         elif all(hasattr(kind, "called") for kind in classes):
-            instead = in_place_of(value, "Field")
+            instead = ": pass a body, or a field such as Field.from_function(f, names)"
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 
 

@@ -120,16 +120,3 @@ def _settings():
     matplotlib = sys.modules.get("matplotlib")
     # Not by the methods of its class, which choose a backend.
     return matplotlib and dict(dict.items(matplotlib.rcParams))
-
-
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory):
-    """A headless browser, for pages that draw what compiled kernels compute."""
-    from browser import Browser
-    from numba import config
-
-    if config.DISABLE_JIT:
-        pytest.skip("a page that waits for interpreted kernels")
-    running = Browser(tmp_path_factory.mktemp("browser"))
-    yield running
-    running.close()

@@ -16,7 +16,6 @@ from suslov_fast.core.lists.hidden import MIDDLE, POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
 from suslov_fast.core.lists.tables import is_table
-from suslov_fast.core.lists.variational import Variational
 from suslov_fast.core.motion import (
     choosing,
     engine,
@@ -70,73 +69,10 @@ def _interval_of(table, x, shift):
     return rows
 
 
-def _value_of_columns(whole, x, table):
-    """Return f and the denominators of a `Variational` at states (D, ...)."""
-    f, shape = whole.of, np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
-    values = dict(enumerate(x[: f.D]))
-    values |= {number: table[place] for number, place in whole.places.items()}
-    with np.errstate(all="ignore"):
-        evaluate(whole.base.operations, values)
-        known = [a if isinstance(a, float) else values[a] for a in whole.base.results]
-        entries, found = known[whole.before :], np.zeros((whole.D + len(f.denominators), *shape))
-        found[: f.D] = np.array([np.broadcast_to(a, shape) for a in known[: f.D]])
-        for k, a in enumerate(f.denominators):
-            found[whole.D + k] = values[a]
-        for c in range(whole.columns):
-            first = f.D * (1 + c)
-            for k, total in _product(f, entries, x[first : first + f.D]).items():
-                found[first + k] = total
-        parts = found[f.D * (1 + whole.columns - whole.q) :]
-        by = known[whole.before - len(f.by) : whole.before]
-        for part, a in zip(parts, by, strict=False):
-            part += a
-        if whole.has_trace:
-            found[whole.D - 1] = x[whole.D - 2] * known[f.D + len(f.denominators)]
-    return found
-
-
-def _product(f, entries, vector):
-    """Return the components of f' times a vector that are not 0, with sums in order."""
-    totals = {}
-    for (i, j), entry in zip(f.pattern, entries, strict=True):
-        part = entry * vector[j]
-        totals[i] = totals[i] + part if i in totals else part
-    return totals
-
-
 @singledispatch
 def carried_out(function, rows):
     """Return the results (-, ...) of a function of a half, for rows (-, ...) without a table."""
     return of_list(function.list_, rows)
-
-
-@carried_out.register
-def _tangent_factors(function: functions.TangentFactors, rows):
-    *own, s = rows
-    factors = carried_out(function.parts["block"], [*own[: function.entries], s])
-    return np.concatenate([factors, s * np.array(own[function.entries :])])
-
-
-@carried_out.register
-def _first_block(function: functions.FirstBlock, rows):
-    found = np.zeros((function.rows, *np.shape(rows[0])))
-    found[: function.D] = carried_out(function.parts["block"], rows)
-    return found
-
-
-@carried_out.register
-def _blocks(function: functions.Blocks, rows):
-    """Return the solution for factors, couplings and the right-hand side."""
-    D, size, count = function.D, len(function.pattern), function.count
-    end = count + size * function.columns
-    factors, couplings, right = rows[:count], rows[count:end], np.array(rows[end:])
-    right[:D] = x = carried_out(function.parts["block"], [*factors, *right[:D]])
-    for c in range(function.columns):
-        own = right[D * (1 + c) : D * (2 + c)]
-        for (i, j), entry in zip(function.pattern, couplings[c * size :], strict=False):
-            own[i] = own[i] + entry * x[j]
-        own[:] = carried_out(function.parts["block"], [*factors, *own])
-    return right
 
 
 @carried_out.register
@@ -200,33 +136,8 @@ def _dense_product(function: functions.DenseProduct, rows):
 
 def derivative_entries(f, x, table):
     """Return the entries of f' that the implicit half has, at states (D, ...)."""
-    if isinstance(f, Variational):
-        return _entries_with_couplings(f, x, table)
     slopes = f.jacobian(x, table)
     return np.array([slopes[place] for place in f.pattern])
-
-
-def _entries_with_couplings(whole, x, table):
-    """Return the entries of a block, and of the couplings."""
-    f, D, shape = whole.of, whole.of.D, np.shape(x)[1:]
-    if not whole.coupling:
-        return derivative_entries(f, x[:D], table[: len(f.table)])
-    values = dict(enumerate(x[:D]))
-    values |= {number: table[place] for number, place in whole.places.items()}
-    evaluate(whole.derivative.operations, values)
-    found = [values[a] if type(a) is int else a for a in whole.derivative.results]
-    found = np.array([np.broadcast_to(a, shape) for a in found])
-    entries, mixed = found[: f.entries], found[f.entries :]
-    couplings = np.empty((whole.columns, whole.coupling, *shape))
-    for c in range(whole.columns):
-        own = x[D * (1 + c) : D * (2 + c)]
-        values |= dict(zip(f.second.directions, own, strict=True))
-        evaluate(f.second.entries.operations, values)
-        for k, a in enumerate(f.second.entries.results):
-            couplings[c, k] = values[a] if type(a) is int else a
-    if whole.q:
-        couplings[whole.columns - whole.q :] += mixed.reshape(whole.q, -1, *shape)
-    return np.concatenate([entries, couplings.reshape(-1, *shape)])
 
 
 class StepsInNumPy:
@@ -300,8 +211,6 @@ class StepsInNumPy:
 
     def _value(self, x):
         """Return f, and the denominators of clocks, at states (D, lanes)."""
-        if isinstance(self.f, Variational):
-            return _value_of_columns(self.f, x, self.table)
         return self.f.value_and_denominators(x, self.table)
 
     def _begin(self):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suslov_fast import (
-    Crossings,
+    Events,
     Field,
     Motion,
     QuadraticField,
@@ -20,7 +20,6 @@ from suslov_fast import (
     flow,
     iterate,
 )
-from suslov_fast.runs.points import Points
 from suslov_fast.runs.results import States
 
 Floats = NDArray[np.float64]
@@ -32,8 +31,8 @@ assert_type(run.states, Floats)
 assert_type(run[0], Floats)
 assert_type(run.valid, NDArray[np.bool_])
 try:
-    points = crossings(run.body, [1.0], 0.1, 5, lambda x: x[..., 0])
-    assert_type(points, Crossings)
+    points = crossings(run.body, [1.0], lambda x: x[0], time=0.5)
+    assert_type(points, Events)
     assert_type(points.states, Floats)
     assert_type(points.before, Floats | Any)  # None along motions
     assert_type(points.time, Floats)
@@ -41,7 +40,6 @@ try:
 except SingularStepError as error:
     assert_type(error.trajectories, States)
     assert_type(error.trajectories.x, Floats)
-    assert_type(error.crossings, Points)
 assert_type(run.first_pole, NDArray[np.int64])
 assert_type(run.failed_at, NDArray[np.int64])
 assert_type(run.final, Floats)

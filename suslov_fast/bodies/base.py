@@ -4,7 +4,6 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -23,8 +22,8 @@ Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
-    "arrays axes batch_of_one called constants coordinates derived_by described labels "
-    "has_map listed_right_hand_sides may_escape meaning of_member of_motion parts positive read "
+    "arrays axes batch_of_one called constants coordinates derived_by labels "
+    "has_map listed_right_hand_sides may_escape meaning of_member parts positive read "
     "reduction remake right_hand_sides steady steady_line texts variable with_parts "
     "without_value".split()
 )
@@ -72,8 +71,6 @@ class Body(Members):
         Whether motions may escape to infinity.
     read, texts : callable, tuple of str
         What makes a body from its dictionary, and the entries that hold no numbers.
-    described, of_motion : dict of str to array or str
-        What identifies the body in a store, and what does so for a motion beside it.
     remake : callable or None
         Makes the field with other named parameters.
     """
@@ -92,7 +89,6 @@ class Body(Members):
     read: ClassVar[Any] = None
     texts: ClassVar[tuple[str, ...]] = ()
     remake: ClassVar[Any] = None
-    of_motion: ClassVar[Any] = MappingProxyType({})
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
     def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
@@ -145,11 +141,6 @@ class Body(Members):
     def arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self.parts.items()}
-
-    @property
-    def described(self) -> dict[str, Any]:
-        """The attributes that identify the body in a store: texts and arrays, by name."""
-        return self.arrays
 
     def without_value(self, x: Any, which: Any) -> str:
         """Return why the equations have no value at the first of some states (...), or nothing."""

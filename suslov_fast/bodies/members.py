@@ -7,13 +7,13 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import Answering, public
+from ..keywords import public
 
 Kind = TypeVar("Kind", bound="Members")
 _FAMILY = "for a family pass an array as a parameter"
 
 
-class Members(metaclass=Answering):
+class Members:
     """A batch of bodies, whose members an index or the values of parameters select."""
 
     axes: ClassVar[dict[str, int]]

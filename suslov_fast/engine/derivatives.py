@@ -1,6 +1,6 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.fields.tangent`.
+These are the calls of `core.fields.growth`.
 """
 
 import math
@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape
-from ..core.fields import tangent
+from ..core.compiling.codes import PASSED_POLE
+from ..core.fields import growth as tangents
 from ..core.fields.density import densities
 from ..core.fields.driver import WIDTH
+from ..core.fields.steps import field_steps
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 from .stretches import Report
-from .threads import available, call_kernel
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
 STRETCH = 2**28
-_IN_PYTHON = 1e-5  # seconds of Python for a number of a step
 
 
 def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
@@ -53,20 +53,31 @@ def _at_states(
 
 def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
     rows, fields, D = x.shape
-    in_lines = rows > 1 and fields > 1  # of states of one field
-    arguments, _alive = tangent.arguments_of(scheme, values, eps, rows * fields, in_lines)
-    if in_lines:  # lanes without a row repeat the last one
-        x = np.concatenate([x, x[-1:].repeat(-rows % arguments.W, axis=0)])
-        x = x.reshape(-1, arguments.W, fields, D).swapaxes(1, 2)
     states = x.reshape(-1, D)
-    found = np.empty((len(states), D, D))
-    seconds = _IN_PYTHON * (len(states) + 8) * D * D * len(arguments.fractions)
-    tangent.jacobians.briefly(seconds, able := tangent.able(arguments), states, found)
-    if arguments.unable[0] and not able.solves:
-        tangent.jacobians.briefly(seconds * D, tangent.able(arguments), states, found)
-    if in_lines:
-        found = found.reshape(-1, fields, arguments.W, D, D).swapaxes(1, 2)
-    out[:] = found.reshape(-1, fields, D, D)[:rows]
+    if rows > 1 and fields > 1:
+        values, eps = (np.tile(a, (rows, 1)[: a.ndim]) if len(a) > 1 else a for a in (values, eps))
+    arguments = tangents.of_lists(scheme, values, eps, lengths=False)
+    if arguments is None:
+        found = tangents.ByNumPy(scheme, values, eps).columns_after(states, _one_step)[1]
+    else:
+        end = _one_step(arguments, tangents.begun(states, lengths=False))
+        found = end[:, D:].reshape(-1, D, D).swapaxes(1, 2)
+    out[:] = found.reshape(rows, fields, D, D)
+
+
+def _one_step(arguments: Any, x: FloatArray) -> FloatArray:
+    """Return the states after a step."""
+    notes = np.zeros((1, len(x))), np.zeros(len(x), np.int8), np.full(len(x), -1)
+    return _take(arguments, x, notes, 0, 1)
+
+
+def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
+    """Return states after steps; `notes` are carry, status and failed_at of the kernel."""
+    carry, status, failed_at = notes
+    final, saved = x.copy(), np.empty((0, *x.shape))
+    span = 0, len(x), start, stop, 0, 0
+    field_steps.serial(arguments, x, carry, span, saved, final, status, failed_at)
+    return final
 
 
 def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
@@ -94,22 +105,58 @@ class Growth(NamedTuple):
     """Sums over the steps of an orbit, from which Lyapunov exponents follow, and its end."""
 
     sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
-    of_det: FloatArray  # (B,), of log(abs(det DPhi))
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
     by_signs: NDArray[np.bool_]  # (B,), true where a change of sign told the pole
     steps: int  # of the sums: fewer than asked for if `report` ended the run, or 0
 
 
-class _Part(NamedTuple):
-    """Some trajectories with the same operations of a step, and their sums so far."""
+class _Part:
+    """Trajectories with the same operations of a step, their columns and sums."""
 
-    where: Any  # their indices
-    arguments: Any  # of `tangent.growth`, and what these need to stay alive
-    x: FloatArray
-    carry: FloatArray
-    sums: tuple[NDArray[Any], ...]  # the arrays of `Growth`
-    cost: int  # operations of a step
+    def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
+        B, self.D = x.shape
+        self.where, self.n = where, 0
+        self.arguments = tangents.of_lists(scheme, values, eps)
+        self.by_numpy = tangents.ByNumPy(scheme, values, eps)
+        self.notes = np.zeros((1, B)), np.zeros(B, np.int8), np.full(B, -1)
+        self.x = tangents.begun(x)
+
+    def begin(self) -> None:
+        """Forget the sums."""
+        self.x[:, -self.D :] = 0.0
+
+    def take(self, stop: int) -> None:
+        """Go on to a step."""
+        if self.arguments is not None:
+            self.x = _take(self.arguments, self.x, self.notes, self.n, stop)
+        else:
+            for n in range(self.n, stop):
+                self._step(n)
+        self.n = stop
+
+    def _step(self, n: int) -> None:
+        D = self.D
+        own = self.x[:, :D], self.x[:, D:-D].reshape(-1, D, D), self.x[:, -D:]
+        x, columns, sums = own
+
+        def step(arguments: Any, states: FloatArray) -> FloatArray:
+            return _take(arguments, states, self.notes, n, n + 1)
+
+        after, product = self.by_numpy.columns_after(x, step)
+        V = product @ columns.swapaxes(1, 2)
+        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(D)
+        Q, R = np.linalg.qr(V)
+        with np.errstate(divide="ignore"):
+            sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
+        x[:], columns[:] = after, Q.swapaxes(1, 2)
+
+    def sums(self) -> FloatArray:
+        """Return the sums (B, D), with the lengths of columns that are not orthonormal yet."""
+        V = self.x[:, self.D : -self.D].reshape(-1, self.D, self.D).swapaxes(1, 2)
+        R = np.linalg.qr(np.where(np.isfinite(V).all(axis=(1, 2), keepdims=True), V, 0.0))[1]
+        rest = abs(np.diagonal(R, axis1=1, axis2=2))
+        return self.x[:, -self.D :] + np.log(np.where(rest > 0.0, rest, 1.0))
 
 
 def growth(problem: Problem, steps: int, transient: int, report: Report | None = None) -> Growth:
@@ -119,17 +166,36 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
     step whenever it is called with this number; if it returns False, the sums end there.
     """
     start = flat_arrays(problem.omega, problem.batch)
-    whole, done = _no_sums(*start.shape), steps
-    ends = transient, transient + steps
-    parts = _parts(problem, start)
-    for together in [[*parts]] if report is not None else ([part] for part in parts):
-        done = _grow(together, ends, problem.threads, report)
-        for part in together:
-            for array, of_part in zip(whole, part.sums, strict=True):
-                array[part.where] = of_part
-    sums, of_det, status, failed_at, by_signs = whole
+    B, D = start.shape
+    parts = [
+        _Part(where, *own, start[where])
+        for where, own in groups_of_alike(problem, problem.batch)
+    ]
+    sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
+    by_signs, done = np.zeros(B, bool), 0
+    length, n = max(STRETCH // max(400 * B * D, 1), 1), 0
+    for last in (transient, transient + steps):
+        for part in parts:
+            part.begin()
+        goes_on = True
+        while n < last and goes_on:
+            n = min(n + length, last)
+            for part in parts:
+                part.take(n)
+            goes_on = report is None or report(n)
+        done = n - transient if last > transient else 0
+        if not goes_on:
+            break
+    for part in parts:
+        sums[part.where] = part.sums()
+        carry, status[part.where], failed_at[part.where] = part.notes
+        by_signs[part.where] = carry[0] < 0.0
+        is_pole = (carry[0] != 0.0) & (part.notes[1] == 0)
+        status[part.where] = np.where(is_pole, PASSED_POLE, part.notes[1])
+        failed_at[part.where] = np.where(is_pole, abs(carry[0]), part.notes[2])
+    done = max(done, 0)
     sums[(status < 0) | (done == 0)] = np.nan
-    return Growth(sums, of_det, _of_poles(problem, status), failed_at, by_signs, done)
+    return Growth(sums, _of_poles(problem, status), failed_at, by_signs, done)
 
 
 def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
@@ -137,76 +203,3 @@ def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
     if any(steps.notes_poles for steps in problem.map.methods.values()):
         return status
     return np.minimum(status, 0)
-
-
-def _no_sums(B: int, D: int) -> Any:
-    """Return the arrays of `Growth` for trajectories that have taken no step."""
-    status, by_signs = np.zeros(B, np.int8), np.zeros(B, bool)
-    return np.zeros((B, D)), np.zeros(B), status, np.full(B, -1), by_signs
-
-
-def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
-    """Divide a batch into parts.
-
-    A call takes few trajectories through about 64 steps, not many through few, because it reads and
-    writes D**2 numbers for each trajectory.
-    """
-    for where, (scheme, *parameters) in groups_of_alike(problem, problem.batch):
-        states, cost = start[where], tangent.operations_of(scheme)
-        block = 64 * (problem.threads or available())
-        width = max(block, STRETCH // (64 * cost) // block * block)
-        width = max(min(len(states), width, STRETCH // cost), 1)
-        for begin in range(0, len(states), width):
-            part = slice(begin, begin + width)
-            x = states[part]
-            # A single row of a parameter is for all of the batch.
-            values, eps = (rows[part] if len(rows) > 1 else rows for rows in parameters)
-            arguments = tangent.arguments_of(scheme, values, eps, len(x))
-            carry, sums = tangent.carry_of(arguments[0], *x.shape), _no_sums(*x.shape)
-            yield _Part(part if where is ALL else where[part], arguments, x, carry, sums, cost)
-
-
-def _grow_part(part: _Part, span: tuple[int, int, int], work: int, threads: int | None) -> None:
-    """Add the logarithms of some steps; take them anew where a lane is found to need `solve`."""
-    arguments, carried = tangent.able(part.arguments[0]), (part.carry, *part.sums)
-    before = [] if arguments.solves else [array.copy() for array in carried]
-    arrays = part.x, part.carry, span, *part.sums
-    (start, stop, _), (size, D) = span, part.x.shape
-    seconds = _IN_PYTHON * (size + 8) * (stop - start + D * D)
-    call_kernel(tangent.growth, work, threads, arguments, *arrays, seconds=seconds)
-    if arguments.unable[0] and not arguments.solves:
-        for array, kept in zip(carried, before, strict=True):
-            array[:] = kept
-        arguments = tangent.able(arguments)
-        call_kernel(tangent.growth, work, threads, arguments, *arrays, seconds=seconds * D)
-
-
-def _grow(
-    parts: list[_Part], ends: tuple[int, int], threads: int | None, report: Report | None
-) -> int:
-    """Add the steps from the first end to the second to the sums of some parts.
-
-    Return the number of steps, which is smaller if `report` ended the run.
-    """
-
-    def take(start: int, stop: int, last: int) -> None:
-        for part in parts:
-            # An operation is 1/20 of a step of the 3D map.
-            work = part.cost * len(part.x) * (stop - start) // 20
-            _grow_part(part, (start, stop, last), work, threads)
-
-    length = max(STRETCH // max(sum(part.cost * len(part.x) for part in parts), 1), 1)
-    n, (transient, end) = 0, ends
-    for last in ends:
-        for part in parts:  # sums over the transient do not count
-            part.sums[0][:], part.sums[1][:] = 0.0, 0.0
-        while n < last:
-            until = min(n + length, last)
-            take(n, until, last)
-            n = until
-            if report is not None and not report(n):
-                if transient < n < end:  # one more step, after which all logarithms are taken
-                    take(n, n + 1, n + 1)
-                    n += 1
-                return max(n - transient, 0)
-    return n - transient

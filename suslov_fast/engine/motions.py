@@ -181,7 +181,7 @@ def _noted(
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
     """Return records in order, from those of the engine."""
     D = starts.shape[1]
-    rows = np.concatenate(records or [np.empty((0, 3 + D))])
+    rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
     small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times as fast
     order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
     rows = np.take(rows, order, axis=0)
@@ -190,9 +190,7 @@ def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Recor
         # Several in a step may be in another order. It takes many times as long.
         rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
     trajectory, which = rows[:, :2].view(np.int64).T.copy()
-    before = states = rows[:, 3 : 3 + D].copy()
-    if rows.shape[1] > 3 + D:
-        states = rows[:, 3 + D :].copy()
+    before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
     return Records(trajectory, which, sign * rows[:, 2], before, states)
 
 

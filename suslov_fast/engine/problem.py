@@ -1,13 +1,11 @@
 """Problems: the checked arguments of public functions, and parts of large batches."""
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, common_shape, kind_of, real_number, wrong
-from .random_starts import RandomStarts
 from .threads import thread_count
 
 # Numbers in an array above which it is asked whether there is memory.
@@ -32,12 +30,11 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 
 def part_of(problem: Problem, where: Where) -> Problem:
-    """Return the problem of a part of the batch, as views; `RandomStarts` are left whole."""
+    """Return the problem of a part of the batch, as views."""
     body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
-    if not isinstance(omega, RandomStarts):
-        omega = omega[along(omega.shape[:-1], where)]
+    omega = omega[along(omega.shape[:-1], where)]
     if type(eps) is not float:
         eps = np.asarray(eps)
         eps = eps[along(eps.shape, where)]
@@ -79,10 +76,7 @@ def check(
     labels, turns = components or body.labels, None
     if body.variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
-    if isinstance(omega, RandomStarts):
-        states = omega.states(math.prod(omega.shape), 0, len(labels))
-        omega = states.reshape(*omega.shape, len(labels))
-    elif type(omega) is np.ndarray and omega.size > MANY:
+    if type(omega) is np.ndarray and omega.size > MANY:
         copies = 0 if omega.dtype == float and omega.flags.carray else 1
         how = "raise save_every or divide the batch" if made > 1 else "divide the batch"
         checks.require(8 * omega.size * (copies + made), how)

@@ -16,7 +16,6 @@ from ..core.motion.rows import Cause
 from .arguments import flat_arrays
 from .motions import Found
 from .problem import MANY
-from .random_starts import RandomStarts
 from .status import PoleWarning, Status
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
@@ -24,7 +23,7 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 # tells whether rtol is given where it means nothing.
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of those that only motions have.
-_OF_MAPS = {"method": "auto", "save_every": None, "attitude": False}
+_OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"changes": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 _ENDS = {
@@ -115,14 +114,9 @@ def checked_starts(
     `others` is the shape of a batch that changes have.
     """
     labels, how = system.labels, "compute fewer states at a time"
-    if isinstance(x0, RandomStarts):
-        size = math.prod(x0.shape)
-        require(8 * len(labels) * size * (n + 2), how)
-        x = x0.states(size, 0, len(labels)).reshape(*x0.shape, len(labels))
-    else:
-        if type(x0) is np.ndarray and x0.size > MANY:
-            require(8 * x0.size * (n + 2), how)
-        x = checks.states("x0", x0, labels)
+    if type(x0) is np.ndarray and x0.size > MANY:
+        require(8 * x0.size * (n + 2), how)
+    x = checks.states("x0", x0, labels)
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of changes": others})
     size = math.prod(batch) * len(labels)
     if n * size > MANY:

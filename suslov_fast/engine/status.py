@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from ..checks import first_index, spell, warn
 from ..core.compiling import codes
 
-# Status in a store of trajectories that are not computed yet; `Status` has only those of runs.
-PENDING = -128
-
 
 class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
@@ -57,12 +54,6 @@ class Status(IntEnum):
     def message(self) -> str:
         """The meaning of the status, as a sentence."""
         return _MESSAGES[self]
-
-    @classmethod
-    def _missing_(cls, value: object) -> None:
-        if value == PENDING:
-            how = "leave such trajectories out: status[status != -128]"
-            raise ValueError(f"-128, PENDING in stores, is not computed yet: {how}")
 
 
 _MESSAGES = {

@@ -242,16 +242,6 @@ class March:
             return self.final[np.newaxis]
         return saved.reshape(len(saved), *self.problem.batch, D)
 
-    def pieces(
-        self, steps: int, every: int, rows: int
-    ) -> Iterator[tuple[FloatArray, FloatArray | None]]:
-        """Continue from state 0 to `steps`; yield the saved states of `to`, `rows` at a time."""
-        last = steps // every if every else 0
-        for end in range(rows, last + rows + 1, rows):
-            saved, turns = self.to(steps if end > last else (end - 1) * every, every)
-            # After a piece of state 0 alone, `to` saves state 0 again: [-rows:] leaves it out.
-            yield saved[-rows:], None if turns is None else turns[-rows:]
-
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
         """Continue without orientations to state `stop`, or until `report` returns False."""
         if report is None:

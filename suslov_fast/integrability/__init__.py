@@ -18,8 +18,8 @@ The files, in an order in which each uses only those before it:
 - `relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
-- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search
-  with a time limit. `report`: the results in one object. `levels`: the function of levels.
+- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `report`: the
+  results in one object. `levels`: the function of levels.
 """
 
 import sys

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..checks import integer, short, wrong
-from ..keywords import public, with_answers
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import Point, Residues, over_rationals
 from .darboux import check_unknowns
@@ -41,7 +41,6 @@ from .search import Search
 _MOST = 500  # monomials of relations along orbits
 
 
-@with_answers
 @dataclass(frozen=True)
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.

@@ -22,7 +22,7 @@ from ..bodies.fields.calls import check_function
 from ..bodies.fields.latex import symbol
 from ..bodies.fields.names import labels
 from ..checks import FloatArray, extra, real_array, short, wrong
-from ..keywords import public, with_answers
+from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .polynomials import (
@@ -49,7 +49,6 @@ _NAME = r"[^\W\d]\w*"
 L = TypeVar("L", bound="WithLetter")
 
 
-@with_answers
 class WithLetter:
     """The base of objects whose coefficients may have a symbol: eps, or another letter."""
 

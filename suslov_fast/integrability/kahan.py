@@ -22,7 +22,6 @@ from ..bodies.fields.names import labels
 from ..bodies.fields.terms import Terms
 from ..checks import kind_of, wrong
 from ..keywords import public
-from ..words import in_place_of
 from .arithmetic import as_written, constant, matrix
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, check_map
@@ -235,7 +234,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
     """
     if not isinstance(field, Body):
-        received = f"{kind_of(field)}{in_place_of(field)}"
+        received = f"{kind_of(field)}"
         raise wrong("field", "a QuadraticField or a body", received, TypeError)
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")

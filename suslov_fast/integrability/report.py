@@ -1,30 +1,25 @@
-"""Reports on maps: degrees, first integrals, invariant measures, Darboux polynomials.
-
-`process` fills it fact by fact.
-"""
+"""Reports on maps: degrees, first integrals, invariant measures, Darboux polynomials."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import math
-import time
-from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
 from ..bodies.base import Body
 from ..bodies.fields.field import QuadraticField
-from ..checks import integer, is_false, kind_of, one_number, wrong
-from ..keywords import public, with_answers
+from ..checks import integer, is_false, kind_of, wrong
+from ..keywords import public
 from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
-from .process import search, search_until
 from .relations import ImplicitIntegral
+from .search import Search
 from .surfaces import Level
 from .symmetries import Reversor
 
@@ -34,7 +29,6 @@ _ROUNDING = 1e-12  # of an entropy
 Functions = tuple[RationalFunction, ...]
 
 
-@with_answers
 @dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a map.
@@ -250,7 +244,6 @@ def report(
     degree: int = 3,
     *,
     decimals: bool = True,
-    time_limit: float | None = None,
     progress: Any = None,
 ) -> Report:
     """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
@@ -271,10 +264,6 @@ def report(
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
-    time_limit : float, optional
-        Limit in seconds; the report then contains the results found so far. With a limit the search
-        runs in a separate process, so a script calls it below ``if __name__ == "__main__":``, as
-        `multiprocessing` needs.
     progress : callable, optional
         Called as ``progress(done, parts)`` after each part of the search; where it returns False
         the search ends, as at Ctrl-C.
@@ -314,24 +303,19 @@ def report(
     if progress is not None and not callable(progress):
         expected = "a function that is called as progress(done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
-    latest = Report(map, degree, notes=notes)
-    if time_limit is None:
-        parts: Any = search(latest)
-    else:
-        seconds = one_number("time_limit", time_limit)
-        if seconds < 0:
-            raise wrong("time_limit", "0 seconds or more, or left out", seconds)
-        parts = search_until(time.monotonic() + seconds, latest)
-    with closing(parts):
-        try:
-            for part in parts:
-                latest = part.report
-                if progress and is_false(progress(part.done, part.known)):
-                    raise KeyboardInterrupt("progress returned False")
-        except KeyboardInterrupt as error:
-            error.report = latest  # type: ignore[attr-defined]
-            raise
-    return latest
+    found, facts = Report(map, degree, notes=notes), Search(map, degree)
+    try:
+        for _ in facts.queue:
+            facts.fill(found)
+            done = facts.queue.done
+            if progress and is_false(progress(done, done + len(facts.queue.waiting))):
+                raise KeyboardInterrupt("progress returned False")
+    except KeyboardInterrupt as error:
+        error.report = found  # type: ignore[attr-defined]
+        raise
+    found.finished = True
+    facts.fill(found)
+    return found
 
 
 def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str]]:

@@ -15,13 +15,23 @@ from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..engine.problem import Problem, check
 from ..engine.stretches import Steps
-from ..words import answer, in_place_of
 from .formulas import Formula, Reduced, eigenvalues
 
 Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
 
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
+
+_HOW = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
+# What to use in place of a function that a map has not.
+_INSTEAD = {
+    "exact": "iterate or flow, because it has no closed form",
+    "flow": "iterate, because it has no closed form",
+    "limits": "iterate, because it has no closed form",
+    "first_integral": "suslov_fast.integrability.report, which looks for integrals",
+    "criticality": "run.status and run.first_pole, which tell of steps that are too long",
+    "plot_phase": "iterate(...).plot() or flow(...).plot()",
+}
 
 # Quantities that are conserved, exactly or nearly: of a map the first one that it has.
 _CONSERVED = "first_integral", "modified_energy", "energy"
@@ -94,8 +104,7 @@ class Map:
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
-                how = answer(name, (), "map")
-                received += f": use {how}" if how else in_place_of(body)
+                received += f": use {how}" if (how := _INSTEAD.get(name)) else ""
             raise checks.wrong(
                 "system", checks.either(names or ["another one"]), received, TypeError
             )
@@ -125,7 +134,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         raise TypeError(f"system: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
-        received = checks.kind_of(body) + in_place_of(body)
+        received = checks.kind_of(body) + _HOW
         raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     if f"order{method}" in by_method:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")

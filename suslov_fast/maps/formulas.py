@@ -177,7 +177,7 @@ GYROSTAT = {
     "criticality": Formula(partial(values_by_rows, quantities.criticality)),
     "step": Formula(partial(values_by_rows, quantities.step)),
     **formulas_named("invariant_density", poles=True),
-    **dict.fromkeys("exact flow limits plot_phase explore".split(), Formula()),
+    **dict.fromkeys("exact flow limits plot_phase".split(), Formula()),
     "to_matrix": Formula(_matrix_in_3d),
     "to_vector": Formula(whole_states),
     "momentum": Formula(_momentum_in_3d),

@@ -3,8 +3,7 @@
 Steps of least norm solve f' d = -f, with rows of f' scaled to 1, so that neither the units of rates
 nor a curve of equilibria matter, and in units of the given states where f' is not singular then.
 They are accepted as long as each is much shorter than the one before, as near a regular
-equilibrium; at a fold each is half as long. Where f' is singular in doubles, `decimals` tells
-whether it is.
+equilibrium; at a fold each is half as long.
 """
 
 from __future__ import annotations
@@ -14,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..bodies.base import Body
+from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..checks import FloatArray, common_shape, first_index, spell, states, warn
+from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
 from ..engine.status import Status
-from ..keywords import public_class, with_answers
-from .decimals import by_decimals
+from ..keywords import public
 
 _MOST = 30  # steps of Newton's method
 _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
@@ -29,8 +29,6 @@ _WHOLE = 1e-8  # and above which f' is not singular, in units of the given state
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
 
 
-@public_class
-@with_answers
 class Equilibria(NamedTuple):
     """Equilibria near given states, from :func:`fixed_points`.
 
@@ -51,8 +49,56 @@ class Equilibria(NamedTuple):
     status: NDArray[np.int8]
 
 
-def equilibria(system: Any, near: ArrayLike) -> Equilibria:
-    """Return the equilibria of a body or field, or of a batch, near states."""
+@public
+def fixed_points(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
+    """Equilibria near given states.
+
+    They are found by Newton's method for f(x) = 0 with the exact f', from all states at
+    once; members of a family may go to different equilibria: to follow one, pass the last one found
+    as `near` of the next. A body without a rotor has a line of them, of which it is the nearest
+    one. The fixed points of Kahan's map are the same for every step size, because
+    (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
+
+    Parameters
+    ----------
+    system : QuadraticField, Field or a body
+        A single one, or a batch.
+    near : array_like(float, shape=(..., D))
+        States near equilibria, which broadcast with the batch. NaN gives NaN.
+
+    Returns
+    -------
+    Equilibria
+        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k) by decreasing
+        real part, and `status` (...), a :class:`Status`: the equilibrium of each state. Variables
+        with a constant rate, such as time, keep the value that they have in `near`, and count
+        neither in the condition nor in the eigenvalues. On a curve of equilibria a point near the
+        given one is found. If Newton's method does not converge at once, shorter steps begin, and
+        then ``scipy.optimize.root``, by its methods "hybr" and "lm"; what they find may be far.
+        NaN, with a negative status, for a state from which none is found, and where one is
+        degenerate, as at a fold.
+
+    Warns
+    -----
+    UserWarning
+        Once for all states without an equilibrium.
+
+    Examples
+    --------
+    A pendulum with friction and a torque, for three torques:
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field, fixed_points
+    >>> pendulum = Field.from_function(
+    ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
+    ... )
+    >>> found = fixed_points(pendulum, near=[0.1, 0.0])
+    >>> found.states[:, 0].round(6)
+    array([0.      , 0.304693, 0.643501])
+    >>> found.eigenvalues.real.max(axis=-1).round(6)
+    array([-0.05, -0.05, -0.05])
+    """
+    instance("system", system, Body)
     given = states("near", near, system.labels)
     field = system if isinstance(system, FieldOfFunction) else system.field()
     D, batch = field.dimension, common_shape({"system": field.shape, "near": given.shape[:-1]})
@@ -85,11 +131,6 @@ def equilibria(system: Any, near: ArrayLike) -> Equilibria:
         is_regular = np.array(
             is_found if has_line else is_found & _leads_back(field, found, own, sizes, units)
         )
-        is_whole = has_line | _step(field, found, own, units)[3]
-        for index in map(tuple, np.argwhere(is_found & ~is_whole)):
-            exact = by_decimals(member(index), x[index], own, units[index])
-            if exact is not None:
-                found[index], is_regular[index] = exact, True
         is_degenerate = (is_found | _is_small(field, found, own, units)) & ~is_regular
         slopes = field.jacobian(np.where(is_regular[..., np.newaxis], found, np.nan))
     status = np.select(

@@ -1,8 +1,8 @@
-"""Columns of results: one table of each kind, from which datasets, files and stores are made.
+"""Columns of results: one table of each kind, from which datasets and files are made.
 
 A column of runs is a line of `RUN`, a field of `Trajectories`, which `run_to_end` sets, and an
-attribute of `March`, all of the same name. `FORMAT` changes whenever files or stores of the last
-release lack a column.
+attribute of `March`, all of the same name. `FORMAT` changes whenever files of the last release lack
+a column.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..core.motion.engine import Settings
-from ..engine.status import PENDING
 
-# Version of files and stores.
+# Version of files.
 FORMAT = 14
 # Names that begin with _ are what a run continues from: files have them, datasets do not.
 _PRIVATE = "_"
@@ -28,7 +27,6 @@ class Column(NamedTuple):
     type: str
     axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
-    fill: float = math.nan  # value in a store where a tile is not computed yet
     when: str = ""  # the condition under which results have it
 
     @property
@@ -51,11 +49,9 @@ RUN = (
     Column("states", "float64", "n batch component"),
     Column("attitude", "float64", "n batch space body", "rotation", when="turns"),
     Column("final", "float64", "batch component", "state after the last step"),
-    Column(
-        "failed_at", "int64", "batch", "first state missing or beyond a pole, or -1", fill=PENDING
-    ),
-    Column("first_pole", "int64", "batch", "first state beyond a pole, or -1", fill=PENDING),
-    Column("status", "int8", "batch", fill=PENDING),
+    Column("failed_at", "int64", "batch", "first state missing or beyond a pole, or -1"),
+    Column("first_pole", "int64", "batch", "first state beyond a pole, or -1"),
+    Column("status", "int8", "batch"),
     Column("_carry", "float64", "carried trajectory"),
     Column("_turned", "float64", "trajectory space body", when="turns"),
 )
@@ -66,45 +62,36 @@ CHANGES = (
     Column("before", "float64", "changed component", "state before"),
     Column("states", "float64", "changed component", "state after"),
 )
+EVENTS = (
+    *(column._replace(axes=column.axes.replace("changed", "event")) for column in CHANGES),
+    Column("count", "int64", "batch change"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("final", "float64", "batch component"),
+)
 MOTION = (
     Column("time", "float64", "time", "time"),
     Column("states", "float64", "time batch component"),
     Column("end", "float64", "batch", "time at which a solution ends"),
-    Column("steps", "int64", "batch", "number of steps", fill=PENDING),
-    Column("status", "int8", "batch", fill=PENDING),
+    Column("steps", "int64", "batch", "number of steps"),
+    Column("status", "int8", "batch"),
     Column("_derivatives", "float64", "time batch component direction", when="by"),
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
-    Column("changes.count", "int64", "batch change", "number of changes", PENDING, "changes"),
+    Column("changes.count", "int64", "batch change", "number of changes", "changes"),
 )
-CROSSINGS = (
-    Column("surface", "int64", "crossing"),
-    Column("time", "float64", "crossing"),
-    Column("states", "float64", "crossing component"),
-    Column("count", "int64", "batch"),
-    Column("status", "int8", "batch"),
-    Column("end", "float64", "batch"),
-    Column("final", "float64", "batch component"),
-    Column("steps", "int64", "batch", when="motion"),
-    Column("n", "int64", "crossing", when="map"),
-    Column("before", "float64", "crossing component", "state n", when="map"),
-    Column("after", "float64", "crossing component", "state n + 1", when="map"),
-    Column("fraction", "float64", "crossing", when="map"),
-    Column("failed_at", "int64", "batch", when="map"),
-    Column("first_pole", "int64", "batch", when="map"),
-)
-OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS, "Motion": MOTION}
+OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
 # The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
-    "Crossings": ("method", "steps", "last", "transient", "direction", "most", *Settings._fields),
+    "Events": (),
     "Motion": (*Settings._fields, "by"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
 
 
-def in_stores(kind: str, *conditions: str) -> list[Column]:
-    """Return the columns that datasets and stores have of results under these conditions."""
+def in_datasets(kind: str, *conditions: str) -> list[Column]:
+    """Return the columns that datasets have of results under these conditions."""
     columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
     return [c for c in columns if c.is_public and not c.axes.startswith("changed")]
 

@@ -1,145 +1,172 @@
-"""`Crossings`, the result of `crossings` along maps and motions."""
+"""`crossings`: where motions cross surfaces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray
-from ..engine.status import ended_in_words, first_beyond
-from ..maps import Map
-from .points import Points, span
-from .results import OfMotion, in_short, read_only
+from ..bodies.fields.general import with_changes
+from ..checks import integer, one_number, short, warn, wrong
+from ..engine.motions import Asked, solve
+from ..engine.sensitivity import WithColumns
+from ..engine.starts import RTOL, checked_settings, checked_starts, ends_in_words
+from ..engine.status import PoleWarning, Status
+from ..engine.stretches import Progress, reporter
+from ..engine.threads import thread_count
+from ..keywords import public
+from .change import Change, checked_direction, field_of
+from .changes import acts_of, stops_of
+from .events import Events
+
+_LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Crossings(Points, OfMotion):
-    """Points where orbits of a batch cross surfaces: the result of :func:`crossings`.
+@public
+def crossings(
+    system: BodyOrField,
+    x0: ArrayLike,
+    /,
+    surface: Any,
+    *,
+    time: float,
+    rtol: float = RTOL,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    direction: int | str = 0,
+    transient: float = 0,
+    most: int | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Events:
+    """Find where motions cross a surface s(x) = 0: Poincare sections, maxima, escapes, basins.
 
-    There are K crossings, ordered by trajectory, then along the orbit.
+    A point where s becomes positive, or stops being so, has the digits of the tolerance: each
+    trajectory takes the steps of :func:`flow`, and a crossing is a state after a shorter step of
+    the method. Signs of s are compared at the ends of a step and at seven points inside it, and
+    where s comes near 0 and goes back, at its least value. Points where a motion touches the
+    surface may be missed. A smaller `max_step` looks closer. A start on the surface is never a
+    crossing.
 
-    Attributes
+    Parameters
     ----------
-    trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order;
-        ``points.time[points.trajectory == i]`` are the times of trajectory i.
-    time, states : ndarray(float, shape=(K,) and (K, D))
-        Times and states of the crossings. Along a motion they have the digits of the tolerance,
-        and lie on the surface to rounding, on the side to which the motion goes. Along a map the
-        points lie on the straight line from `before` to `after`, and times are (n + fraction) eps.
-    surface : ndarray(int, shape=(K,))
-        Which of the surfaces is crossed; 0 if there is one.
-    count : ndarray(int, shape=(...))
-        Number of crossings of each trajectory.
-    status : ndarray(int8, shape=(...))
-        As in :class:`Motion` or :class:`Trajectories`. Of a trajectory that ended at its crossing
-        number `most`, later failures and poles are not reported.
-    end : ndarray(float, shape=(...))
-        The time at which a solution ends, or of the first state that a map lacks; NaN if there is
-        none.
-    final : ndarray(float, shape=(..., D))
-        The state at the last time, or at the crossing number `most`; along a map the state after
-        it. NaN where a solution has ended.
-    steps : int or ndarray(int, shape=(...))
-        Along a map the argument, along motions the number of steps taken.
-    n : ndarray(int, shape=(K,)), or None along motions, as all that follow
-        The orbit of the map crosses between its states n and n + 1, counted from the initial state.
-    before, after : ndarray(float, shape=(K, D))
-        The states n and n + 1, those of :func:`iterate` bit for bit. Start a return map from
-        `after`: rounding may put a point of `states` below the surface, where it crosses again at
-        once.
-    fraction : ndarray(float, shape=(K,))
-        The part of the step from n to n + 1 before the crossing, a / (a - b), from 0 to 1, where a
-        and b are the values of the surface at n and n + 1.
-    failed_at, first_pole : ndarray(int, shape=(...))
-        As in :class:`Trajectories`.
-    valid : ndarray(bool, shape=(K,))
-        True where no pole was passed before the state `after`. The other crossings are crossings of
-        the map, not necessarily of the motion. True along motions.
-    body, eps, method, transient, direction, most, last, rtol, atol, max_step, stiff
-        The arguments of :func:`crossings`; `last` is the last time of a motion. Those of the other
-        one of map and motion are None.
+    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
+    x0 : array_like(float, shape=(..., D))
+        Initial states, as in :func:`flow`.
+    surface : callable or str, or sequence of them
+        The name of a component, a formula of them, ``"z - 27"``, or a function s of the state,
+        ``lambda x: x[2] - 27``, which is traced as that of a `Field`, and may take parameters of
+        the system by name.
+    time : float
+        The time after the transient; negative backwards in time.
+    rtol, atol, max_step, stiff
+        As in :func:`flow`.
+    direction : {0, 1, -1} or {"both", "up", "down"}
+        Both (the default), upwards, or downwards.
+    transient : float
+        The time at first in which crossings are ignored.
+    most : int, optional
+        The number of crossings, 1 or more, at which a trajectory ends.
+    threads, progress
+        As in :func:`iterate`; `progress` is called with the number of trajectories that have ended.
 
-    Notes
-    -----
-    ``len(points)`` is K, and ``points.ok`` is True if no orbit ended early. Two objects are equal
-    if all attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
-    ``points.after.copy()``.
+    Returns
+    -------
+    Events
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`flow`.
 
     Examples
     --------
-    When does an oscillator pass 0 upwards? At 3 pi / 2, then every 2 pi:
+    The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
 
     >>> from suslov_fast import QuadraticField, crossings
-    >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
-    >>> points = crossings(oscillator, [1.0, 0.0], surface="q", time=20.0)
-    >>> points
-    Crossings(x: (3, 2), time: 4.71239 to 17.2788, rtol: 1e-09)
-    >>> along_map = crossings(oscillator, [1.0, 0.0], 1 / 8, 200, "q")
-    >>> along_map
-    Crossings(x: (4, 2), n: 37, 88, 138, 188, eps: 0.125, failed: 0 of 1)
-    >>> points.time.round(4), along_map.time.round(2)
-    (array([ 4.7124, 10.9956, 17.2788]), array([ 4.72, 11.01, 17.3 , 23.59]))
+    >>> def lorenz(x, rho):
+    ...     return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+    >>> field = QuadraticField.from_function(lorenz, 3, rho=28)
+    >>> starts = [[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]]
+    >>> section = crossings(field, starts, "x3 - 27", time=30.0, transient=8.0, direction="up")
+    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-12)
+    True
+    >>> peaks = crossings(field, starts, lambda x: -field(x)[..., 2], time=3.0, direction="up")
+    >>> peaks.states[peaks.trajectory == 0, 2][:3].round(3)
+    array([40.413, 38.669, 44.072])
     """
+    direction = checked_direction(direction)
+    if most is not None:
+        most = integer("most", most, 1, "None or an integer of at least 1")
+    settings = checked_settings(system, rtol, atol, max_step, stiff)
+    field = field_of(system)
+    duration, before = one_number("time", time, _LAST), one_number("transient", transient)
+    if before < 0.0:
+        raise wrong("transient", "0 or more", short(transient))
+    is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
+    given = surface if is_many else [surface]
+    if not given:
+        raise wrong("surface", "a function, or one or more", "none")
+    is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
+    changes = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
+    x, batch = checked_starts(system, x0, 2)
+    sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
+    acts = acts_of(field, changes)
+    changed = WithColumns(field.shape, with_changes(field, acts))
+    stops = stops_of(changes, sign, batch)
+    limit = math.inf if most is None else most
+    with reporter(progress, len(x)) as report:
+        asked = Asked(np.array([last]), sign, settings, thread_count(threads), report, stops,
+                      limit, before)  # fmt: skip
+        found = solve(changed, x, batch, asked)
+        if report is not None and not found.is_stopped:
+            report(len(x))
+    events = Events._of(
+        _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": changes}
+    )
+    ends = events.end.ravel()
+    if message := ends_in_words(events.status.ravel(), ends, found.is_stopped, x, batch):
+        warn(message, PoleWarning)
+    return events
 
-    trajectory: NDArray[np.int64]
-    time: FloatArray
-    states: FloatArray
-    surface: NDArray[np.int64]
-    count: NDArray[np.int64]
-    status: NDArray[np.int8]
-    end: FloatArray
-    final: FloatArray
-    body: BodyOrField
-    steps: Any
-    transient: float
-    direction: int
-    most: int | None
-    # Of maps; `Any`, so that type checkers ask for no tests of None.
-    n: NDArray[np.int64] | Any = None
-    before: FloatArray | Any = None
-    after: FloatArray | Any = None
-    fraction: FloatArray | Any = None
-    failed_at: NDArray[np.int64] | Any = None
-    first_pole: NDArray[np.int64] | Any = None
-    eps: float | FloatArray | Any = None
-    map: Map | Any = None
-    method: str | None = None
-    # Of motions.
-    last: float | Any = None
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        return "trajectory", "surface" if self.map is None else "n", "time"
+def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Change, ...]:
+    """Return the changes that record crossings of surfaces."""
+    return tuple(Change(each, direction=direction) for each in surfaces)
 
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """True for crossings before the first failure or pole of their trajectory, shape (K,)."""
-        if self.map is None:
-            return read_only(np.ones(len(self), np.bool_))
-        first = first_beyond(self.failed_at, self.first_pole).ravel()
-        return read_only(self.n + 1 < first[self.trajectory])
 
-    @property
-    def _heading(self) -> str:
-        from .drawing import titled
+_of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 
-        return super()._heading if self.map is None else titled(self)
 
-    def __repr__(self) -> str:
-        states, size = f"{self._variable}: {self.states.shape}", self.status.size
-        states += f", trajectory: 0 to {size - 1}" * (size > 1)
-        none = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
-        if self.map is None:
-            time = span(self.time) if self.time.size else none
-            ended = ended_in_words(self.status)
-            return f"Crossings({states}, time: {time}, rtol: {self.rtol:g}{ended})"
-        n = self.n
-        steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
-        if not n.size:
-            steps = none
-        return f"Crossings({states}, n: {steps}, {in_short(self)})"
+def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
+    """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
+    trajectory, which, time, _, states = found.records
+    count = np.bincount(trajectory, minlength=len(x))
+    first = np.cumsum(count) - count
+    own: Any = slice(None)
+    if limit < math.inf:
+        own = np.arange(len(trajectory)) - first[trajectory] < limit
+    final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
+    ends = np.flatnonzero(count >= limit)
+    if len(ends):
+        final[ends], status[ends] = states[first[ends] + int(limit) - 1], Status.OK
+    trajectory, which, states = trajectory[own], which[own], states[own]
+    counts = np.bincount(trajectory * C + which, minlength=len(x) * C)
+    return {
+        "trajectory": trajectory,
+        "which": which,
+        "time": time[own],
+        "before": states,
+        "states": states,
+        "count": counts.reshape(*batch, C),
+        "status": status.astype(np.int8).reshape(batch),
+        "end": np.where(status < 0, found.t, np.nan).reshape(batch),
+        "final": final.reshape(*batch, x.shape[1]),
+    }

@@ -9,7 +9,6 @@ import numpy as np
 from ..checks import first_index, spell, warn
 from ..engine.status import SingularStepWarning, Status, report_poles
 from ..errors import SuslovError
-from .points import Points
 from .results import States
 
 OnSingular = Literal["warn", "raise", "ignore"]
@@ -23,8 +22,6 @@ class SingularStepError(SuslovError, ArithmeticError):
     ----------
     trajectories : Trajectories
         The whole batch of :func:`iterate`, with the trajectories that did not fail.
-    crossings : Crossings
-        The result of :func:`crossings`, in place of `trajectories`.
 
     Examples
     --------
@@ -39,24 +36,20 @@ class SingularStepError(SuslovError, ArithmeticError):
     [0, -1]
     """
 
-    trajectories: States = None  # type: ignore[assignment]
-    crossings: Points = None  # type: ignore[assignment]
+    trajectories: States
 
-    def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
+    def __init__(self, message: str, trajectories: States) -> None:
         super().__init__(message)
-        self.result, self.name = result, name
-        setattr(self, name, result)
+        self.trajectories = trajectories
 
-    def __reduce__(self) -> tuple[type, tuple[str, Any, str]]:
-        return type(self), (str(self), self.result, self.name)
+    def __reduce__(self) -> tuple[type, tuple[str, States]]:
+        return type(self), (str(self), self.trajectories)
 
 
-def report_failures(
-    run: Any, march: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
-) -> None:
+def report_failures(run: Any, march: Any, on_singular: OnSingular, since: int = 0) -> None:
     """Warn that trajectories of a run failed at step `since` or later, or raise an error.
 
-    The run has the statuses, and the march made it. The error has the run as its attribute `name`.
+    The run has the statuses, and the march made it.
     Passed poles are never more than a warning.
     """
     status, failed_at = run.status, run.failed_at
@@ -83,12 +76,8 @@ def report_failures(
     at_once = (status == Status.NONFINITE) & (failed_at == 1)
     if texts and since <= 1 and at_once.any():
         texts.append(march.problem.body.without_value(march.problem.omega, at_once))
-    told("; ".join(filter(None, texts)), run, name, on_singular, SingularStepWarning)
-
-
-def told(message: str, result: Any, name: str, on_singular: OnSingular, category: Any) -> None:
-    """Warn of a message, or raise an error that has the result as its attribute `name`."""
+    message = "; ".join(filter(None, texts))
     if message and on_singular == "raise":
-        raise SingularStepError(message, result, name)
+        raise SingularStepError(message, run)
     if message and on_singular == "warn":
-        warn(message, category)
+        warn(message, SingularStepWarning)

@@ -11,7 +11,6 @@ from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, Reals, integer, wrong
 from ..engine.problem import check, warn_of_times
-from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March, Progress, few_after
 from ..keywords import public
 from ..maps import Method, map_of
@@ -86,7 +85,7 @@ def step(
 @public
 def iterate(
     system: BodyOrField,
-    x0: ArrayLike | RandomStarts,
+    x0: ArrayLike,
     /,
     eps: Reals,
     steps: int,
@@ -111,7 +110,7 @@ def iterate(
     ----------
     system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
-    x0 : array_like(float, shape=(..., D)) or RandomStarts
+    x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
         dimensions, its n - 1 components Omega_in in n. A state that contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
@@ -160,11 +159,12 @@ def iterate(
     --------
     Where are 1000 populations of predators and prey after 400 steps?
 
-    >>> from suslov_fast import QuadraticField, RandomStarts, iterate
+    >>> import numpy as np
+    >>> from suslov_fast import QuadraticField, iterate
     >>> field = QuadraticField.from_function(
     ...     lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), "prey predator"
     ... )
-    >>> starts = RandomStarts(1000, low=0.5, high=1.5)
+    >>> starts = np.random.default_rng(0).uniform(0.5, 1.5, (1000, 2))
     >>> run = iterate(field, starts, eps=1 / 32, steps=400, save_every=100)
     >>> run.x.shape, run.ok, run.final.mean(axis=0).round(2)
     ((5, 1000, 2), True, array([0.99, 1.02]))

@@ -140,10 +140,7 @@ def lyapunov_exponents(
     warn_of_times(checked)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
         found = growth(checked, steps, transient, report)
-        sums, of_det = found.sums, found.of_det
-        others = sums[:, :-1].sum(axis=1)
-        # The last one follows from the determinant and the others, if all steps are invertible.
-        sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
+        sums = found.sums
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / max(found.steps, 1), axis=1).reshape(
         (*checked.batch, system.dimension)

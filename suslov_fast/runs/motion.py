@@ -13,8 +13,9 @@ from ..checks import FloatArray, one_of, short, wrong
 from ..engine.status import ended_in_words
 from ..keywords import public
 from .change import Change
-from .changes import Changes, changes_of
+from .changes import changes_of
 from .columns import CHANGES
+from .events import Events
 from .results import QUANTITIES, OfMotion, States
 
 
@@ -41,7 +42,7 @@ class Motion(States, OfMotion):
         last time.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken; 0 where the solution is exact.
-    changes : Changes or None
+    changes : Events or None
         What changes of the state did, in the order of trajectories and times.
     by : tuple of str
         What derivatives are with respect to: the argument `derivatives` of :func:`flow`.
@@ -79,7 +80,7 @@ class Motion(States, OfMotion):
     steps: NDArray[np.int64]
     by: tuple[str, ...] = ()
     _derivatives: FloatArray | None = None  # (n, ..., D, C) those by x0 first
-    changes: Changes | None = None
+    changes: Events | None = None
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, warn
 from ..engine.status import count_in_words
-from ..keywords import Answering, lacking, public
+from ..keywords import lacking, public
 from ..quantities.evaluation import evaluate
 from ..words import answer
 
@@ -41,7 +41,7 @@ def quantity(name: str) -> Callable[[Any], FloatArray]:
     return public(method)
 
 
-class Result(metaclass=Answering):
+class Result:
     """The base of the results of runs, frozen dataclasses whose arrays are read-only.
 
     Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.
@@ -141,7 +141,7 @@ class Result(metaclass=Answering):
             x, here = self._variable, ""
             labels = {label.lower(): label for label in self.body.labels}
             plain = name.lower().replace("_", "")
-            if plain not in labels and not answer(name, dir(self), "Points", "Result", "words"):
+            if plain not in labels and not answer(name, dir(self)):
                 plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
             if plain in labels:
                 here = f"run[{labels[plain]!r}], or run.{x} for all"
@@ -204,7 +204,7 @@ class Result(metaclass=Answering):
         >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
         >>> run.to_dataframe().to_csv("states.csv", index=False)  # doctest: +SKIP
         """
-        from .files.datasets import table
+        from .datasets import table
 
         return table(self)
 
@@ -234,7 +234,7 @@ class Result(metaclass=Answering):
         ...     load(f"{folder}/run.npz") == run
         True
         """
-        from .files.storage import save
+        from .storage import save
 
         save(self, path, overwrite)
 
@@ -357,7 +357,7 @@ class States(Result):
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .files.datasets import to_xarray
+        from .datasets import to_xarray
 
         return to_xarray(self, dims)
 
@@ -373,7 +373,7 @@ def load(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    Trajectories, Crossings or Motion
+    Trajectories, Events or Motion
         An instance of the class that was saved, equal to the saved one.
 
     Raises
@@ -393,7 +393,7 @@ def load(path: str | os.PathLike[str]) -> Any:
     ...     load(f"{folder}/motion.npz") == motion
     True
     """
-    from .files.storage import load
+    from .storage import load
 
     return load(path)
 

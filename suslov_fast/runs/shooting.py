@@ -1,4 +1,4 @@
-"""Newton's method for periodic orbits: arcs that must join, of a motion or of a map.
+"""Newton's method for periodic orbits: arcs that must join.
 
 M arcs of equal duration T / M start at nodes x_k. The unknowns are the nodes and log T, the
 equations
@@ -15,10 +15,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..bodies.fields.general import with_changes
 from ..checks import FloatArray
@@ -29,15 +28,12 @@ from ..core.motion.stepping import attempts
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns, WithColumns
 from ..engine.status import Status
-from ..maps import Method
-from ..quantities.derivatives import jacobian, vector_field
+from ..quantities.derivatives import vector_field
 from .change import Change
 from .changes import acts_of, stops_of
 from .flow import to_tolerance
-from .iterate import iterate
 
 _ROUNDS, _HALVINGS = 60, 10
-_BACK, _BESIDE = 2, 1e-2  # steps back to a family, and how far from it, in sizes of the orbit
 # Singular values below this part of the largest one, or below the residual, are directions along a
 # family of orbits, of which a system with an integral has one for each of its values.
 _LEAST = 1e-8
@@ -53,7 +49,6 @@ _ROUNDING = 2.0**-49  # of T, which shows where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase
 # States at which a motion with changes is looked at, and how often that time is doubled.
 _LOOKS, _DOUBLINGS = 512, 12
-_STEP = 1e-6  # of log T, for the difference quotient of a map
 _FAST = 10.0  # how much faster a start is than the state at which a search begins instead
 _AROUND = 1 / 16  # of the period before and after a state, in which it is the slowest
 
@@ -69,32 +64,19 @@ class Arcs:
     rates: FloatArray  # (M, D), derivatives of the ends by log T
 
 
-class Flow(Protocol):
-    """A motion or a map, as shooting sees it: both have arcs."""
-
-    drifts: NDArray[np.bool_]  # (D,) components of constant rates
-    is_forced: bool  # whether T is fixed, because others depend on one of them, or eps is given
-    keeps_phase: bool  # whether the fastest component of the first node stays, as with changes
-    has_slow_parts: bool  # whether a search may begin at a state that is slower than the start
-    rate: FloatArray  # (D,) f at the start
-    field: Any
-
-    def arcs(self, nodes: FloatArray, T: float) -> Arcs: ...
-
-    def states(self, x: FloatArray, times: Any) -> FloatArray: ...
-
-    def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]: ...
-
-
 class OfMotion:
-    """Arcs of the motion of a field, to a tolerance, with changes of the state at surfaces."""
+    """Arcs of the motion of a field, to a tolerance, with changes of the state at surfaces.
+
+    drifts       components of constant rates
+    is_forced    whether T is fixed, because others depend on one of them
+    keeps_phase  whether the fastest component of the first node stays, as with changes
+    """
 
     def __init__(
         self, field: Any, start: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
     ) -> None:
         self.field, self.settings = field, Settings(rtol)
         self.keeps_phase = bool(changes)
-        self.has_slow_parts = not changes
         self._stops = self._moving = self._listed = None
         acts: tuple[Act, ...] = ()
         if changes:
@@ -194,48 +176,11 @@ class OfMotion:
             yield t[is_taken], states[is_taken]
 
 
-class OfMap:
-    """One arc, of N steps of a map."""
-
-    has_slow_parts = keeps_phase = False
-
-    def __init__(
-        self, field: Any, rate: FloatArray, steps: int, method: Method, keeps_eps: bool
-    ) -> None:
-        self.field, self.count, self.method, self.rate = field, steps, method, rate
-        self.is_forced = keeps_eps
-        self.drifts = np.zeros(len(rate), bool)
-
-    def _run(self, x: FloatArray, eps: Any, **options: Any) -> Any:
-        options |= {"method": self.method, "on_singular": "ignore"}
-        return iterate(self.field, x, eps, self.count, **options)
-
-    def arcs(self, nodes: FloatArray, T: float) -> Arcs:
-        eps, (x,) = T / self.count, nodes
-        states = self._run(x, eps).states
-        near = self._run(x, eps * np.array([1 + _STEP, 1 - _STEP]), save_every=None).final
-        factors = jacobian(self.field, states[:-1], eps, method=self.method)
-        while len(factors) > 1:  # the later one of two is the left one
-            last = factors[len(factors) // 2 * 2 :]
-            factors = np.concatenate([factors[1::2] @ factors[: len(factors) - 1 : 2], last])
-        rates = (near[:1] - near[1:]) / (2 * _STEP)
-        return Arcs(nodes, T, states[-1:], factors, rates)
-
-    def states(self, x: FloatArray, times: Any) -> FloatArray:
-        """Return the states (n, D) after N steps each."""
-        found: FloatArray = self._run(x, times / self.count, save_every=None).final
-        return found
-
-    def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield times and states (n, D) after all steps."""
-        yield np.linspace(0.0, last, self.count + 1), self._run(x, last / self.count).states
-
-
 class Shooting:
     """A search that begins with arcs from nodes (M, D)."""
 
     def __init__(
-        self, flow: Flow, nodes: FloatArray, T: float, rtol: float, sizes: FloatArray
+        self, flow: OfMotion, nodes: FloatArray, T: float, rtol: float, sizes: FloatArray
     ) -> None:
         self.flow, self.rtol, self.drifts, self.sizes = flow, rtol, flow.drifts, sizes
         self._go_to(nodes, T)
@@ -276,10 +221,6 @@ class Shooting:
     def is_found(self) -> bool:
         return self.residual <= self.allowed
 
-    def differs_from(self, other: Arcs) -> float:
-        """By how much other ends of the arcs differ from these, as a residual."""
-        return float(abs(other.ends - self.arcs.ends)[:, ~self.drifts].max() / self.largest)
-
     def _step(self) -> tuple[FloatArray, float]:
         """Return the step of the nodes and of log T."""
         M, D = self.nodes.shape
@@ -311,26 +252,15 @@ class Shooting:
         return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improve(self) -> bool:
-        """Take a step, or a part of it; return whether the ends came nearer.
-
-        A long step along a curved family of orbits leaves it: next steps lead back. Maps need that,
-        which split a family into a few orbits that are hardly isolated.
-        """
-        tries = 1 + _BACK if isinstance(self.flow, OfMap) else 1
+        """Take a step, or a part of it; return whether the ends came nearer."""
         before, distance = self.arcs, self.distance
         change, of_T = self._step()
         for k in range(_HALVINGS):
             nodes, T = before.nodes + change / 2**k, before.T * float(np.exp(of_T / 2**k))
-            for _ in range(tries):
-                if not (np.isfinite(nodes).all() and np.isfinite(T)):
-                    break
+            if np.isfinite(nodes).all() and np.isfinite(T):
                 self._go_to(nodes, T)
                 if self.distance < distance:
                     return True
-                if self.distance > _BESIDE:
-                    break
-                back, of_T_back = self._step()
-                nodes, T = self.nodes + back, self.T * float(np.exp(of_T_back))
         self._take(before)
         return False
 
@@ -360,7 +290,7 @@ class Shooting:
         return self.is_found
 
 
-def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
+def found(flow: OfMotion, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
     """Return the search that found an orbit with at most so many arcs, or came nearest.
 
     Where states change fast, the rounding of T alone is a residual, and Newton's steps turn the
@@ -378,7 +308,7 @@ def found(flow: Flow, start: FloatArray, T: float, rtol: float, most: int) -> Sh
 
 
 def _found(
-    flow: Flow, start: FloatArray, T: float, rtol: float, most: int, sizes: FloatArray
+    flow: OfMotion, start: FloatArray, T: float, rtol: float, most: int, sizes: FloatArray
 ) -> Shooting:
     best = None
     for M in _ARCS:
@@ -408,7 +338,7 @@ def _found(
 
 
 def _sizes_and_slowest(
-    flow: Flow, start: FloatArray, T: float
+    flow: OfMotion, start: FloatArray, T: float
 ) -> tuple[FloatArray, FloatArray | None]:
     """Return by how much components vary, for the units in which steps are short.
 
@@ -425,7 +355,7 @@ def _sizes_and_slowest(
         sizes = abs(start)
     largest = sizes[own].max(initial=0.0) or 1.0
     sizes = np.maximum(np.where(own, sizes, 0.0), _LEAST_SIZE * largest)
-    if flow.is_forced or not flow.has_slow_parts or not finite.all():
+    if flow.is_forced or flow.keeps_phase or not finite.all():
         return sizes, None
     speeds = (abs(vector_field(flow.field, states)) / sizes)[:, own].max(axis=1)
     # As if the motion were periodic, the largest speed within a part of the period.

@@ -188,12 +188,8 @@ OF_FAMILIES = {
     "NumPy": lambda x, a, b, c: b * np.array(x) * np.float64(0.1) + a,
     "arrays of floats": lambda x, a, b, c: np.array([[a, b], [b, a]]) @ np.eye(2) * 0.1 @ x,
     "in place": lambda x, a, b, c: [*map(in_place, x, (a, b))],
-    "a branch": lambda x, a, b, c: (max(a, 0.2) * x[0], (b if b > 0 else 2.0) * x[1]),
-    "math": lambda x, a, b, c: (np.exp(a) * x[0] ** 2, a**0.5 * x[1] + abs(b)),
     "a type": lambda x, a, b, c: ((a if isinstance(a, float) else a * a) * x[0], x[1] * b),
-    "single precision": lambda x, a, b, c: (np.float32(0.1) * a * x[0], x[1] / np.float32(b)),
     "a degree that vanishes": lambda x, a, b, c: ((a - a) * x[0] ** 3, b * x[1]),
-    "a rounding": lambda x, a, b, c: (round(a, 1) * x[0], a % 0.1 * x[1]),
 }  # fmt: skip
 
 

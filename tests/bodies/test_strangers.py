@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.__main__ import main
 
 FIELD = {"body": "QuadraticField", "dimension": 2, "indices": [[0, 1], [1, 0], [2, 2]]}
 FIELD |= {"values": [1, -1]}
@@ -136,16 +135,10 @@ def write(path, entries, **others):
 
 
 @pytest.mark.parametrize("name", DICTIONARIES)
-def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path, capsys):
+def test_dictionaries_and_files_are_answered_at_once(name, saved, tmp_path):
     given, words = DICTIONARIES[name]
     assert re.search(words, str(seconds(sf.body_from_dict, given)))
     text = json.dumps(given)
-    (tmp_path / "body.json").write_text(text)
-    begin = time.process_time()
-    command = ["run", "--body", str(tmp_path / "body.json"), "--eps", "0.1", "--steps", "3"]
-    assert main(command) == 1
-    assert time.process_time() - begin < 2.0
-    assert "body.json" in capsys.readouterr().err
     body = io.BytesIO()
     np.save(body, text)
     write(tmp_path / "run.npz", saved, **{"body.npy": body.getvalue()})
@@ -164,33 +157,6 @@ def test_objects_in_files_of_runs_are_not_read(saved, tmp_path):
     for name in ("states", "about", "body"):
         write(path, saved, **{f"{name}.npy": objects.getvalue()})
         assert "run.npz" in str(seconds(sf.load, path))
-
-
-def test_stores_of_strangers(tmp_path):
-    """Metadata may say anything: sizes are bounded before chunks are sought."""
-    pytest.importorskip("zarr")
-    store = tmp_path / "runs.zarr"
-    sf.ensemble(sf.body_from_dict(BODY), [[1.0, 0.5]], 0.2, 10, store=store)
-    for name, shape in (
-        ("status", [10**12]), ("component", [10**12]), ("omega", [1, 10**12, 2]), ("final", None),
-    ):  # fmt: skip
-        whole = (store / "zarr.json").read_text()
-        group = json.loads(whole)
-        arrays = group["consolidated_metadata"]["metadata"]
-        if shape is None:
-            arrays[name]["codecs"].append({"name": "gzip", "configuration": {"level": 1}})
-        else:
-            arrays[name]["shape"] = shape
-        if name == "component":
-            arrays[name]["chunk_grid"]["configuration"]["chunk_shape"] = shape
-        (store / "zarr.json").write_text(json.dumps(group))
-        assert "damaged metadata" in str(seconds(sf.open_ensemble, store))
-        (store / "zarr.json").write_text(whole)
-    sf.open_ensemble(store)
-    starts = sf.RandomStarts(10**6, 2.0)
-    with pytest.raises(ValueError, match="chunk"):
-        sf.ensemble(sf.body_from_dict(BODY), starts, 0.2, 1, store=tmp_path / "new.zarr", chunk=1)
-    assert not (tmp_path / "new.zarr").exists()
 
 
 def test_names_that_python_would_read_as_others():

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, QuadraticField, body_from_dict, ensemble, flow
+from suslov_fast import Change, Field, QuadraticField, body_from_dict, flow
 
 
 def lorenz(x, rho, beta=8 / 3):
@@ -69,18 +69,6 @@ def states(field, time=0.5, **more):
     return flow(field, starts(field.dimension), time=[time / 2, time], **more).states
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_motions_take_the_shorter_list(name):
-    field, is_typed = make(name), CASES[name][-1]
-    by_terms = QuadraticField.from_terms(*field.terms, field.dimension)
-    assert ("typed" in field.to_dict()) is is_typed
-    for more in {}, {"derivatives": "x0"}, {"stiff": True}:
-        found, expected = states(field, **more), states(by_terms, **more)
-        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-8)
-        same = states(make(name, Field), **more) if is_typed else expected
-        assert np.array_equal(found, same)
-
-
 @pytest.mark.parametrize("name", ["products of sums", "Lorenz-96"])
 def test_what_was_typed_is_no_part_of_equality(name):
     field = make(name)
@@ -138,21 +126,3 @@ def test_f_is_not_called_again_where_its_list_is_no_shorter():
     states(pickle.loads(pickle.dumps(field)))
     states(field)
     assert len(calls) == made
-
-
-def test_f_that_has_changed_since_is_not_taken():
-    k = 1.0
-    field = QuadraticField.from_function(lambda x: (k * (x[1] - x[0]), x[0] * (k - x[1])), 2)
-    before = states(QuadraticField.from_terms(*field.terms, 2))
-    k = 3.0
-    assert np.array_equal(states(field), before)
-
-
-def test_a_store_is_finished_with_the_list_it_was_begun_with(tmp_path):
-    x, store = starts(3), tmp_path / "run.zarr"
-    field, time = make("products of sums"), [0.25, 0.5]
-    ensemble(field, x, time=time, store=store, progress=lambda *_: False)
-    with pytest.raises(ValueError, match="equations"):
-        ensemble(QuadraticField.from_terms(*field.terms, 3), x, time=time, store=store)
-    found = ensemble(WAYS["text"](field), x, time=time, store=store)
-    assert np.array_equal(found.x.values, states(field))

@@ -172,14 +172,17 @@ def test_machine_code_has_the_bits_of_numpy(rng, name, W):
 
 
 def test_angles_nearest_to_multiples_of_a_quarter():
-    """Whose remainders have the least and the most cancellation, below and from 2**31 on."""
+    """Whose remainders have the least and the most cancellation, below 2**31; larger of the C library."""
     angles = [6381956970095103.0 * 2.0**797, 5.319372648326541e255, 1e22, 2.0**31, 2.0**1023]
     angles += [math.nextafter(2.0**31, 0), math.pi, 1.5 * math.pi, 1e5 * math.pi, 11.0, 355.0]
     for k in range(-1, 31):  # the double nearest to a multiple of pi / 2 among those of a size
         angles += nearest_to_multiples(k)
     for name in ("sin", "cos", "tan"):
         for x in angles:
-            assert ulps(float(FUNCTIONS[name](x)), exact(name, [x])) < 0.9
+            if abs(x) < 2.0**31:
+                assert ulps(float(FUNCTIONS[name](x)), exact(name, [x])) < 0.9
+            else:
+                assert float(FUNCTIONS[name](x)) == getattr(math, name)(x)
 
 
 def nearest_to_multiples(k):

@@ -11,19 +11,9 @@ import pytest
 from llvmlite import binding
 
 import suslov_fast as sf
-from suslov_fast.core.code import compiler as machine_code, runs
+from suslov_fast.core.code import compiler as machine_code
 from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.fields import (
-    called_stages,
-    careful,
-    driver,
-    few_orbits,
-    long_tangent,
-    stage_by_columns,
-    steps as steps_field,
-    tangent,
-)
-from suslov_fast.core.fields.generated_tangent import text_of_orthonormalise, text_of_tangent
+from suslov_fast.core.fields import careful, driver, few_orbits, growth, steps as steps_field
 from suslov_fast.core.fields.stages import Stages
 from suslov_fast.engine import derivatives, stretches
 
@@ -50,7 +40,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((steps_field, "_step_of"), (tangent, "tangent_of")):
+    for module, name in ((steps_field, "_step_of"), (growth, "tangent_of")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -77,7 +67,7 @@ def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
 
     Texts declare all that they call: LLVM of the oldest Numba knows no function without.
     """
-    texts = [long_tangent.text_of_runs("f")]
+    texts = []
 
     def refuse(text, *others):
         texts.append(text)
@@ -89,7 +79,7 @@ def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
     monkeypatch.setattr(core_numba, "TESTED", (0, 1))
     with pytest.raises(RuntimeError, match=r"no such text.*pip install 'numba<0.2'"):
         CALLS[call]()
-    assert len(texts) > 2
+    assert len(texts) == 2
     for text in texts:
         known = re.findall(r"^(?:declare|define) [^@]*@([\w.]+)", text, re.MULTILINE)
         assert {*re.findall(r"call [^@]*@([\w.]+)", text)} <= {*known}
@@ -144,7 +134,7 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
+def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
     dense = sf.QuadraticField(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
     x0 = rng.normal(size=(21, 5)) * np.geomspace(1e-3, 30.0, 21)[:, None]
@@ -173,12 +163,9 @@ def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("by_columns", "text"),
-    [(0.0, driver.text_of_called_steps), (np.inf, stage_by_columns.text_of_stage_by_columns)],
-)
-def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_columns, text):
-    """Of the whole matrix, or by columns: within rounding of a list."""
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
+    """Loops over the whole matrix, or SuperLU: within rounding of a list."""
     x0 = rng.normal(size=(9, 3))
     populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
     populations[4] = np.nan
@@ -219,16 +206,13 @@ def test_fields_of_which_loops_take_elimination(rng, monkeypatch, anew, by_colum
         ]
 
     planned = found()
-    for name, size in (("BY_COLUMNS", by_columns), ("PRODUCTS", -1), ("OF_LATTICE", -1)):
+    for name, size in (("SPARSE", np.inf if is_sparse else 0.0), ("OF_DENSE", -1), ("OF_LATTICE", -1)):
         monkeypatch.setattr(f"suslov_fast.core.lists.sizes.{name}", size)
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.OF_CHAIN", -1)
     forget(monkeypatch)
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
-    made = {key[0] for key, *_ in machine_code.known_codes}  # which take no plan
-    assert made <= {text_of_orthonormalise, driver.text_of_called_steps, text}
 
 
 def test_old_codes_are_freed(monkeypatch, anew):
@@ -311,8 +295,7 @@ def test_what_machine_code_is_given_stays_alive():
     one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
     code = careful.careful.address
     for arguments, kept, *owners in (
-        (*lines._driver_arguments(0, 10, saved, 4, 1, code, None), lines, saved, code),
-        (*tangent.arguments_of(lines.scheme, *given, 20),),
+        (*lines._driver_arguments(0, 10, saved, 4, 1, code), lines, saved, code),
         (np.array(one[1]), one[-1]),
     ):
         places, arrays = places_in(kept, *owners), [a for a in kept if isinstance(a, np.ndarray)]
@@ -325,23 +308,6 @@ def test_what_machine_code_is_given_stays_alive():
             assert any(begin <= address <= end for begin, end in places)
 
 
-def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
-    """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
-    field = sf.QuadraticField.from_function(
-        lambda x: (x[1] * x[2], x[0] - x[1], x[0] ** 2 - x[2]), 3
-    )
-    indices, values = field.terms
-    scheme, x = steps_field.scheme_of(indices, 3), np.full((8, 3), 0.5)
-    notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
-    given = scheme, np.atleast_2d(values), np.array([0.1])
-    lines = steps_field._Lines(given, x, notes, 8)
-    stage = called_stages.StageByRuns(lines)
-    heads = weakref.ref(runs.programs_of(scheme.step, False)[0].runs.heads)
-    runs.programs_of.cache_clear()
-    assert heads() is not None
-    assert stage.programs[0].runs.heads is heads()
-
-
 @pytest.mark.slow
 def test_a_system_in_another_process_has_its_own_address():
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
@@ -352,22 +318,21 @@ def test_a_system_in_another_process_has_its_own_address():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text_of", [driver.text_of_steps, text_of_tangent])
-def test_frames(text_of):
+@pytest.mark.parametrize("with_columns", [False, True])
+def test_frames(with_columns):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
-    D = W = 8
+    D, W = 4 if with_columns else 8, 8
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     step = steps_field.scheme_of(np.transpose(indices), D).step
     options = False, 64, False
-    if text_of is text_of_tangent:
-        options = (False,)
-        step = tangent.tangent_of(step)
+    if with_columns:
+        step = growth.tangent_of(step, True)
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
     assert not step.is_long  # then no code of its own
     machine = target.create_target_machine(cpu="x86-64", features="", opt=2)
-    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, *options)))
+    code = machine.emit_assembly(binding.parse_assembly(driver.text_of_steps(step, "f", W, *options)))
     # The last function calls the others, one after the other.
     *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
     assert 0 < last + max(pieces, default=0) < 2**18

@@ -397,33 +397,6 @@ def test_orbits_that_are_not_stiff_stay_explicit():
         assert found.implicit_steps <= most * found.steps.sum()
 
 
-@pytest.mark.parametrize("B", [1, 9])
-def test_llvms_passes_after_many_steps(B, monkeypatch):
-    """Code is optimised after some steps, that of small implicit ones again, with the same bits."""
-    x0, found = np.linspace((2.0, 0.0), (1.0, 1.0), B), []
-    for steps in (0, 2**19, 10**7):
-        each = right_hand_side(van_der_pol, 2)
-        half = engine.half_of(each, True, False)
-        monkeypatch.setattr(half, "steps", steps)
-        states, *_ = motion(each, x0, [1.0, 900.0], 1e-7, stiff=True)
-        found.append((states, engine.code_of_half(half, 1 if B == 1 else engine.WIDTH, False)))
-    states, codes = zip(*found, strict=True)
-    assert all(np.array_equal(each, states[0]) for each in states)
-    assert len({*codes}) == 3
-
-
-def test_code_of_one_trajectory_is_optimised_after_some_steps():
-    f, x0, times = right_hand_side(van_der_pol, 2), np.array([[2.0, 0.0]]), np.array([3.0])
-    given = f, np.zeros(0), x0, times, 1.0, engine.Settings(1e-6, stiff=False)
-    first = few.take_few(*given)
-    own = engine.half_of(f, False, False)
-    usual = engine.code_of_half(own, 1, False)
-    assert own.steps == first[1]
-    own.steps = 2**20
-    assert_equal(few.take_few(*given)[:2], first[:2])
-    assert engine.code_of_half(own, 1, False) != usual
-
-
 # Values of the test set for initial value problems, and the most steps at each tolerance.
 @pytest.mark.parametrize(
     ("function", "x0", "last", "right", "steps"),

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.command.warm_up import where_code_is_kept
 from suslov_fast.core.compiling import cache, numba as core_numba
 from suslov_fast.core.suslov import (
     steps as steps_3d,
@@ -211,50 +210,6 @@ def test_without_private_names_of_numba(folder):
 
 
 # The code that a process takes from the cache, or compiles: functions with types of arguments.
-ASKED = """
-import sys
-from numba.core.caching import Cache
-asked, load = set(), Cache.load_overload
-
-def recorded(self, signature, target):
-    function = self._py_func
-    asked.add(f"asked {function.__module__}.{function.__qualname__}{signature}")
-    return load(self, signature, target)
-
-Cache.load_overload = recorded
-"""
-WARM_UP = f"""{ASKED}
-from suslov_fast.command.main import main
-main(["warm-up"])
-print(*asked, sep="\\n")
-"""
-PROMISES = f"""{ASKED}
-import pytest
-code = pytest.main(["-q", *sys.argv[1:]])
-print(*asked, sep="\\n")
-sys.exit(code)
-"""
-
-
-@pytest.mark.slow
-def test_nothing_is_compiled_after_warm_up():
-    """The cache may hold more, so what is asked of it counts."""
-
-    def asked(code, *arguments):
-        lines = children.run(code, *arguments, timeout=900).splitlines()
-        return lines[0], {line for line in lines if line.startswith("asked suslov_fast.")}
-
-    place, made = asked(WARM_UP)
-    assert place == where_code_is_kept()
-    assert any("suslov.steps.steps" in name for name in made)
-    # Each function, serially and in threads, and each kernel of steps.
-    words = "any_input or threads_and_stretches or states_saved"
-    tests = Path(__file__).parents[1] / "package" / "test_promises.py"
-    _, used = asked(PROMISES, tests, "-k", words)
-    assert any("suslov.steps.steps" in name for name in used)
-    assert used - made == set()
-
-
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     """What a newer one breaks ends in its own words, of no use to who installed the package."""
 

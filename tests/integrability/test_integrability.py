@@ -1,6 +1,5 @@
 """Exact computations for Kahan maps and other birational maps, against published results."""
 
-import _thread
 import functools
 import importlib
 import json
@@ -8,8 +7,6 @@ import math
 import pickle
 import random
 import re
-import signal
-import threading
 from fractions import Fraction as F
 from itertools import permutations, product
 
@@ -20,7 +17,6 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, iter
 
 pytest.importorskip("flint")
 
-import children
 import flint
 from papers import three_lines
 
@@ -35,7 +31,6 @@ from suslov_fast.integrability import (
     hk_bases,
     kahan,
     polynomials,
-    process,
     rational_map,
     reducible,
     report,
@@ -726,19 +721,14 @@ def test_decimals():
 
 
 @pytest.mark.slow
-def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
-    (tmp_path / "random.py").write_text("1 / 0")  # the current folder may hold anything
-    monkeypatch.chdir(tmp_path)
-    assert not report(CYCLE, EPS, time_limit=0).finished
-    assert repr(report(CUBIC, EPS, time_limit=1000)) == repr(reported(CUBIC, EPS))
-
+def test_a_report_that_is_cut_short():
     def interrupt(done, parts):
         if done >= 150:
             raise KeyboardInterrupt
 
-    for limit, progress in ((None, interrupt), (1000, interrupt), (None, lambda n, _: n < 150)):
+    for progress in (interrupt, lambda n, _: n < 150):
         with pytest.raises(KeyboardInterrupt) as stopped:
-            report(CYCLE, EPS, progress=progress, time_limit=limit)
+            report(CYCLE, EPS, progress=progress)
         found = stopped.value.report
         # Proofs come last.
         assert (found.growth.kind, len(found.integrals)) == ("quadratic", 2)
@@ -821,24 +811,6 @@ def test_a_density_up_to_sign():
     assert_holds(found)
 
 
-def test_a_search_that_never_ends(monkeypatch):
-    """The limit holds whatever the search does, and so does Ctrl-C.
-
-    Windows only notes Ctrl-C, as `interrupt_main` does; it ends no system call.
-    """
-    monkeypatch.setattr(process, "serve", children.never)
-    found = report(CYCLE, EPS, time_limit=0.05)
-    assert (found.finished, found.searched) == (False, [])
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
-    timer = threading.Timer(0.2, _thread.interrupt_main)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt) as stopped:
-        report(CYCLE, EPS, time_limit=1000)
-    timer.join()
-    signal.signal(signal.SIGINT, before)
-    assert not stopped.value.report.finished
-
-
 class Quantity(float):
     unit = "ms"
 
@@ -866,7 +838,6 @@ class Quantity(float):
         (ValueError, "degree", lambda: report(BODY, EPS, 0)),
         (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
         (ValueError, "eps", lambda: report(MAP, EPS)),
-        (ValueError, "time_limit", lambda: report(BODY, EPS, time_limit=-1)),
         (TypeError, "progress", lambda: report(BODY, EPS, progress=3)),
         (TypeError, "cofactor", lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1)),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),

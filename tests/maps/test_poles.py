@@ -140,11 +140,6 @@ def test_one_warning_for_all():
     assert messages == [message]
     assert repr(run).endswith("failed: 0 of 6, passed a pole: 2)")
     assert told(sf.lyapunov_exponents, HENON, starts, 1 / 16, 400)[1] == [message]
-    found, messages = told(sf.crossings, HENON, starts, 1 / 16, 400, lambda x: x[..., 1])
-    assert messages == [message]
-    assert repr(found).endswith("failed: 0 of 6, passed a pole: 2)")
-    assert found.ok
-    assert (found.failed_at == run.failed_at).all()
 
 
 @pytest.mark.parametrize(
@@ -156,20 +151,17 @@ def test_motions_that_cannot_escape(body, x):
     run, messages = told(iterate, body, x, 1.0, 50)
     assert messages == [message]
     assert told(run.extend, 5)[1] == []
-    assert told(sf.crossings, body, x, 1.0, 50, lambda x: x[..., 0])[1] == [message]
     assert told(sf.lyapunov_exponents, body, x, 1.0, 50)[1] == [message]
 
 
 def test_what_says_nothing():
     assert told(sf.step, HENON, iterate(HENON, ESCAPES, 1 / 16, 51).final, 1 / 16)[1] == []
-    for how in ("iterate", "crossings"):
-        more = (lambda x: x[..., 1],) if how == "crossings" else ()
-        given = HENON, ESCAPES, 1 / 16, 100, *more
-        run, messages = told(getattr(sf, how), *given, on_singular="ignore")
-        assert messages == []
-        assert run.status == Status.PASSED_POLE
-        # An error is for failures alone.
-        assert len(told(getattr(sf, how), *given, on_singular="raise")[1]) == 1
+    given = HENON, ESCAPES, 1 / 16, 100
+    run, messages = told(iterate, *given, on_singular="ignore")
+    assert messages == []
+    assert run.status == Status.PASSED_POLE
+    # An error is for failures alone.
+    assert len(told(iterate, *given, on_singular="raise")[1]) == 1
     half = iterate(*given[:3], 40)
     assert told(half.extend, 60, on_singular="ignore")[1] == []
     assert len(told(half.extend, 60, on_singular="raise")[1]) == 1
@@ -236,8 +228,8 @@ def test_a_failure_does_not_hide_the_pole_before_it():
 
 
 @quiet
-def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
-    """Widths, cuts, threads, saved states, ensembles and crossings find the same pole."""
+def test_signs_agree_for_all_ways_to_compute(rng):
+    """Widths, cuts and saved states find the same pole."""
     starts = rng.uniform(0.05, 3, (40, 2))
     given = PREY, starts, 0.1
     run = iterate(*given, 300, on_singular="ignore")
@@ -252,13 +244,6 @@ def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
     for steps in (40, 9, 250):
         cut = cut.extend(steps, on_singular="ignore")
     assert cut == run
-    data = sf.ensemble(*given, 300, store=tmp_path / "run.zarr", chunk=7)
-    assert (data.first_pole == run.first_pole).all()
-    points = sf.crossings(*given, 300, lambda x: x[..., 0] - 4, on_singular="ignore")
-    assert (points.first_pole == run.first_pole).all()
-    limits = run.first_pole[points.trajectory]
-    assert (points.valid == ((limits < 0) | (points.n + 1 < limits))).all()
-    assert 0 < points.valid.sum() < len(points)
 
 
 @pytest.mark.sampled(1)

@@ -19,12 +19,12 @@ OTHERS = {
         "solve_ivp(g, (0, T), x0, events=falls, **tight).y_events[0]",
         1e-6,
     ),
-    "crossings(field, x0, time=5, surface=top, most=5).states": (
+    "crossings(field, x0, time=5, surface=top, most=5, direction=1).states": (
         "solve_ivp(g, (0, 5), x0, events=rises, **tight).y_events[0][:5]",
         1e-5,
     ),
     "crossings(field, x0, time=5, surface=lambda x: 8 / 3 * x[..., 2] - x[..., 0] * x[..., 1], "
-    "most=5).states": ("solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]", 1e-5),
+    "most=5, direction=1).states": ("solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]", 1e-5),
     "lyapunov_exponents(field, x0, time=400, transient=20, rtol=1e-6)": (LORENZ, 0.05),
     "lyapunov_exponents(quadratic, x0, 1 / 128, 50_000, transient=2000) * 128": (LORENZ, 0.1),
     'flow(field, x0, time=T, derivatives="rho").derivative("rho")[0]': (
@@ -32,14 +32,10 @@ OTHERS = {
         "- odeint(lambda x, t: f(x, 27.999), x0, [0, T], **tight)[1]) / 0.002",
         1e-4,
     ),
-    "fixed_points(quadratic)": ([[-(72**0.5)] * 2 + [27], [0, 0, 0], [72**0.5] * 2 + [27]], 1e-12),
+    "fixed_points(quadratic, near=[9, 9, 27]).states": ([72**0.5] * 2 + [27], 1e-12),
     'iterate(quadratic, x0, eps=1 / 64, steps=128, method="order8").final': (
         "solve_ivp(g, (0, T), x0, **tight).y[:, -1]",
         1e-6,
-    ),
-    "crossings(quadratic, x0, 1 / 512, 1024, top).states": (
-        "solve_ivp(g, (0, T), x0, events=rises, **tight).y_events[0]",
-        0.05,
     ),
     "flow(ball, [1, 0], time=T, changes=bounce).x[0]": (BALL, 1e-9),
     "flow(drug, [0], time=T, changes=dose).x[0]": ([100 * (1 + np.exp(-1) + np.exp(-2))], 1e-9),

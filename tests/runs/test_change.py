@@ -98,7 +98,7 @@ def test_dataset_and_plot():
     assert data.dose.values.tolist() == [50.0, 50.0, 100.0, 100.0]
     np.testing.assert_array_equal(data.x, changes.states)
     np.testing.assert_array_equal(data.before, changes.before)
-    assert dict(data.sizes) == {"changed": 4, "component": 2}
+    assert dict(data.sizes) == {"event": 4, "component": 2}
     pytest.importorskip("matplotlib")
     dots = changes.plot("time", "gut", color="which").collections[0].get_offsets()
     np.testing.assert_allclose(dots, np.stack([changes.time, changes["gut"]], axis=1))
@@ -129,22 +129,3 @@ def test_a_change_serves_several_systems():
     body = sf.Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=1.0, changes=double)
     np.testing.assert_allclose(motion.omega, 2 * flow(body, [1.0, 0.5], time=1.0).omega, rtol=1e-8)
-
-
-def test_ensembles(tmp_path):
-    """A store has how often each change acted; tiles have times of their own."""
-    pytest.importorskip("zarr")
-    times = np.array([[0, 24, np.nan], [1, np.nan, np.nan], [2, 3, 4], [5, 6, 7]])
-    changes = [Change(times=times, to=DOSES.to), Change(lambda x: x[1] - 20, direction=1)]
-    given = {"time": [1.0, 8.0, 30.0], "changes": changes}
-    motion = flow(PK, [0.0, 0.0], **given)
-    store = tmp_path / "runs.zarr"
-    stored = sf.ensemble(PK, [0.0, 0.0], **given, store=store, chunk=1)
-    np.testing.assert_array_equal(stored.x, motion.x)
-    np.testing.assert_array_equal(stored["count"], motion.changes.count)
-    assert stored["count"].dims == ("trajectory", "change")
-    assert motion.to_xarray()["count"].equals(stored["count"].compute())
-    with pytest.raises(ValueError, match="changes: "):
-        sf.ensemble(PK, [0.0, 0.0], time=given["time"], changes=changes[0], store=store)
-    with pytest.raises(TypeError, match="changes must be left out"):
-        sf.ensemble(PK, [0.0, 0.0], 0.1, 3, changes=changes, store=store)

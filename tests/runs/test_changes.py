@@ -381,27 +381,6 @@ def test_derivatives_where_f_jumps_at_a_change():
     np.testing.assert_allclose(found, by_complex_steps(state, (1.0, 0.25)), rtol=1e-9)
 
 
-# -------------------------------------------------------------- sections, and periodic orbits
-@pytest.mark.parametrize("stiff", [None, True])
-def test_a_section_changes_no_bit(stiff):
-    x = np.random.default_rng(3).uniform(-0.2, 0.2, (11, 4))
-    field, time = Field.from_function(rates_of_henon_heiles, "x y p q"), np.linspace(1.0, 20.0, 7)
-    plain = flow(field, x, time=time, stiff=stiff)
-    sections = [Change("x"), Change(lambda s: s[1] - s[2], direction=1)]
-    for own in (x, x[4]):
-        found = flow(field, own, time=time, stiff=stiff, changes=sections)
-        of_plain = plain.x if own is x else plain.x[:, 4]
-        np.testing.assert_array_equal(found.x, of_plain)
-        values = np.where(
-            found.changes.which == 0,
-            found.changes.states[:, 0],
-            found.changes.states[:, 1] - found.changes.states[:, 2],
-        )
-        assert len(values) > 5
-        assert abs(values).max() < 1e-14
-        assert (np.diff(found.changes.time)[np.diff(found.changes.trajectory) == 0] >= 0.0).all()
-
-
 def test_a_dose_over_a_section_is_recorded():
     section = Change(lambda x: x[0] - 1)
     dose = Change(times=[0.0, 2.0], to=lambda x: (x[0] + 2,))

@@ -115,9 +115,10 @@ def test_a_jump_at_the_last_time_is_the_end():
     motion = sf.flow(stairs, [0.0, 0.0], time=3.0)
     np.testing.assert_allclose(motion.x, [[3.0, 3.0]], rtol=1e-12)
     assert motion.status == sf.Status.OK
-    points = sf.crossings(stairs, [0.0, 0.0], surface=lambda s: s[..., 0] - 2.0, time=3.0)
+    points = sf.crossings(
+        stairs, [0.0, 0.0], surface=lambda s: s[..., 0] - 2.0, time=3.0, direction=1
+    )
     np.testing.assert_allclose(points.time, [2.5], rtol=1e-9)
-    assert points.steps < 100
 
 
 def test_a_family_of_levels():

@@ -47,33 +47,14 @@ def test_memory(body):
         sf.iterate(body, np.ones((10**6, 2)), 0.1, 10**9)
     with pytest.raises(MemoryError):
         sf.exact(body, np.ones((10**6, 2)), 0.1, np.arange(10**6))
-    with pytest.raises(MemoryError):
-        sf.iterate(body, sf.RandomStarts(10**13, 1.0), 0.1, 3)
-    with pytest.raises(MemoryError, match=r"\b640 TB\b"):
-        sf.RandomStarts(10**13, 1.0).states(10**13)
     field, many = sf.QuadraticField.of(body), np.ones((10**6, 2))
     family = sf.Field.from_function(lambda x, a: (a * x[1], x[0]), 2, a=many[:, :1])
     for system, starts, needed in (  # three arrays of states
-        (field, sf.RandomStarts(10**13, 1.0), "480 TB"),
         (field, np.broadcast_to(1.0, (10**13, 2)), "480 TB"),
         (family, many, "48 TB"),
     ):
         with pytest.raises(MemoryError, match=rf"\b{needed}\b"):
             sf.flow(system, starts, time=1.0)
-
-
-def test_random_starts(body):
-    """A state depends on the seed and its index alone."""
-    starts = sf.RandomStarts((40, 50), extent=2.0, seed=3)
-    states = starts.states(2000)
-    box = sf.RandomStarts(2000, low=(0.5, 1.0), high=3.0).states(2000)
-    for found, low, high in ((states, [-2, -2], [2, 2]), (box, [0.5, 1.0], [3.0, 3.0])):
-        assert ((found >= low) & (found <= high)).all()
-        np.testing.assert_allclose([found.min(axis=0), found.max(axis=0)], [low, high], atol=0.03)
-    assert (starts.states(3, start=1234) == states[1234:1237]).all()
-    assert (sf.RandomStarts(2000, 2.0, 4).states(2000) != states).all()
-    run = sf.iterate(body, starts, 0.1, 2)
-    assert run == sf.iterate(body, states.reshape(40, 50, 2), 0.1, 2)
 
 
 def test_a_pole_of_three_components():

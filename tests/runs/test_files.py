@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import json
 import os
 import stat
 import threading
@@ -15,7 +14,6 @@ import xarray
 from test_trajectories import BODY, RUNS, run_of
 
 import suslov_fast as sf
-from suslov_fast.command.main import main as command
 from suslov_fast.runs.columns import FORMAT
 
 
@@ -39,7 +37,7 @@ def test_a_file_holds_all_of_a_run(name, path):
 
 
 def test_a_file_of_trajectories_that_fail_at_once(path):
-    """Or at their last step; and of orbits without crossings."""
+    """Or at their last step."""
     starts = [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]]
     body = sf.Suslov3D(1, 1, 1, 0)
     for steps, failed_at in ((0, [0, -1, -1]), (1, [0, 1, -1])):
@@ -47,20 +45,6 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
         assert run.failed_at.tolist() == failed_at
         run.save(path, overwrite=True)
         assert sf.load(path) == run
-        points = sf.crossings(
-            body, starts, 1.0, steps, lambda omega: omega[..., 0], on_singular="ignore"
-        )
-        assert points.failed_at.tolist() == failed_at
-        assert len(points) == 0
-        points.save(path, overwrite=True)
-        assert sf.load(path) == points
-    count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
-    points = sf.crossings(
-        count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0, most=2
-    )
-    assert points.n.tolist() == [0, 1]
-    points.save(path, overwrite=True)
-    assert sf.load(path) == points
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, None])
@@ -92,7 +76,7 @@ def test_existing_files(path):
     run.save(os.fspath(path), overwrite=True)
     assert sf.load(path) == run
     for name in ("run.nc", "run", "run.zarr"):
-        with pytest.raises(ValueError, match=r"^path.*\.npz.*ensemble"):
+        with pytest.raises(ValueError, match=r"^path.*\.npz"):
             run.save(path.with_name(name))
     with pytest.raises(FileNotFoundError, match=r"absent.+run\.npz"):
         run.save(path.parent / "absent" / "run.npz")
@@ -116,20 +100,14 @@ def test_files_of_other_formats_are_refused(path, change):
 
 
 def test_a_tilde_is_the_home_folder(path, monkeypatch):
-    """In names of files, of stores, and where a shell leaves it to the command."""
+    """In names of files."""
     monkeypatch.setenv("HOME", str(path.parent))
     monkeypatch.setenv("USERPROFILE", str(path.parent))
     monkeypatch.chdir(path.parent)
     run = run_of("one")
     run.save("~/run.npz")
     assert sf.load(Path("~/run.npz")) == run
-    made = sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5], 0.1, 5, store="~/runs.zarr")
-    assert sf.open_ensemble(path.parent / "runs.zarr").identical(made)
-    Path("body.json").write_text(json.dumps(run.body.to_dict()))
-    words = "run --body=~/body.json --eps .1 --steps 5 --trajectories 3 --output=~/some.npz"
-    assert command(words.split()) == 0
-    assert command(["info", "~/some.npz", "~/runs.zarr"]) == 0
-    assert sorted(os.listdir()) == ["body.json", "run.npz", "runs.zarr", "some.npz"]
+    assert sorted(os.listdir()) == ["run.npz"]
 
 
 def test_damaged_files(path):
@@ -150,7 +128,6 @@ FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
 SETTINGS = {"atol": 1e-12, "stiff": False, "max_step": 0.125, "derivatives": ("x0", "a")}
 OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
-    "Crossings": lambda: sf.crossings(BODY, [1.0, 0.5], 0.5, 99, "Omega2", direction=0),
     "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], **SETTINGS),
     "Motion with changes": lambda: sf.flow(
         FORCED,
@@ -161,7 +138,7 @@ OF_EACH_KIND = {
             sf.Change(times=[1.0, np.nan]),
         ],
     ),
-    "Crossings by a motion": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
+    "Events": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
 }
 
 

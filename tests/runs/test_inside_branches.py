@@ -264,10 +264,3 @@ def test_stairs_of_the_state():
     falling = field(lambda s: (1.0 - 2 * (s[0] > BEGIN).sum(),), "x")
     with pytest.warns(sf.PoleWarning, match="slide"):
         assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)
-
-
-def test_the_cost_of_conditions_does_not_depend_on_their_number():
-    f = field(lambda s: (((s[1] >= BEGIN) & (s[1] < BEGIN + 0.01)).sum(), 1.0))
-    lists = f.right_hand_sides[0].f
-    assert len(lists.f.operations) + len(lists.watch.operations) < 40
-    assert sf.flow(f, [0.0, 0.0], time=10.0).steps < 150

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.runs.columns import in_stores
+from suslov_fast.runs.columns import in_datasets
 
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -134,9 +134,8 @@ def test_results_keep_their_step_sizes():
     """Whoever changes the array that was passed changes no result."""
     eps = np.full(5, 0.2)
     run = sf.iterate(BODY, STARTS, eps, 3)
-    points = sf.crossings(BODY, STARTS, eps, 3, lambda omega: omega[..., 1])
     eps[:] = 9.0
-    for result in (run, run.extend(1), points):
+    for result in (run, run.extend(1)):
         assert (result.eps == 0.2).all()
 
 
@@ -173,7 +172,7 @@ def test_parameters_as_coordinates():
 def test_contents_of_a_dataset():
     run = run_of("turning")
     data = run.to_xarray()
-    others = {column.short for column in in_stores("Trajectories", "turns")} - {"states"}
+    others = {column.short for column in in_datasets("Trajectories", "turns")} - {"states"}
     assert {*data.variables} - others == {*"omega n time eps component I1 I2 I13 I23".split()}
     assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
     assert data.omega.dims == ("n", "trajectory", "component")
@@ -197,13 +196,9 @@ def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
         run = sf.iterate(BODY, STARTS[0], times, 100)
     assert run.omega.shape == (101, 100 + more, 2)
     with pytest.warns(UserWarning, match=how):
-        sf.crossings(BODY, STARTS[0], times, 100, lambda x: x[..., 0])
-    with pytest.warns(UserWarning, match=how):
         sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
     with pytest.warns(UserWarning, match=how):
         sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
-    with pytest.warns(UserWarning, match=how):
-        sf.ensemble(BODY, STARTS[0], times, 100, store=tmp_path / "run.zarr")
     for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
         sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
 

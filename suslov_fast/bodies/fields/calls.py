@@ -11,7 +11,6 @@ import numpy as np
 
 from ...checks import OF_SYMBOLS, arguments_of, either, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
-from ...words import answer
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
@@ -42,7 +41,7 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         how = "pass lambda x: ..."
         if unknown and isinstance(parameters.get("names"), (str, list, tuple)):
             how = 'pass the names of variables in place of the dimension, as "u v w"'
-        elif argument == "H" and unknown and answer(unknown[0], ["K"], "from_hamiltonian"):
+        elif argument == "H" and unknown and unknown[0] in ("J", "poisson", "structure"):
             how = "pass a constant matrix as K, of x' = K H'(x)"
         elif unknown:
             near = get_close_matches(unknown[0], known, 1, 0.6)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,6 +17,7 @@ from ... import checks
 from ...checks import FloatArray, short, wrong
 from ...keywords import public, public_class
 from ..base import Body
+from .calls import operands_of_function
 from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
 from .field_of_terms import (
     H_INDICES,
@@ -39,8 +39,7 @@ from .terms import (
     slopes_at,
     values_at,
 )
-from .tracing import terms_of_function
-from .typed import Typed, equations_of
+from .tracing import terms_of
 
 
 @public_class
@@ -172,8 +171,11 @@ class QuadraticField(_FieldOfTerms):
     def _by_function(
         cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: None
     ) -> QuadraticField:
-        terms, count = terms_of_function("f", f, names, values, 2)
-        typed = Typed(count, partial(equations_of, "f", f, names, [*values]))
+        from .general import Equations
+
+        tracer, rows = operands_of_function("f", f, names, values)
+        typed = Equations(names, [*values], tracer.values, rows)
+        terms = terms_of("f", typed, typed.results, values)
         field = cls._of({**parts_of(terms, names), **values, TYPED: typed})
         return field._made_by(cls.from_function, f, names)
 
@@ -182,8 +184,13 @@ class QuadraticField(_FieldOfTerms):
         cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
     ) -> QuadraticField:
         matrix = structure_matrix(K, len(names), names)
-        energy, count = terms_of_function("H", H, names, values, 3)
-        typed = Typed(2 * count, partial(equations_of, "H", H, names, [*values], matrix))
+        from .general import of_hamiltonian as equations_of_hamiltonian
+
+        tracer, [energy] = operands_of_function("H", H, names, values)
+        typed = equations_of_hamiltonian(tracer, names, [*values], energy, matrix)
+        own = _of_energy(typed)
+        energy = terms_of("H", own, [own.H], values)
+        typed = own.__class__(names, [*values], typed.values, typed.results)
         field = cls._of_hamiltonian(energy, matrix, {NAMES: names, **values, TYPED: typed})
         return field._made_by(cls.from_hamiltonian, H, names, K)
 
@@ -229,22 +236,6 @@ class QuadraticField(_FieldOfTerms):
     def field(self) -> QuadraticField:
         return self
 
-    @property
-    def components(self) -> tuple[Any, ...]:
-        """The components as ``flint.fmpq_mpoly`` in the variables; needs python-flint.
-
-        If a name is not ASCII, which flint refuses, the variables are x1, ..., xD.
-        """
-        flint = checks.extra("flint", "algebra")
-        names = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
-        context = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
-        D = self.dimension
-        rows: list[dict[Any, Any]] = [{} for _ in names]
-        for (i, *factors), c in self._exact.members():
-            powers = tuple(factors.count(m) for m in range(D))
-            rows[i][powers] = flint.fmpq(*c.as_integer_ratio())
-        return tuple(map(context.from_dict, rows))
-
     def _value_at(self, x: Any) -> Any:
         """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
         terms = Terms(self.parts[INDICES], self.parts[VALUES])
@@ -273,7 +264,7 @@ class QuadraticField(_FieldOfTerms):
         if (field := self._as_typed[1]) is not None:
             written = field.to_dict()
             own = {n: written[n] for n in ("definitions", "equations") if n in written}
-            texts["typed"] = {"operations": self._typed.count, **own}
+            texts["typed"] = own
         size = {"body": type(self).__name__, "dimension": self.dimension}
         return {**size, **to_lists(found | values), **texts}
 
@@ -294,7 +285,10 @@ class QuadraticField(_FieldOfTerms):
         names = variables("names", names, D)
         others = {NAMES: names, **named_parameters(parameters or {}, names)}
         if typed is not None:
-            others[TYPED] = Typed.read(typed, names, parameters)
+            checks.instance("typed", typed, Mapping)
+            from .general import Field
+
+            others[TYPED] = Field.read(names, **typed, parameters=parameters)._equations
         if H is None and K is None:
             terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
             return cls._of({**parts_of(terms, names), **others})
@@ -302,3 +296,11 @@ class QuadraticField(_FieldOfTerms):
             raise ValueError("the parameters hold both coefficients and H: keep one of them")
         energy, matrix = of_hamiltonian(H, D), structure_matrix(K, D)
         return cls._of_hamiltonian(energy, matrix, others)
+
+
+def _of_energy(equations: Any) -> Any:
+    """Return equations with the list of H alone."""
+    from .general import Equations
+
+    names, parameters = equations.names, equations.parameters
+    return Equations(names, parameters, equations.values, [], equations.H)

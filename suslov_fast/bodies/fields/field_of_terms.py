@@ -34,11 +34,7 @@ from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
 INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
 H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
 TYPED = "f as typed"
-# Attributes of stores. A parameter with one of these names gets another one there.
-_OF_STORES = frozenset(
-    "H K body coords definitions dims eps equations format functions indices map method names "
-    "omega0 save_every shared steps tiled title values version attitude".split()
-)
+
 
 LONGEST = 300  # characters of a repr
 _LONG = 4000  # terms, above which a dense field is taken by loops
@@ -331,7 +327,7 @@ class _FieldOfTerms(FieldOfFunction):
 
     axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
 
-    _typed: Any  # a `typed.Typed`, or None where no function made this field
+    _typed: Any  # `Equations`, or None where no function made this field
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store the terms of f, or those of H and K with or without them, names and parameters."""
@@ -373,19 +369,6 @@ class _FieldOfTerms(FieldOfFunction):
         return self._of, ({**self.parts, NAMES: self.names, TYPED: typed},)
 
     @property
-    def described(self) -> dict[str, Any]:
-        parts = self.parts
-        arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
-        if self.H is not None:
-            arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
-        names = (f"parameter {n}" if n in _OF_STORES else n for n in self.coordinates)
-        arrays |= dict(zip(names, self.parameters.values(), strict=True))
-        texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
-        kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
-        found = {name: np.asarray(a, kinds.get(name, np.float64)) for name, a in arrays.items()}
-        return found | texts
-
-    @property
     def K(self) -> Any:
         """The matrix of a Hamiltonian field, made where it is used; None for other fields."""
         if self.H is None:
@@ -416,23 +399,15 @@ class _FieldOfTerms(FieldOfFunction):
     @cached_property
     def _as_typed(self) -> tuple[NDArray[np.int64], Any]:
         """The members (K,) whose motion takes f as it was typed, and the `Field` of that f."""
-        members = np.zeros(0, np.int64)
-        if self._typed is not None:
-            terms, named = (self._terms[0], self._rows), self._named_values
-            is_shorter = self._typed.is_shorter(*terms, named, self.dimension)
-            members = np.flatnonzero(is_shorter)
-        if not len(members):
-            return members, None
-        values = dict(zip(self.coordinates, (row[members] for row in named), strict=True))
-        if not self.shape:
-            values = {name: row.item() for name, row in values.items()}
-        return members, self._typed.field(values)
+        if self._typed is None:
+            return np.zeros(0, np.int64), None
+        from .general import EQUATIONS, Field
 
-    @property
-    def of_motion(self) -> dict[str, str]:
-        field = self._as_typed[1]
-        texts = {} if field is None else field.described
-        return {name: texts[name] for name in ("definitions", "equations") if name in texts}
+        parts = {NAMES: self._typed.names, EQUATIONS: self._typed}
+        count = math.prod(self.shape)
+        values = [row if self.shape else row.item() for row in self._named_values]
+        named = dict(zip(self.coordinates, values, strict=True))
+        return np.arange(count), Field._of(named | parts)
 
     @cached_property
     def right_hand_sides(self) -> list[OfMembers]:
@@ -559,7 +534,7 @@ def _of_form(
     is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
     values, results, count = expressions_of(places, D, is_one, is_minus_one, P)
     if acts is None:
-        return RightHandSide(values, results, count, twice=twice)
+        return RightHandSide(values, results, count)
     return with_fixed_choices(values, results, count, (), twice, acts)
 
 

@@ -184,14 +184,6 @@ class Field(FieldOfFunction):
         each = tuple((a.shape, *a.ravel().tolist()) for a in values.values())
         return self._equations.key, each
 
-    @property
-    def described(self) -> dict[str, Any]:
-        definitions, equations = self._equations.texts
-        texts = {"names": ", ".join(self.names), "equations": "; ".join(equations)}
-        texts["definitions"] = "; ".join(f"{n} = {text}" for n, text in definitions.items())
-        arrays = {} if self.K is None else {"K": self.K}
-        return arrays | self.arrays | texts
-
     @public
     def field(self) -> Any:
         raise TypeError(f"system: {NO_MAP}")

@@ -19,7 +19,7 @@ from ...checks import OF_SYMBOLS, short
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp
 from ...core.lists.right_hand_side import Expressions
 from ...core.lists.step import OF_TRUTH_VALUES
-from ...words import answer
+from ...words import OF_ARRAYS
 from .texts import brief
 
 TABLES = "np.interp for a table, of a fine one for a spline, np.where for steps"
@@ -194,7 +194,7 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
     record = FUNCTIONS.get(OTHER_NAMES.get(own, own))
     if record is None:
         known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
-        how = answer(name, (), "f")
+        how = OF_ARRAYS.get(name)
         how = f"write {how}" if how else f"f may call {', '.join(known)}"
         raise Untraceable(f"calls {name}, which has no rule: {how}")
     return functools.partial(applied, own), record.operands
@@ -332,7 +332,7 @@ def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -
     """Return what a function of NumPy, written in Python, is of arrays of symbolic numbers."""
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
-    if answer(called.__name__, (), "f") or not hasattr(called, "_implementation"):
+    if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
         _function(called.__name__)
     return _wrapped(called._implementation(*args, **options))
 
@@ -403,7 +403,7 @@ class Symbol:
 
         def __getattr__(self, name: str) -> Any:
             """Return a method: NumPy calls that of an object for each entry of an array."""
-            if name.startswith("_") or not (name in _METHODS or answer(name, (), "f")):
+            if name.startswith("_") or not (name in _METHODS or name in OF_ARRAYS):
                 raise AttributeError(f"a symbol has no attribute {name!r}: it is a number")
             return functools.partial(_function(name)[0], self)
 

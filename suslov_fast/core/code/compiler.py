@@ -57,20 +57,19 @@ def common_code_of(text_of, *options):
     return compiled((text_of, *options), lambda name: text_of(name, *options))
 
 
-def compiled(key, text_of, level=2, lasts=False, passes=False):
+def compiled(key, text_of, level=2, lasts=False):
     """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
 
-    `key` tells the text from others; `level` is that of LLVM's optimisation, which takes three
-    times as long with `passes` over its text.
+    `key` tells the text from others; `level` is that of LLVM's optimisation.
     """
-    key = key, level, passes, lasts
+    key = key, level, lasts
     with _lock:
         if key not in known_codes:
             _free_old()
             name = f"code_{next(_numbers)}"
             text = text_of(name)  # an error here is the package's own
             try:
-                known_codes[key] = _compile(text, name, level, lasts, passes)
+                known_codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
             except (RuntimeError, AttributeError, TypeError) as error:
                 text = f"LLVM refuses the code of a field ({error})"
@@ -92,13 +91,9 @@ def _free_old():
                 _engines.pop(key, None)
 
 
-def _compile(text, name, level, lasts, passes):
+def _compile(text, name, level, lasts):
     """Return the address of the function with this name in a text."""
     module, kind = binding.parse_assembly(text), (level, lasts)
-    if passes:
-        options = binding.create_pipeline_tuning_options(speed_level=1)
-        builder = binding.create_pass_builder(_machine(level), options)
-        builder.getModulePassManager().run(module, builder)
     if kind in _engines:
         _engines[kind].add_module(module)
     else:

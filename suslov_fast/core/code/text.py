@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..lists.far import LIMIT, PARTS, text_of_far
+from ..lists.functions import FAR, OF_ANGLES
 from ..lists.step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 from ..lists.tables import LARGEST, Table, is_table
 from .compiler import pointer
@@ -273,8 +273,6 @@ class Code:
         self.W, self.target, self.size = W, target or self, size or 8 * W
         self.lines, self.count, self.blocks = [], 0, 0
         self.declared, self.functions, self.arrays_of_text = set(), {}, []
-        self.has_runs, self.called = False, frozenset()
-        self._usual = {}  # whether no lane is far, by operand
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
         self.I = f"<{W} x i64>" if W > 1 else "i64"
@@ -658,8 +656,6 @@ class Code:
                 name = self.compare(instruction, *names)
             elif instruction in OF_BITS:
                 name = self._operate_on_bits(instruction.removeprefix("bits_"), *names)
-            elif instruction in PARTS:
-                name = self._far_part(instruction, *names)
             elif instruction in OF_LISTS:
                 name = self._call_list(instruction, names)
             elif instruction in OF_LIBRARY:
@@ -697,46 +693,20 @@ class Code:
             text.add(f"define internal {self.V} @{function}({given}) #0 {{")
             text.label("entry")
             text.carry_out(operations, values, None)
-            text.add(f"  ret {self.V} {values[result]}")
+            value = Value(text, values[result])
+            if name in OF_ANGLES:
+                value = text._of_far_angles(name, value)
+            text.add(f"  ret {self.V} {value}")
             self.target.functions |= text.functions | {function: [*text.lines, "}"]}
             self.target.declared |= text.declared
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
-    def _far_part(self, instruction, x, usual):
-        """Return a value of `far.remainder` for lanes from LIMIT on, else `usual`."""
-        target, label = self.target, f"{instruction}_{self.target.count}"
-        before = target.block
-        if x not in self._usual:  # once for all values of x
-            self._usual[x] = self._is_far(Value(self, x)).bits().equals(0)
-        is_usual = self._usual[x]
-        target.branch(is_usual, f"{label}_end", label, likely=True)
-        target.label(label)
-        operands = f"{self._typed([x, usual])}, i64 {[*PARTS].index(instruction)}"
-        far = self.new(f"call {self.V} @far_{self.W}({operands})")
-        target.jump(f"{label}_end")
-        target.label(f"{label}_end")
-        if f"far_{self.W}" not in target.functions:
-            target.functions |= {"far": [text_of_far(pointer)], f"far_{self.W}": self._far_lanes()}
-            target.declared.add("declare i192 @llvm.ctlz.i192(i192, i1)")
-        return self.new(f"phi {self.V} [ {usual}, %{before} ], [ {far}, %{label} ]")
+    def _of_far_angles(self, name, value):
+        """Return the value of the C library where an angle x0 is far, else `value`."""
+        is_far = abs(Value(self, "%x0")) >= FAR
+        self.declared.add(f"declare double @{name}(double)")
 
-    def _is_far(self, x):
-        return (x >= LIMIT) & (x < np.inf)
+        def of_library():
+            return [is_far.select(Value(self, self._by_lane(f"double @{name}", ["%x0"])), value)]
 
-    def _far_lanes(self):
-        """Return the lines of the function for `_far_part`, which loops over lanes."""
-        text = Code(self.W)
-        one = text.lanes(1)
-        operands = f"{self.V} %x, {self.V} %usual, i64 %number"
-        text.add(f"define internal {self.V} @far_{self.W}({operands}) #0 {{")
-        text.label("entry")
-        memory = text.new(f"alloca {self.V}, i64 2, align 64")
-        memory = text.array(text.new(f"ptrtoint {pointer(self.V)} {memory} to i64"))
-        memory[0], memory[1] = Value(text, "%x"), Value(text, "%usual")
-        for lane in text.each(self.W):
-            given, result = (one.array(memory.at(k) + lane * 8) for k in range(2))
-            x = given[0]
-            with text.when(one._is_far(x)):
-                result[0] = Value(one, text.new(f"call double @far(double {x}, i64 %number)"))
-        text.add(f"  ret {self.V} {memory[1]}")
-        return [*text.lines, "}"]
+        return self.otherwise(is_far.bits().equals(0), [value], of_library)[0]

@@ -4,6 +4,7 @@ Such a lane solves A(x) x_next = x + (eps/2) l x + eps c, A(x) = 1 - (eps/2) f'(
 are the linear and constant parts of the field f.
 """
 
+import math
 from collections import namedtuple
 from typing import Any, NamedTuple
 
@@ -86,7 +87,39 @@ class LineArrays(NamedTuple):
     failed_at: Any  # (B,)
     poles: Any  # (B,), the first state beyond a pole, negative if a change of sign told it
     marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
-    memory: Any  # (D (D + 4) + T,)
+    memory: Any  # (D (D + 4) + T,), and (D + 1) D for columns
+    own_D: Any  # components of x, without columns
+
+
+@function
+def take_columns(arrays, line, l, half, after, tangent, units):
+    """Multiply the columns of a lane by DPhi, and orthonormalise them, before its state changes."""
+    D, x = len(after), arrays.x[line, :, l]
+    fill_system(arrays.indices, half, -1.0, after, tangent)
+    for i in range(D):
+        for r in range(D):
+            tangent[i, D + r] = 0.0
+            for j in range(D):
+                tangent[i, D + r] += tangent[i, j] * x[D * (1 + r) + j]
+    fill_system(arrays.indices, half, 1.0, x[:D], tangent)
+    solve(tangent, units)
+    for r in range(D):
+        for s in range(r if len(x) > D * (1 + D) else 0):
+            part = 0.0
+            for i in range(D):
+                part += tangent[i, D + s] * tangent[i, D + r]
+            for i in range(D):
+                tangent[i, D + r] -= part * tangent[i, D + s]
+        length = 1.0
+        if len(x) > D * (1 + D):
+            square = 0.0
+            for i in range(D):
+                square += tangent[i, D + r] * tangent[i, D + r]
+            length = math.sqrt(square)
+            x[D * (1 + D) + r] += math.log(length) if length > 0.0 else -np.inf
+        for i in range(D):
+            tangent[i, D + r] = tangent[i, D + r] / length if length > 0.0 else 0.0
+            x[D * (1 + r) + i] = tangent[i, D + r]
 
 
 @function
@@ -96,13 +129,14 @@ def step_carefully(arrays, first, line, bad, negative, n):
     A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
     took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
     """
-    D, W, T = arrays.x.shape[1], arrays.x.shape[2], arrays.halves.shape[1]
+    D, W, T = arrays.own_D, arrays.x.shape[2], arrays.halves.shape[1]
     stages = len(arrays.fractions)
     fraction, n = arrays.fractions[n % stages], first + n // stages + 1
     memory, halves = arrays.memory, arrays.halves
     system = memory[: D * (D + 1)].reshape((D, D + 1))
     units = memory[D * (D + 1) : D * (D + 3)].reshape((2, D))
-    state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) :]
+    state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) : D * (D + 4) + T]
+    tangent = memory[D * (D + 4) + T :].reshape((D, 2 * D))
     for l in range(W):
         bit, i = 1 << l, line * W + l
         beyond, changed, status = negative & bit != 0, (negative >> CHANGED) & bit != 0, OK
@@ -113,7 +147,9 @@ def step_carefully(arrays, first, line, bad, negative, n):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
             status, beyond = solve_lane(arrays.indices, half, state, system, units)
             if stages == 1:
-                changed = changes_sign(arrays.indices, arrays.x[line, :, l], state)
+                changed = changes_sign(arrays.indices, arrays.x[line, :D, l], state)
+            if arrays.x.shape[1] > D:
+                take_columns(arrays, line, l, half, state, tangent, units)
             for j in range(D):
                 arrays.x[line, j, l] = state[j]
         if status != OK:
@@ -128,17 +164,18 @@ def step_carefully(arrays, first, line, bad, negative, n):
 
 # Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have
 # parameters of their own and 0 if not, and the number of the state before the first step.
-_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first")
-Arguments = namedtuple("Arguments", (*LineArrays._fields, *_NUMBERS))
+_NUMBERS = ("own_D", "lines", "D", "W", "T", "for_each", "stages", "B", "first")
+Arguments = namedtuple("Arguments", (*LineArrays._fields[:-1], *_NUMBERS))
 PLACE = Arguments(*range(len(Arguments._fields)))
 _COUNT = len(PLACE)
 
 
 def arguments_of(arrays, first):
     """Return the array for `careful`; it holds addresses of these `LineArrays`."""
-    addresses, (lines, D, W) = [array.ctypes.data for array in arrays], arrays.x.shape
+    addresses, (lines, D, W) = [array.ctypes.data for array in arrays[:-1]], arrays.x.shape
     arguments = Arguments(
         *addresses,
+        own_D=arrays.own_D,
         lines=lines,
         D=D,
         W=W,
@@ -156,6 +193,7 @@ def careful(address, line, bad, negative, n):
     """Call `step_carefully` for machine code, with the address of its `Arguments`."""
     a = array_at(address, (_COUNT,), np.int64)
     count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]
+    own = a[PLACE.own_D]
     shape = (count, T, W) if a[PLACE.for_each] else (1, T, 1)
     lines = LineArrays(
         array_at(a[PLACE.x], (count, D, W), np.float64),
@@ -166,6 +204,7 @@ def careful(address, line, bad, negative, n):
         array_at(a[PLACE.failed_at], (B,), np.int64),
         array_at(a[PLACE.poles], (B,), np.float64),
         array_at(a[PLACE.marks], (2, count), np.uint8),
-        array_at(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
+        array_at(a[PLACE.memory], (own * (3 * own + 4) + T,), np.float64),
+        own,
     )
     step_carefully(lines, a[PLACE.first], line, bad, negative, n)

@@ -1,36 +1,44 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
 Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `careful`) without row exchanges. A(x) is
-filled by columns, so that each coefficient is read once. Lanes that lose digits take the step by
-`careful`.
+filled by columns, so that each coefficient is read once. Lanes that lose digits take the step as
+those of `careful` do.
 """
 
 import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
-from ..compiling.arrays import array_at
-from ..compiling.codes import CHANGED
+from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.elimination import simd_max, simd_min
-from ..compiling.numba import c_function, function
+from ..compiling.llvm import lesser
+from ..compiling.numba import function, kernel, pick, share
 from ..lists.planned_elimination import LEAST_PIVOT
 from ..lists.step import of_one_sign
-from .careful import crosses_0
+from .careful import crosses_0, solve_lane
+from .lines import note_undefined
+
+LANES = np.int64(8)  # that read the same coefficients
 
 
-class Spans(NamedTuple):
-    """The terms v x_j x_k of a field as spans, of rows that follow each other; x_D is 1."""
+class Dense(NamedTuple):
+    """Dense fields, and the stages of a step.
+
+    The terms v x_j x_k stand in spans, of rows that follow each other; x_D is 1.
+    """
 
     spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
     terms: Any  # (T,), the term of each coefficient
     of_one_sign: Any  # (D,), true for components that keep their sign along the motion
+    indices: Any  # (3, T), of the terms
+    fractions: Any  # (stages,), of eps
+    values: Any  # (1 or B, T)
+    eps: Any  # (1 or B,)
 
 
 @functools.lru_cache(8)
-def spans_of(step):
-    """Return the `Spans` of a step."""
+def _spans_of(step):
     i, j, k = step.indices
     terms = np.lexsort((i, k, j))
     i, j, k = i[terms], j[terms], k[terms]
@@ -38,7 +46,22 @@ def spans_of(step):
     follows[1:] = (j[1:] == j[:-1]) & (k[1:] == k[:-1]) & (i[1:] == i[:-1] + 1)
     [at] = np.nonzero(~follows)
     spans = np.stack([j[at], k[at], i[at], np.diff(np.append(at, len(i))), at], axis=1)
-    return Spans(spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]))
+    return spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
+
+
+def dense_steps_of(arguments, omega0, carry, span, saved, final, status, failed_at):
+    """Return the arguments of `take_dense_steps` for those of `suslov.steps.steps`."""
+    (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
+    own = slice(begin, end)
+    if start == 0:
+        final[own] = omega0[own]
+        note_undefined(final[own], (status[own], failed_at[own], carry[0, own]))
+        final[own][status[own] < 0] = np.nan
+        if every:
+            saved[row, own] = final[own]
+            row += 1
+    field = Dense(*_spans_of(scheme.step), np.array(scheme.stages.fractions), *parameters)
+    return field, carry, (begin, end, start, stop, every, row), saved, final, status, failed_at
 
 
 @function
@@ -105,61 +128,76 @@ def solve_rows(a, most):
     return least > LEAST_PIVOT * largest, negative
 
 
-class DenseStage(NamedTuple):
-    """The integers of the array that `take_dense_stage` takes."""
-
-    D: int
-    W: int
-    spans: int  # address of `Spans.spans`, and their number
-    count: int
-    T: int
-    for_each: int  # 1 if lanes have coefficients of their own
-    of_one_sign: int  # address of `Spans.of_one_sign`
-    tells_signs: int  # 1 if the stage is a whole step
-    memory: int
-
-
-PLACE = DenseStage(*range(len(DenseStage._fields)))
+@function
+def step_lane(indices, half, a, x, system, units):
+    """Replace x (D,) by the next state, where `fill` has filled a; return status, and det A < 0."""
+    D, undefined = len(x), 0.0
+    is_good, negative = solve_rows(a, np.inf)
+    for i in range(D):
+        undefined += 0.0 * a[i, D]
+    if not is_good or undefined != 0.0:
+        return solve_lane(indices, half, x, system, units)
+    for i in range(D):
+        x[i] = a[i, D]
+    return OK, negative
 
 
-def memory_of_stage(D, W):
-    """Return how many numbers of memory `take_dense_stage` needs."""
-    return W * (2 * D * (D + 1) + D + 1)
+@function
+def prepare(field, i, l, halves, coefficients):
+    """Write h v of the terms of trajectory i, lane l, for each stage, in both orders."""
+    values, eps = field.values[i if len(field.values) > 1 else 0], pick(field.eps, i)
+    for s in range(len(field.fractions)):
+        for t in range(len(values)):
+            halves[s, l, t] = field.fractions[s] * (0.5 * eps * values[t])
+        for t in range(len(values)):
+            coefficients[s, l, t] = halves[s, l, field.terms[t]]
 
 
-@c_function(types.int64(*[types.int64] * 3))
-def take_dense_stage(address, table, plan):
-    """Take a stage of a line x (D, W), in place, as `runs_code.text_of_stage_by_runs`.
-
-    The table has eps / 2 times the values of terms (1 or W, T); `plan` is that of a `DenseStage`.
-    """
-    p = array_at(plan, (len(PLACE),), np.int64)
-    D, W = p[PLACE.D], p[PLACE.W]
-    spans = array_at(p[PLACE.spans], (p[PLACE.count], 5), np.int64)
-    of_one_sign = array_at(p[PLACE.of_one_sign], (D,), np.bool_)
-    lanes, size = W if p[PLACE.for_each] else 1, 8 * W * D * (D + 1)
-    coefficients = array_at(table, (lanes, p[PLACE.T]), np.float64)
-    x = array_at(address, (D, W), np.float64)
-    a = array_at(p[PLACE.memory], (W, D, D + 1), np.float64)
-    columns = array_at(p[PLACE.memory] + size, (W, D + 1, D), np.float64)
-    states = array_at(p[PLACE.memory] + 2 * size, (W, D + 1), np.float64)
-    for l in range(W):
-        states[l, D] = 1.0
-        for i in range(D):
-            states[l, i] = x[i, l]
-    fill(spans, coefficients, states, columns, a)
-    bits = np.int64(0)
-    for l in range(W):
-        is_good, negative = solve_rows(a[l], np.inf)
-        bit, changes, undefined = np.int64(1) << l, False, 0.0
-        for i in range(D):
-            undefined += 0.0 * a[l, i, D]
-            changes |= of_one_sign[i] and crosses_0(x[i, l], a[l, i, D])
-        if is_good and undefined == 0.0:
-            for i in range(D):
-                x[i, l] = a[l, i, D]
-            bits |= (bit << 8) if negative else 0
-            bits |= (bit << (8 + CHANGED)) if changes and p[PLACE.tells_signs] else 0
-        else:
-            bits |= bit
-    return bits
+@kernel
+def take_dense_steps(part, parts, field, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part from the states in `final`; see `suslov.steps.steps`."""
+    begin, end, start, stop, every, row = span
+    D, T, stages = final.shape[1], len(field.terms), len(field.fractions)
+    for_each, abreast = len(field.values) > 1 or len(field.eps) > 1, lesser(LANES, end - begin)
+    own = abreast if for_each else np.int64(1)
+    halves, coefficients = np.empty((stages, own, T)), np.empty((stages, own, T))
+    states, bases = np.empty((abreast, D + 1)), np.empty((abreast, D))
+    columns, a = np.empty((abreast, D + 1, D)), np.empty((abreast, D, D + 1))
+    system, units = np.empty((D, D + 1)), np.empty((2, D))
+    first, last = share((end - begin + abreast - 1) // abreast, part, parts)
+    if first < last and not for_each:
+        prepare(field, 0, 0, halves, coefficients)
+    for lo in range(begin + first * abreast, lesser(begin + last * abreast, end), abreast):
+        W, at = lesser(abreast, end - lo), row
+        for l in range(W):
+            states[l, D] = 1.0
+            for k in range(D):
+                states[l, k] = final[lo + l, k]
+            if for_each:
+                prepare(field, lo + l, l, halves, coefficients)
+        for n in range(start + 1, stop + 1):
+            for l in range(W):
+                for k in range(D):
+                    bases[l, k] = states[l, k]
+            for s in range(stages):
+                fill(field.spans, coefficients[s], states[:W], columns, a[:W])
+                for l in range(W):
+                    i, x = lo + l, states[l, :D]
+                    if status[i] >= 0:
+                        half = halves[s, l % own]
+                        new, beyond = step_lane(field.indices, half, a[l], x, system, units)
+                        if new != OK:
+                            status[i], failed_at[i] = new, n
+                        elif beyond and carry[0, i] == 0.0:
+                            carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
+            for l in range(W):
+                i = lo + l
+                for k in range(D if status[i] >= 0 and carry[0, i] == 0.0 else 0):
+                    if field.of_one_sign[k] and crosses_0(bases[l, k], states[l, k]):
+                        carry[0, i], status[i], failed_at[i] = -n, PASSED_POLE, n
+                for k in range(D if every and n % every == 0 else 0):
+                    saved[at, i, k] = states[l, k]
+            at += every > 0 and n % every == 0
+        for l in range(W):
+            for k in range(D):
+                final[lo + l, k] = states[l, k]

@@ -2,9 +2,7 @@
 
 A block of lines takes all steps before the next block begins; a step takes one line after the
 other: a stage; `careful` for lanes that it tells of; at the end of a whole step the test of signs;
-and saving. The stage of a short list is inlined (`text_of_steps`). That of a long list, or of a
-dense field, is a function that the driver calls; then one text serves all fields
-(`text_of_called_steps`).
+and saving.
 """
 
 import functools
@@ -18,7 +16,7 @@ from .stage_code import Stage, add_table, loader
 
 WIDTH = 8  # lanes of a line
 OF_HALVES = 2  # a value of `for_each`: the code computes the tables of stages
-NOT_READY, DONE, STOPPED = range(3)  # what the code returns
+NOT_READY, DONE = range(2)  # what the code returns
 
 
 class DriverArguments(NamedTuple):
@@ -43,12 +41,6 @@ class DriverArguments(NamedTuple):
     passed: int  # and of those that have passed a pole or ended
     careful: int  # address of `careful.careful`, 0 if it is not ready
     careful_arguments: int  # address of its array
-    # Of a stage that is called:
-    D: int
-    signs: int  # address of the numbers of components that keep their signs
-    sign_count: int
-    stage_code: int  # address of i64 stage(x, table, plan), see `runs_code.text_of_stage_by_runs`
-    stage_plan: int
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
     budget: int  # calls of `careful` that are left
     line: int  # the first of a block
@@ -70,14 +62,6 @@ def text_of_steps(step, name, W, for_each, align, tells_signs):
     none are saved. Signs are told if they are compared over whole steps of several stages.
     """
     return _Inlined(step, name, W, for_each, align, tells_signs).finished()
-
-
-def text_of_called_steps(name, W, align, tells_signs):
-    """Return the same text for any field, whose stage is a function.
-
-    Where that function has to be prepared, the code returns STOPPED before the stage.
-    """
-    return _Called(name, W, align, tells_signs).finished()
 
 
 class _Driver:
@@ -300,43 +284,3 @@ class _Inlined(_Driver):
                 text.store(text.V, vector, place + 8 * first, self.align, mark)
         with text.when(~is_whole):
             self.save_by_lane(line, row, state)
-
-
-class _Called(_Driver):
-    """A driver that calls a function for each stage, for any D."""
-
-    def __init__(self, name, W, align, tells_signs):
-        super().__init__(None, name, W, align, tells_signs)
-
-    def begin(self):
-        self.D = self.of.D
-
-    def begin_stage(self, plan):
-        self.table = Integers(self.text, plan)[0]
-
-    def take_stage(self, state, line, n):
-        """Add a stage of a line, and `careful` for its bits; the state is in memory alone."""
-        text, of = self.text, self.of
-        bits = Index(text, text.call("i64", of.stage_code, state, self.table, of.stage_plan))
-        with text.when(bits.differs(0), likely=False):
-            with text.when(bits.is_at_most(-1)):
-                self.leave_at(STOPPED, **self.at)
-            good = (bits & self.all_lanes) ^ self.all_lanes
-            bad, told = self.lanes_to_tell(good, bits >> 8, line)
-            with text.when((bad | told).differs(0)):
-                self.call_careful(line, bad, told, n)
-        return []
-
-    def over_signs(self, how, truth_of, bases, state, final):
-        text, signs = self.text, Integers(self.text, self.of.signs)
-        now = Carried(truth=Truth(text, text.truth(how is operator.and_)))
-        for i in text.each(self.of.sign_count, now):
-            k = signs[i]
-            now.truth = how(now.truth, truth_of(bases[k], state[k]))
-        return now.truth
-
-    def keep_bases(self, bases, state, final):
-        self.text.copy(state, bases, self.D)
-
-    def save(self, line, row, state, final):
-        self.save_by_lane(line, row, state)

@@ -46,8 +46,8 @@ def take_few(arguments, states, span, saved=None):
     ((step, stages), values, eps), (start, stop, every, row), B = arguments, span, len(states)
     if not (0 < B <= FEW and 0 < stop - start <= SHORT and len(eps) == len(values) == 1):
         return None
-    if step.is_long or not step.usual or not math.isfinite(sum(states.ravel().tolist())):
-        return None  # lists that are not inlined
+    if not step.usual or not math.isfinite(sum(states.ravel().tolist())):
+        return None  # NumPy takes the steps
     found = _prepared(step, stages, eps.tobytes(), values.tobytes(), B, every > 0)
     (address, template, W, _), count = found, len(stages.fractions)
     x = states.copy() if W == 1 else in_lines(states, W)

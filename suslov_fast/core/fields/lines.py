@@ -7,12 +7,10 @@ import numpy as np
 
 from ..code.compiler import address_of
 from ..compiling.codes import NONFINITE
-from .dense import spans_of
 from .driver import WIDTH
 from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept
-KEPT = 2**18  # terms of a dense field whose tables are kept, 6 MB
 
 
 def aligned(*shape, make=np.empty):
@@ -61,25 +59,6 @@ def common_table(step, stages, eps, values):
     ]
 
 
-_latest = [(None, None, None)]  # values of a dense field, scheme and eps, and its tables
-
-
-def tables_of_dense(scheme, values, eps):
-    """Return the halves of one dense field, and its coefficients (fractions, 1, T, 1) of `Spans`.
-
-    A field has the same array of values in each call. The tables of the latest one are kept: to
-    make them anew takes as long as some steps.
-    """
-    of, key, tables = _latest[0]
-    if of is not values or key != (scheme, eps.tobytes()):
-        halves = (0.5 * eps * values)[..., np.newaxis]
-        fractions = distinct(scheme.stages.fractions)[0][:, np.newaxis, np.newaxis, np.newaxis]
-        tables = halves, fractions * halves[:, spans_of(scheme.step).terms]
-        if values.size <= KEPT:
-            _latest[0] = values, (scheme, eps.tobytes()), tables
-    return tables
-
-
 def plan_of(stages, table, halves=None):
     """Return the plan (stages, 2) of `DriverArguments`; without a table, of the halves h v."""
     plan = np.empty((len(stages.fractions), 2))
@@ -105,8 +84,6 @@ def tables_of(scheme, values, eps, W):
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:
-        if not step.table:
-            return tables_of_dense(scheme, values, eps)
         return common_table(*scheme, eps.tobytes(), values.tobytes())
     halves = halves_of(values, eps, W)
     fractions = fractions[:, np.newaxis, np.newaxis]

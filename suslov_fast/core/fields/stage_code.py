@@ -11,6 +11,9 @@ from ..code.text import Code, Index, Shared, Truth, Value
 from ..compiling.codes import CHANGED
 
 
+BLOCK = 64  # operations of a block of long lists
+
+
 class Rare(NamedTuple):
     """The results of the rare operations of a stage."""
 
@@ -33,8 +36,16 @@ class Stage:
     def take(self, x, others=()):
         """Carry out the usual operations on the state x; return the next state."""
         self.values = dict(enumerate(x)) | dict(others)
-        self.text.carry_out(self.step.usual, self.values, self.load)
+        self.carry_out(self.step.usual, self.values)
         return self._results(self.values, self.step.after)
+
+    def carry_out(self, operations, values):
+        """Carry out operations; many in blocks, because LLVM's time grows with the square of one."""
+        size = BLOCK if self.step.is_long else len(operations)
+        for begin in range(0, len(operations), max(size, 1)):
+            if begin:
+                self.text.next_block()
+            self.text.carry_out(operations[begin : begin + size], values, self.load)
 
     def _results(self, values, numbers):
         load, text = self.load, self.text
@@ -47,7 +58,7 @@ class Stage:
     def take_rare(self):
         """Carry out the rare operations, too; return `Rare`."""
         text, step, values = self.text, self.step, dict(self.values)
-        text.carry_out(step.rare, values, self.load)
+        self.carry_out(step.rare, values)
         accurate = Truth(text, values[step.accurate])
         told = Truth(text, values[step.negative]).bits()
         if step.changed is not None:
@@ -92,7 +103,7 @@ def add_table(text, step, halves, fraction):
 def text_of_stage(step, name, *_):
     """Return the text of i64 name(x, table): a stage of one state x (D,), in place.
 
-    It returns the bits of `runs_code.text_of_stage_by_runs`.
+    It returns bits of lanes: bad + 256 told.
     """
     text = Code(1)
     text.begin(name, "x", "table")

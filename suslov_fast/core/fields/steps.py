@@ -22,21 +22,13 @@ from contextlib import nullcontext
 import numpy as np
 from numba import config
 
-from ..code.compiler import call, code_of, common_code_of
+from ..code.compiler import call, code_of
 from ..compiling.numba import STREAM_FROM, Kernel, calling_python
 from ..compiling.threads import in_parts
 from ..lists.step import Step, of_one_sign
-from .called_stages import called_stage_of
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful
-from .driver import (
-    NOT_READY,
-    OF_HALVES,
-    SLOT,
-    STOPPED,
-    DriverArguments,
-    text_of_called_steps,
-    text_of_steps,
-)
+from .dense import dense_steps_of, take_dense_steps
+from .driver import NOT_READY, OF_HALVES, SLOT, DriverArguments, text_of_steps
 from .few_orbits import lanes_of, take_few
 from .lines import (
     PLANS,
@@ -95,8 +87,7 @@ class _Lines:
         self.for_each, self.bases = max(map(len, parameters)) > 1, None
         self.parameters = parameters
         step, stages = self.scheme
-        has_tables = not step.usual or step.is_long or len(stages.fractions) == 1
-        if self.for_each and not has_tables:  # machine code computes them, with less memory
+        if self.for_each and len(stages.fractions) > 1:  # machine code computes them, with less memory
             self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
         else:
             self.halves, self.table = tables_of(self.scheme, *parameters, W)
@@ -141,73 +132,45 @@ class _Lines:
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
-        address, stage = self._code(alignment(saved, self.W, is_large))
-        is_short = self.count * (stop - start) <= SHORT_RUN and stage is None
+        step, align = self.scheme.step, alignment(saved, self.W, is_large)
+        tells_signs = self.bases is not None
+        address = code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs)
+        is_short = self.count * (stop - start) <= SHORT_RUN
         address_of_careful = 0
         if seconds is not None or (careful.is_compiled and not is_short):
             address_of_careful = careful.address_for(seconds or 0.0)
             in_python = not careful.is_compiled
-        arguments, _kept_alive = self._driver_arguments(
-            start, steps, *rows, address_of_careful, stage
-        )
+        own, _kept_alive = self._driver_arguments(start, steps, *rows, address_of_careful)
         of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
         budget = max(CAREFUL_TIME // of_one, 1)
-        # Tables of a called stage are those of one line, because those of all may fill the memory.
-        at_once = 1 if stage is not None and self.for_each else self.count
-        for first in range(0, self.count, at_once):
-            own = arguments.copy()
-            own[SLOT.line], own[SLOT.lines] = first, min(first + at_once, self.count)
-            if stage is not None:
-                stage.tables_of(first)
-            while own[SLOT.line] < own[SLOT.lines] and not abandoned:
-                own[SLOT.budget] = budget
-                with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
-                    result = call(address, own)
-                if result == NOT_READY:
+        while own[SLOT.line] < own[SLOT.lines] and not abandoned:
+            own[SLOT.budget] = budget
+            with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
+                if call(address, own) == NOT_READY:
                     return False
-                if result == STOPPED:
-                    stage.prepare()
         return True
-
-    def _code(self, align):
-        """Return the address of the driver, and the stage that it calls; None if it inlines one."""
-        step, tells_signs = self.scheme.step, self.bases is not None
-        if step.usual and not step.is_long:
-            return code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs), None
-        stage = called_stage_of(self)
-        return common_code_of(text_of_called_steps, self.W, bool(align), tells_signs), stage
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""
         step, stages = self.scheme
         return LineArrays(
             self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
-            np.empty(self.D * (self.D + 4) + step.T),
+            np.empty(step.own_D * (3 * step.own_D + 4) + step.T), step.own_D,
         )  # fmt: skip
 
-    def _driver_arguments(self, start, steps, saved, until, between, careful, stage):
+    def _driver_arguments(self, start, steps, saved, until, between, careful):
         """Return the arguments of the driver, and what has to stay alive while it runs."""
         arrays, own = None, None
         if careful:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
         numbers = dict.fromkeys(DriverArguments._fields, 0)
-        if stage is None:
-            # Lines of a block stay in the first cache. Blocks have equal lengths, because each step
-            # of a short block waits for the one before it.
-            blocks = -(-8 * self.x.size // 2**15)
-            block = -(-self.count // min(blocks, -(-self.count // 4)))
-            table = None if self.for_each == OF_HALVES else self.table
-            plan = plan_of(self.scheme.stages, table, self.halves)
-        else:
-            block, plan = 1, stage.plan
-            numbers |= {
-                "D": self.D,
-                "signs": stage.signs.ctypes.data,
-                "sign_count": len(stage.signs),
-                "stage_code": int(stage.code),
-                "stage_plan": stage.own.ctypes.data,
-            }
+        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of a
+        # short block waits for the one before it.
+        blocks = -(-8 * self.x.size // 2**15)
+        block = -(-self.count // min(blocks, -(-self.count // 4)))
+        table = None if self.for_each == OF_HALVES else self.table
+        plan = plan_of(self.scheme.stages, table, self.halves)
         numbers |= {
             "x": self.x.ctypes.data,
             "lines": self.count,
@@ -231,6 +194,11 @@ class _Lines:
         return np.array(DriverArguments(**numbers), np.int64), (arrays, own, plan)
 
 
+def _is_dense(step):
+    """Return whether loops take the steps, of a dense field without a list."""
+    return not (step.usual or step.is_sparse)
+
+
 class FieldSteps(Kernel):
     """The kernel of steps of fields, which calls the machine code of the field."""
 
@@ -243,23 +211,29 @@ class FieldSteps(Kernel):
         with np.errstate(all="ignore"):  # each thread has its own
             _iterate_part(part, parts, *arguments, abandoned)
 
-    def serial(self, *arguments):
-        self(0, 1, *arguments)
+    def serial(self, arguments, *others):
+        if _is_dense(arguments[0].step):
+            take_dense_steps.serial(*dense_steps_of(arguments, *others))
+        else:
+            self(0, 1, arguments, *others)
 
     def briefly(self, seconds, arguments, omega0, carry, span, saved, final, status, failed_at):
         (begin, end, *steps), last = span, None
         if begin == 0 and end == len(omega0) and not np.count_nonzero(status):
             last = take_few(arguments, final if steps[0] else omega0, steps, saved)
         if last is None:
-            self(0, 1, arguments, omega0, carry, span, saved, final, status, failed_at)
+            self.serial(arguments, omega0, carry, span, saved, final, status, failed_at)
         else:
             final[:] = last
 
-    def parallel(self, threads, *arguments):
+    def parallel(self, threads, arguments, *others):
+        if _is_dense(arguments[0].step):
+            take_dense_steps.parallel(threads, *dense_steps_of(arguments, *others))
+            return
         abandoned = []
 
         def work(part):
-            self(part, threads, *arguments, abandoned=abandoned)
+            self(part, threads, arguments, *others, abandoned=abandoned)
 
         in_parts(threads, work, abandoned, threads)
 
@@ -285,6 +259,11 @@ def _iterate_part(
         notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
             note_undefined(states, notes)
+        if not scheme.step.usual:
+            from . import by_numpy  # here, because to import SciPy takes time
+
+            final[chunk] = by_numpy.take(own, states, steps, saved[:, chunk], notes, abandoned)
+            continue
         lines = _Lines(own, states, notes, W)
         _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
@@ -301,8 +280,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not lines.take(*arguments):
         step, stages = lines.scheme
-        of_one = step.D**2 if step.usual else step.D**3
-        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * of_one)
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         lines.start_from(states)
         lines.take(*arguments, seconds=_IN_PYTHON * work)  # only now, because few runs need it
 

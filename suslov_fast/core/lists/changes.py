@@ -62,21 +62,17 @@ class Part(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """Changes as code takes them: those that act on surfaces, those at times, and sections.
-
-    Sections are surfaces on which nothing changes, so that steps do not end there.
+    """Changes as code takes them: those that act on surfaces, and those at times.
 
     directions   of the changes on surfaces
     jumps        whether the function of each jumps somewhere
-    of_sections  directions of the sections
     most         of all changes
     parts        `Part`s by name, see below
     components   the numbers of these components, for each change
     P            number of parameters
 
     The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
-    the state and f there: each surface and its rate; `sections` of the state and `section_rates` of
-    both, the same of sections; and for columns, where they are wanted,
+    the state and f there: each surface and its rate; and for columns, where they are wanted,
     `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
     tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
     `column{k}_{q}`, which read the scale of the column, too.
@@ -84,31 +80,23 @@ class Changes(NamedTuple):
 
     directions: tuple
     jumps: tuple
-    of_sections: tuple
     most: tuple
     parts: dict
     components: tuple
     P: int
 
     surfaces = property(lambda self: len(self.directions))
-    sections = property(lambda self: len(self.of_sections))
-    acting = property(lambda self: len(self.most) - len(self.of_sections))
-    at_times = property(lambda self: self.acting - len(self.directions))
+    count = property(lambda self: len(self.most))
+    at_times = property(lambda self: self.count - self.surfaces)
 
-    def record(self, D):
-        """Return how many numbers a record has: states before and after, or one if none changes."""
-        return 3 + D * (1 + (self.acting > 0))
+    def only_records(self, k):
+        """Return whether change k leaves the state as it is, and goes on."""
+        return not self.components[k] and self.most[k] == inf
 
 
 def in_order_of_code(acts):
     """Return the numbers of changes in the order of `Changes`."""
-    return sorted(range(len(acts)), key=lambda k: (is_section(acts[k]), acts[k].surface is None))
-
-
-def is_section(act):
-    """Return whether a change only records where a surface is crossed."""
-    ends = getattr(act, "ends", False) or act.most not in (None, inf)
-    return act.surface is not None and act.to is None and not ends
+    return sorted(range(len(acts)), key=lambda k: acts[k].surface is None)
 
 
 def components_of(act):
@@ -132,21 +120,13 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         if with_columns:
             for q in (None, *range(len(by))):
                 parts |= _of_columns(k, act, D, P, by, q)
-    sections = [act for act in acts if is_section(act)]
-    on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
+    on_surfaces = [act for act in acts if act.surface is not None]
     if on_surfaces:
         parts["toward"] = _toward(on_surfaces, D, P)
-    if sections:
-        parts["section_rates"] = _toward(sections, D, P)
-        values = Expressions(D + P, range(D, D + P))
-        results = [a for act in sections for a in emitted(values, act.surface)]
-        parts["sections"] = Part(List(needed_for(values.operations, results), results), D)
-    directions, of_sections = (
-        tuple(act.direction for act in each) for each in (on_surfaces, sections)
-    )
+    directions = tuple(act.direction for act in on_surfaces)
     most = tuple(act.most for act in acts)
     jumps = tuple(any(each[0] in _JUMPS for each in act.surface.operations) for act in on_surfaces)
-    return Changes(directions, jumps, of_sections, most, parts, tuple(components), P)
+    return Changes(directions, jumps, most, parts, tuple(components), P)
 
 
 def _toward(acts, D, P):

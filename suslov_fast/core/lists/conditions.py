@@ -12,7 +12,7 @@ import functools
 import itertools
 
 from .aim import aim_of
-from .changes import changes_of, is_section
+from .changes import changes_of
 from .elapsed import Elapsed
 from .hidden import hidden_of
 from .numbers import larger, operand_of, smaller
@@ -26,7 +26,6 @@ from .right_hand_side import (
     needed_for,
     renamed,
 )
-from .stairs import with_stairs
 from .step import Values
 from .tables import LARGEST, Table, is_table
 
@@ -121,7 +120,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
     the order of `Changes`.
     """
-    elapsed, D = Elapsed(*with_stairs(values, results), P, acts), len(results)
+    elapsed, D = Elapsed(values, results, P, acts), len(results)
     values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
     offsets, own = elapsed.offsets, elapsed.shifts.items()
     # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
@@ -129,7 +128,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
     changes = changes_of(acts, D, P, by, twice) if acts else None
-    on_surfaces = [act for act in acts if act.surface is not None and not is_section(act)]
+    on_surfaces = [act for act in acts if act.surface is not None]
     on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
     of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
@@ -137,7 +136,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     kinds = jumps | kinks
     if not kinds:
         kept = range(D, D + P) if acts or offsets else ()
-        f = RightHandSide(values, results, P, by, on_surfaces, kept=kept, twice=twice)
+        f = RightHandSide(values, results, P, by, on_surfaces, kept=kept)
         f.changes, f.offsets = changes, offsets
         if on_surfaces:
             _watch(f, [], 0, [])
@@ -195,7 +194,6 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         ],
         jumps=len(jumps),
         kept=range(D, given),
-        twice=twice,
     )
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks

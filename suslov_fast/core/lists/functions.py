@@ -11,8 +11,6 @@ double before the next one is fitted.
 
 import struct
 
-from .far import PARTS
-
 
 def from_bits(bits):
     """Return the double with these bits, as instructions on bits take constants."""
@@ -418,7 +416,9 @@ def hypot(x, y):
 # ------------------------------------------------------------------------------------- angles
 # x = n pi / 2 + r, r from -pi / 4 to pi / 4 in two parts. For abs(x) < 2**31, the products of n
 # with all parts of pi / 2 but the last one are exact. r is as accurate for each x as two parts
-# can be, because no double of this size is nearer to a multiple of pi / 2 than 2**-62.
+# can be, because no double of this size is nearer to a multiple of pi / 2 than 2**-62. Larger
+# angles have the functions of the C library.
+FAR, OF_ANGLES = 2.0**31, ("sin", "cos", "tan")
 _PER_QUARTER = float.fromhex("0x1.45f306dc9c883p-1")
 _QUARTER = tuple(map(float.fromhex, (
     "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",
@@ -444,9 +444,7 @@ def _less_quarters(x):
     r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
     r, first = _difference(r, n * _QUARTER[2])
     r, second = _difference(r, n * _QUARTER[3])
-    parts = n, r, (first + second) - n * _QUARTER[4]
-    n, r, low = (x.then(name, usual) for name, usual in zip(PARTS, parts, strict=True))
-    return n + _SHIFT, r, low
+    return n + _SHIFT, r, (first + second) - n * _QUARTER[4]
 
 
 def _sine_and_cosine(x, of_tangent=False):

@@ -194,14 +194,6 @@ class Factors:
         return min(most, 1.0 if len(self.pivot) < len(self.order) else np.inf)
 
 
-class Given(Factors):
-    """Factors of which loops find the pivots; these and entries of the diagonal are values."""
-
-    def __init__(self, values, pivot, original):
-        self.values, self.order, self.pivot, self.original = values, [*pivot], pivot, original
-        self.diagonal = dict.fromkeys(pivot)
-
-
 def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 

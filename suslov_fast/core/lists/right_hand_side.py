@@ -9,11 +9,10 @@ import numpy as np
 from .derivative import gradients
 from .grouped import Groups
 from .records import RECORDS, same
-from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, dot, evaluate
+from .step import FUNCTIONS, OF_TRUTH_VALUES, Values, evaluate
 
 # Lists of more operations are carried out in groups, at fewer than MANY states.
 _FEW, _MANY = 32, 1024
-_TWICE = 2000  # entries of f' from which on f'' is not looked for
 
 
 class List(NamedTuple):
@@ -137,21 +136,6 @@ def _depth_first(values, results):
             stack.extend((a, False) for a in reversed(operands))
 
 
-class Second(NamedTuple):
-    """The derivative of f'(x) v by x, for a direction v.
-
-    pattern     the places (i, j) where an entry may differ from 0
-    directions  numbers of the values v
-    entries     `List` of the entries
-    mixed       `List` of the entries of the derivative by x of df/dp, for each parameter of `by`
-    """
-
-    pattern: list
-    directions: list
-    entries: List
-    mixed: List
-
-
 class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
@@ -166,7 +150,6 @@ class RightHandSide:
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `List` of f' by itself; results are the entries of `pattern`
     of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
-    second       `Second`, or None
     reads        of each component those that its rate depends on, as the bits of an integer
     steady       components of constant rate, not 0
     clocks       those of them that others depend on
@@ -183,12 +166,12 @@ class RightHandSide:
     key          what tells this right-hand side from others
     """
 
-    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), twice=False):
+    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
         """Take `Expressions` whose operations are those of f, and the operands that are f.
 
         `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
         are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
-        table begins with. `twice` asks for `second`.
+        table begins with.
         """
         self.D, self.P = len(results), P
         self._results = [*results]
@@ -202,9 +185,6 @@ class RightHandSide:
         }
         self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.pattern]
-        self.second = None
-        if twice and len(entries) <= _TWICE:
-            pattern, *second = self._differentiate_again(values, entries)
         fixed = values.fixed
         count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
@@ -220,11 +200,6 @@ class RightHandSide:
         self.slope_places = [*of_surfaces]
         self.slopes = List(needed_for(varying, results), results)
         lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
-        if twice and len(entries) <= _TWICE:
-            directions, *second = second
-            both = [List(needed_for(varying, results), results) for results in second]
-            self.second = Second(pattern, directions, *both)
-            lists += both
         used = [a for each in lists for a in _operands(each)]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}
@@ -244,21 +219,9 @@ class RightHandSide:
     def key(self):
         """A text that tells the lists of this right-hand side from those of others."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
-        lists += self.second, self.hidden, self.aim, self.choices, self.slopes, self.slope_places
+        lists += self.hidden, self.aim, self.choices, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
         return repr((self.D, self.table, kinds, *lists, self.changes))
-
-    def _differentiate_again(self, values, entries):
-        """Return the pattern, directions, and results of the two lists of `Second`."""
-        directions, totals = [values.given() for _ in range(self.D)], {}
-        for (i, j), entry in zip(self.pattern, entries, strict=True):
-            totals[i] = dot(values.emit, [(entry, directions[j])], totals.get(i))
-        results = [*(totals.get(i, 0.0) for i in range(self.D)), *self.by]
-        rows = gradients(values, needed_for(values.operations, results), results, self.D)
-        blocks = [rows[first : first + self.D] for first in range(0, len(rows), self.D)]
-        pattern = sorted({(i, j) for block in blocks for i, row in enumerate(block) for j in row})
-        found = [[block[i].get(j, 0.0) for i, j in pattern] for block in blocks]
-        return pattern, directions, found[0], [a for block in found[1:] for a in block]
 
     def _find_properties(self, values):
         """Find clocks, components that keep their sign, and denominators of clocks."""

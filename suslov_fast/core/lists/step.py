@@ -29,25 +29,21 @@ from itertools import chain
 import numpy as np
 
 from . import sizes
-from .far import PARTS
-from .functions import ELEMENTARY
+from .functions import ELEMENTARY, FAR, OF_ANGLES
 from .numbers import Number, joined, larger
 from .planned_elimination import (
     Factors,
-    Given,
     Matrix,
     elimination_order,
     filled,
     places_of,
     work_of,
 )
-from .sparse import Sparse
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-AT_MOST = 8  # factors of abs(det DPhi) near 1, after which their product may be far from 1
 
 
 def _of_library(function):
@@ -95,6 +91,8 @@ def _of_list(name):
         values = dict(enumerate(arrays))
         with np.errstate(all="ignore"):
             evaluate(operations, values)
+        if name in OF_ANGLES and (is_far := np.abs(arrays[0]) >= FAR).any():
+            return np.where(is_far, _of_library(getattr(math, name))(arrays[0]), values[result])
         return values[result]
 
     return of_arrays
@@ -130,7 +128,6 @@ OF_NUMBERS = {
     "max": lambda a, b: np.where(a > b, a, b),
     "min": lambda a, b: np.where(a < b, a, b),
     **OF_BITS,
-    **PARTS,
     **OF_LISTS,
     **OF_LIBRARY,
 }
@@ -247,8 +244,8 @@ class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
     Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes
-    too many products, the lists are empty: then loops over arrays take it, between the lists of
-    `by_columns`; or loops over its terms (`fields.dense`) take all steps of a dense field.
+    too many products, the lists are empty: loops take all steps (`fields.dense`), or SuperLU those
+    of large sparse fields (`fields.by_numpy`).
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need
@@ -262,12 +259,13 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
-    is_long     true if loops carry out the operations, because there are many
+    is_long     true if there are many operations, which LLVM does not optimise
+    is_sparse   true if elimination fills little of the matrix
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
-    good = accurate = negative = changed = factors = by_columns = None  # without a plan
+    good = accurate = negative = changed = factors = None  # without a plan
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         values = self._begin(indices, D, carried, keeps_signs)
@@ -276,10 +274,9 @@ class Step:
         fill = filled(pattern, order)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
-        if work - of_state > sizes.LONGEST_ONCE or not self._has_list(work, of_state):
-            if type(self) is Step and work < sizes.BY_COLUMNS * D**3:
-                self.by_columns = StepByColumns(indices, D, keeps_signs, order, fill)
-                self.fixed, self.table = self.by_columns.fixed, self.by_columns.table
+        self.is_sparse = work < sizes.SPARSE * D**3
+        most = sizes.OF_LATTICE if self.is_sparse else sizes.OF_DENSE
+        if work - of_state > sizes.LONGEST_ONCE or of_state > most:
             return
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         self.factors = Factors(matrix, order, fill, right)
@@ -291,17 +288,12 @@ class Step:
         self._add_tests(halves)
         self._separate_fixed()
 
-    def _has_list(self, work, of_state):
-        """Return whether elimination is a list, by its products."""
-        is_sparse = work < sizes.BY_COLUMNS * self.D**3
-        most = max(sizes.OF_LATTICE, sizes.OF_CHAIN * self.D) if is_sparse else sizes.PRODUCTS
-        return of_state <= most
-
     def _begin(self, indices, D, carried, keeps_signs):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
         self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
+        self.own_D = D  # components of x
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
         return self.values
 
@@ -399,137 +391,74 @@ class Step:
         return table
 
 
-class StepByColumns(Step):
-    """The lists before and after elimination by columns.
+class Tangent(Step):
+    """The operations of a step of x, of columns q of derivatives, and of their lengths.
 
-    `usual` computes the `entries` of N; h f, the `right` sides; and the sides `of_next`, for
-    x_next. `given` are D values each: x, the solution delta, pivots, the diagonal of N, and the
-    solution x_next, from which the lists after elimination compute `after`, `good` and so on.
+    Kahan's method is a Runge-Kutta method, so that the derivative of its map is its map of the
+    variational equations x' = f(x), q' = f'(x) q. All columns share the elimination of x,
 
-    is_constant   true if no entry depends on the state
-    on_diagonal   (D,) numbers of the entries on the diagonal; that of all entries for 0
+    q_next = (1 - N(x))**-1 (1 + N(x_next)) q.
+
+    With `lengths` they are orthonormalised in each step, by Gram and Schmidt, and the logarithms of
+    their lengths are added to D more values.
     """
 
-    def __init__(self, indices, D, keeps_signs, order, fill):
-        values = self._begin(indices, D, 0, keeps_signs)
+    def __init__(self, indices, D, keeps_signs=False, lengths=True):
+        size = D * (1 + D) + D * lengths
+        values = self._begin(indices, size, 0, keeps_signs)
+        self.own_D = D
+        halves = range(size, size + indices.shape[1])
         pattern, varying = places_of(indices, D)
-        places, self.is_constant = sorted(pattern), not varying
-        self.sparse = Sparse(places, order, fill)
-        matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
-        entries = {place: matrix.entry(*place)[0] for place in places}
-        numbers = {place: number for number, place in enumerate(places)}
-        numbers = [numbers.get((k, k), len(places)) for k in range(D)]
-        self.on_diagonal = np.array(numbers, np.int64)
-        sides = [matrix.right_side(k) for k in range(D)]
-        self.entries = [*entries.values()]
-        self.right = [values.emit("fmul", 0.0, k) if a is None else a for k, a in enumerate(sides)]
-        self.of_next = [values.total(k, matrix.linear_part(k)) for k in range(D)]
-        self.before = {number for _, number, _ in values.operations}
-        self.given = [*range(D), *range(values.count, values.count + 4 * D)]
-        values.count += 4 * D
-        halves, pivots, diagonal, self.next = (self.given[n * D : (n + 1) * D] for n in range(1, 5))
-        original = {k: diagonal[k] if (k, k) in entries else None for k in range(D)}
-        self.factors = Given(values, dict(enumerate(pivots)), original)
-        halves = {k: halves[k] for k in range(D) if sides[k] is not None}
-        for k, half in halves.items():
+        order, right = elimination_order(pattern, D), {}
+        fill = filled(pattern, order)
+        if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
+            return
+        matrix = self.matrix = Matrix(indices, D, values, range(D), halves)
+        self.factors = Factors(matrix, order, fill, right)
+        for k in reversed(order):
+            right[k] = self.factors.backward(k, right)
+        halves_of = {k: half for k, half in sorted(right.items()) if half is not None}
+        for k, half in halves_of.items():
             self.after[k] = values.total(k, [(2.0, half)])
-        self._add_tests(halves)
+        columns = self._columns(Matrix(indices, D, values, self.after[:D], halves), D)
+        if lengths:
+            columns = self._orthonormal(columns, D)
+        self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
+        self.D = D
+        self._add_tests(halves_of)
+        self.D = size
+        self.after_rare[D:] = self.after[D:]
         self._separate_fixed()
 
-    def _following(self):
-        return self.next
+    def _columns(self, back, D):
+        """Return the next columns, with the entries of N(x_next) that `back` has."""
+        values, step, found = self.values, self.factors, []
+        entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
+        for c in range(D):
+            q, v = range(D * (1 + c), D * (2 + c)), {}
+            for k in step.order:
+                products = [(a, q[j]) for (i, j), a in entries.items() if i == k]
+                v[k] = values.total(q[k], products)
+                v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
+            for k in reversed(step.order):
+                v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
+                if k in step.inverse:
+                    v[k] = values.emit("fmul", step.inverse[k], v[k])
+            found.append([values.number(v[k]) for k in range(D)])
+        return found
 
-    def _results(self):
-        return [*super()._results(), *self.entries, *self.right, *self.of_next]
+    def _orthonormal(self, columns, D):
+        """Return orthonormal columns; add the logarithms of the lengths that they had."""
+        found, first = [], D * (1 + D)
+        for c, q in enumerate(columns):
+            for p in found:
+                part = joined("fadd", [a * b for a, b in zip(p, q, strict=True)])
+                q = [b - part * a for a, b in zip(p, q, strict=True)]
+            length = joined("fadd", [a * a for a in q]).sqrt()
+            inverse = length.equals(0.0).select(0.0, 1.0 / length)
+            found.append([inverse * a for a in q])
+            self.after[first + c] = (self.values.number(first + c) + length.then("log")).number
+        return found
 
 
-class Tangent(Step):
-    """The operations of a step and of its derivative, which multiplies columns q.
-
-    Three values come after x (D) and h v (T): VOLUME, NEAR_1 and FAR_FROM_1 of `generated_tangent`.
-    A step multiplies VOLUME by abs(det DPhi), NEAR_1 + 1 by the factors of it that are near 1, and
-    FAR_FROM_1 by the others.
-
-    derived     true if the elimination of the derivative is accurate; a value of `rare`
-    columns     operations for -DPhi q in place of q, whose values follow those of the step
-    column      the D values of a column q
-    products    the D values of -DPhi q
-    scaled      the values of VOLUME, NEAR_1 and FAR_FROM_1 after the step
-    back        `Factors` of 1 - M(x_next)
-    """
-
-    derived = back = None  # without a plan
-    column = products = scaled = ()
-
-    def __init__(self, indices, D, keeps_signs=False):
-        self.columns = []
-        super().__init__(indices, D, carried=3, keeps_signs=keeps_signs)
-
-    def _has_list(self, work, of_state):
-        dense = max(sizes.PRODUCTS, sizes.PART_OF_DENSE * self.D**3)
-        return work <= sizes.LONGEST and of_state <= dense
-
-    def _add_tests(self, halves):
-        values = self.values
-        minus = [values.emit("fmul", -1.0, half) for half in range(self.D, self.D + self.T)]
-        matrix = Matrix(self.indices, self.D, values, self.after, minus)
-        self.back = Factors(matrix, self.factors.order, self.factors.fill)
-        entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
-        for k in range(self.D):  # of M(x_next) - 1
-            is_there = (k, k) in entries
-            entries[k, k] = values.emit("fadd", -1.0, entries[k, k]) if is_there else -1.0
-        self._scale()
-        super()._add_tests(halves)
-        self._add_columns(entries)
-
-    def _good_pivots(self):
-        return [*super()._good_pivots(), self.back.is_good(1.0)]
-
-    def _accurate_pivots(self):
-        self.derived = self.back.is_accurate(1.0).number
-        return super()._accurate_pivots()
-
-    def _scale(self):
-        """Multiply VOLUME, NEAR_1 and FAR_FROM_1 by abs(det DPhi).
-
-        This is prod abs(p_k / q_k), with pivots p of 1 - M(x_next) and q of 1 - N(x). Near 1 digits
-        need p_k / q_k - 1 = (N_kk - M_kk) / q_k, with N and M after elimination.
-        """
-        number, first = self.values.number, self.D + self.T
-        volume, near_1, far = (number(first + k) for k in range(3))
-        for n, k in enumerate(sorted(self.factors.inverse)):
-            if n and n % AT_MOST == 0:  # many factors near 1 have a product that is not
-                is_near = abs(near_1) < 0.5
-                factor = is_near.select(1.0, 1.0 + near_1)
-                near_1, far = is_near.select(near_1, 0.0), far * factor
-            per_q, per_p = (number(of.inverse[k]) for of in (self.factors, self.back))
-            N, M = (number(of.diagonal[k]) for of in (self.factors, self.back))
-            change = (N - M) * per_q
-            is_near = abs(change) < 0.5
-            quotient = is_near.select(1.0, abs(per_q / per_p))
-            change = is_near.select(change, 0.0)
-            near_1 = near_1 + (change + near_1 * change)
-            far = far * quotient
-            volume = volume * (quotient + quotient * change)
-        self.scaled = volume.number, near_1.number, far.number
-
-    def _add_columns(self, entries):
-        """Add the operations for -DPhi q, with the entries of M(x_next) - 1."""
-        values, step, first = self.values, self.factors, len(self.values.operations)
-        self.column, v = [*range(values.count, values.count + self.D)], {}
-        values.count += self.D
-        for k in step.order:
-            products = [(number, self.column[j]) for (i, j), number in entries.items() if i == k]
-            v[k] = values.total(None, products)
-            v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
-        for k in reversed(step.order):
-            v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
-            if k in step.inverse:
-                v[k] = values.emit("fmul", step.inverse[k], v[k])
-        self.products = [v[k] for k in range(self.D)]
-        self.columns = values.operations[first:]
-        del values.operations[first:]
-
-    def _results(self):
-        operands = [a for *_, operands in self.columns for a in operands if isinstance(a, int)]
-        return [*super()._results(), *self.scaled, *operands]
+MOST_COLUMNS, MOST_WORK = 16, 4000  # of lists; NumPy has others

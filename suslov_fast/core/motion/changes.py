@@ -18,7 +18,6 @@ from .records import record
 from .rows import OF_CHANGES, State
 from .rules import AT_ONCE, TINY, rule
 from .scope import Lines
-from .sections import record_jumps
 
 # A trajectory ends where a change acts again within AT_ONCE of the time so often in a row, or where
 # so many act at one instant beside one at each surface.
@@ -163,7 +162,7 @@ def add_change(text, half, name, for_each):
 
 def change(lines):
     """Let changes act on the next states of lanes whose step is taken."""
-    if lines.half.changes.acting:
+    if lines.half.changes:
         with lines.text.when(_is_there(lines).any(), likely=False):
             lines.text.invoke(f"{lines.name}_change", lines.arguments)
 
@@ -217,8 +216,6 @@ def _change(lines):
     if changes.surfaces:
         by_motion = is_there & ~is_at_stop
         _act_at_surfaces(lines, is_there, by_motion, again)
-    if changes.sections:
-        record_jumps(lines, is_there)
     _go_on(lines, is_at_stop, again)
 
 
@@ -227,7 +224,7 @@ def _act_at_times(lines):
     text, changes = lines.text, lines.half.changes
     for now in text.rounds(Carried()):
         acts = _is_at_stop(lines)
-        for k in range(changes.surfaces, changes.acting):
+        for k in range(changes.surfaces, changes.count):
             own = acts & lines.of_changes.stop_which[0].equals(float(k))
             with text.when(own.any()):
                 _act(lines, k, own)
@@ -250,7 +247,7 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
     for k in text.each(changes.surfaces):
         work.fired[k] = 0.0
     _look(lines)
-    if changes.acting == 1:
+    if changes.count == 1:
         _cross(lines, 0, is_there, by_motion)
     else:
         for now in text.rounds(Carried()):
@@ -283,6 +280,9 @@ def _cross(lines, k, is_there, by_motion):
     line.side.put_chosen(place + 1, found["level"])
     up, direction = found["up"], half.changes.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
+    if half.changes.only_records(k):
+        _note(lines, k, fires, up | found["down"])
+        return
     with text.when(fires.any()):
         work.fired.choose(fires, k, 1.0)
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
@@ -295,6 +295,19 @@ def _cross(lines, k, is_there, by_motion):
             own = lines.apply(AFTER_OWN, **after)
             line.side.choose(fires, place, own["side"])
             line.side.choose(fires, place + 1, own["level"])
+
+
+def _note(lines, k, truth, crosses):
+    """Record a crossing where nothing changes; a trajectory with enough of them stops."""
+    line, work, of = lines.line, lines.work, lines.of_changes
+    t, acted = line.t[0], line.acted[2 * k]  # where a solution slides it crosses again at once
+    counts = truth & (t > lines.number("since")) & (t - acted > AT_ONCE * t)
+    line.acted.choose(crosses, 2 * k, t)
+    with lines.text.when(counts.any()):
+        record(lines, counts, k, line.t, work.new, work.new)
+        of.recorded[0] = recorded = of.recorded[0] + counts.select(1.0, 0.0)
+        line.tries.choose(counts, 0, 0.0)
+        line.state.choose(counts & (recorded >= lines.number("enough")), 0, float(State.STOPPED))
 
 
 def _act(lines, k, truth, by_motion=None):

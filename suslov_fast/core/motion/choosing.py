@@ -148,7 +148,7 @@ def _look(lines, x):
 def _jump(lines, jumped):
     line, work = lines.line, lines.work
     acted = lines.text.value(0.0)
-    if lines.half.changes and lines.half.changes.acting:
+    if lines.half.changes:
         acted = line.t[0].equals(lines.of_changes.at[0]).select(1.0, 0.0)
     _choose(lines, jumped, acted)
     lines.keep(line, lines.apply(CHOSEN, mode=lines.mode, acted=acted), jumped)

@@ -19,11 +19,7 @@ from typing import NamedTuple
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
-# Columns of one trajectory are lanes, where those of different chains take turns: none waits for
-# its last sub-step. Those of a chain follow one another. For lines of lanes turns gain nothing with
-# AVX2, and 3 % at most with AVX-512.
-CHAINS = (10,), (8, 2), (6, 4)
-EXPLICIT = tuple(sorted(N for chain in CHAINS for N in chain))
+EXPLICIT = 2, 4, 6, 8, 10
 
 
 class Pair(NamedTuple):
@@ -34,12 +30,9 @@ class Pair(NamedTuple):
     ends: bool
 
 
-def in_turn(chains):
-    """Return the `Pair`s of all chains, those of each round in a list."""
-    of_chains = [
-        [Pair(N, m == 0, m == N // 2 - 1) for N in chain for m in range(N // 2)] for chain in chains
-    ]
-    return [*zip(*of_chains, strict=True)]
+def pairs_of(columns):
+    """Return the `Pair`s of all columns, one after the other."""
+    return [Pair(N, m == 0, m == N // 2 - 1) for N in columns for m in range(N // 2)]
 
 
 def weights(columns, p):

@@ -14,11 +14,9 @@ from ..fields.lines import zeros
 from ..lists.variational import Variational
 from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
 from .changes import MOST_AT_ONCE
-from .explicit import lane_numbers
 from .half import Half
 from .lengths import MOST_STEPS, first_part, limit_of
 from .rows import BEGINS, OF_CHANGES, Cause, State
-from .sections import SECTION_PARTS
 from .text import text_of_half
 
 # Parts of the time: within which f has no value where a solution ends, and in which one that goes
@@ -27,15 +25,6 @@ _AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
-# LLVM's passes leave .66 to .87 of the time of implicit steps of systems with so few components,
-# with the same bits; they are worth their time after so many steps, which take about a second.
-SMALL, WORTH_PASSES = 10, 4_000_000
-# Without optimisation LLVM takes a third of the time, for code that takes 1.03 to 2 times as long,
-# with the same bits. It takes the first steps, by lanes: some tenths of a second, implicit ones a
-# half of these, an eighth above SMALL components, because one orbit gains what LLVM takes in 30,000
-# to 150,000 steps of 3, 18,000 of 20, 5,000 to 8,000 of 100 to 1,000. Loops take three times as
-# long, and so a part of these.
-FIRST_STEPS, PART_OF_LONG = {1: 2**16, WIDTH: 2**19}, 64
 NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
 
 half_of = functools.lru_cache(64)(Half)
@@ -88,35 +77,23 @@ def set_times(numbers, half, settings, times):
     numbers[NUMBER.longest] = min(longest, last / 32.0) if half.is_bounded else longest
 
 
-def first_steps(half, W):
-    """Return the number of steps that code without optimisation takes."""
-    part = PART_OF_LONG if half.is_long else 1
-    if half.is_implicit:
-        part *= 2 if half.f.D <= SMALL else 8
-    return FIRST_STEPS[W] // part
-
-
 def code_of_half(half, W, for_each):
-    """Return the `Address` of the code of a half, whose steps say how good it has to be."""
+    """Return the `Address` of the code of a half."""
     # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
-    level = int(half.steps > first_steps(half, W))
-    passes = half.is_implicit and half.f.D <= SMALL and half.steps > WORTH_PASSES
-    kind = W, for_each, level, passes
-    if kind not in half.codes:
+    if (W, for_each) not in half.codes:
         key = "motion", half.key, W, for_each
         text_of = functools.partial(text_of_half, half, W=W, for_each=for_each)
-        half.codes[kind] = compiled(key, text_of, level, passes=passes)
-    return half.codes[kind]
+        half.codes[W, for_each] = compiled(key, text_of, 1)
+    return half.codes[W, for_each]
 
 
 def prepare(f, settings, B, for_each):
-    """Make the code of the halves that B trajectories may need, which take many steps.
+    """Make the code of the halves that B trajectories may need.
 
     `for_each` says whether each trajectory has numbers of its own.
     """
     for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
         half, W = half_of(f, is_implicit, settings.atol is not None), 1 if B == 1 else WIDTH
-        half.steps = max(half.steps, first_steps(half, W) + 1)
         code_of_half(half, W, for_each or f.conditions is not None)
 
 
@@ -125,8 +102,7 @@ def records_at_once(changes, equal):
 
     `equal` is how many times of changes are equal at most.
     """
-    at_once = equal + 2 * changes.surfaces + int(MOST_AT_ONCE)
-    return 2 * (at_once + (SECTION_PARTS + 1) * changes.sections)
+    return 2 * (equal + 2 * changes.surfaces + int(MOST_AT_ONCE))
 
 
 class Stops:
@@ -207,7 +183,7 @@ class Motion:
              and that component of each
     causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
     stops    `Stops` of changes, if f has them; times may then begin with 0
-    records  arrays of what changes did, see `Changes.record`: the trajectory and the number of the
+    records  arrays of what changes did, see `records`: the trajectory and the number of the
              change, two integers, the modulus of the time, and the states before and after
     """
 
@@ -361,7 +337,7 @@ class Taker:
 
     def __init__(self, half, W, rows, table, numbers, components):
         self.half, self.W, self.for_each = half, W, table.ndim > 1
-        work = zeros(half.work.size + (lane_numbers(half) if W == 1 else 0), W)
+        work = zeros(half.work.size, W)
         self.arguments = array("q", Arguments(
             rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
             table_bytes=table.strides[0], work=address_of(work),
@@ -369,10 +345,7 @@ class Taker:
         ))  # fmt: skip
         self.kept = rows, table, work, numbers, components  # the arguments point there
         self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // half.f.work, 1)
-        self.steps, self.before = rows[:, half.rows.steps], 0.0
-        is_small = half.is_implicit and half.f.D <= SMALL
-        self.most = WORTH_PASSES if is_small else first_steps(half, W)  # then the code is the best
-        self.renews = True
+        self.code = code_of_half(half, W, self.for_each)
 
     def point_to(self, times, states, state_bytes):
         """Let the arguments point to times and states at these addresses."""
@@ -383,7 +356,7 @@ class Taker:
         """Let them point to the times of changes; `records` is the list that arrays come to."""
         f, arguments, self.records = self.half.f, self.arguments, records
         at_once, count = records_at_once(f.changes, equal) * self.W, arguments[SLOT.count]
-        self.buffer = np.empty((4 * (at_once + count), f.changes.record(f.D)))
+        self.buffer = np.empty((4 * (at_once + count), 3 + 2 * f.D))
         arguments[SLOT.stops] = address_of(stops)
         arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
         arguments[SLOT.records] = address_of(self.buffer)
@@ -393,15 +366,9 @@ class Taker:
         """Take steps until the budget is spent; return whether none of them is left in the half."""
         half, arguments = self.half, self.arguments
         arguments[SLOT.budget] = self.budget
-        if self.renews:
-            self.renews = half.steps <= self.most
-            self.code = code_of_half(half, self.W, self.for_each)
         is_done = self.code.call(self.at)
-        if self.renews:
-            taken = self.steps.sum()
-            half.steps, self.before = half.steps + taken - self.before, taken
         if is_done:  # the next ones begin
-            arguments[SLOT.following], self.before = 0, 0.0
+            arguments[SLOT.following] = 0
         if count := arguments[SLOT.recorded]:
             self.records.append(self.buffer[:count].copy())
             arguments[SLOT.recorded] = 0

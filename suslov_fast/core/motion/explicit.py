@@ -1,4 +1,4 @@
-"""The columns of an explicit step: Gragg's midpoint rule with smoothing, in three forms of code.
+"""The columns of an explicit step: Gragg's midpoint rule with smoothing, in two forms of code.
 
 A column takes N sub-steps of the length s = h / N:
 
@@ -13,22 +13,20 @@ so that a column ends at (a + b) / 2. What a and b lie apart has an expansion as
 0 in the limit. But f alone joins both: where it has a layer thinner than a sub-step, they may stay
 at its two sides, and all columns agree on a false end. The weighted sum of a - b shows that.
 
-The forms have the same bits. Of a line of lanes columns are carried out
+The forms have the same bits. Columns are carried out
 
 - in turn: a loop over pairs of sub-steps, one column after the other;
 - side by side: straight-line code of all columns, where f is short.
 
-Of one trajectory columns are the lanes. Ends less x stand in the row `ends` of `Work`, a - b in
-`apart`, y_N of the last column and f there in `a` and `f_last`. `stormer` has half of this rule.
+Ends less x stand in the row `ends` of `Work`, a - b in `apart`, y_N of the last column and f there
+in `a` and `f_last`. `stormer` has half of this rule.
 """
 
 from contextlib import contextmanager
 
-import numpy as np
-
 from ..code.compiler import numbers_in_register
-from ..code.text import Array, Code, Index, Shared, Value
-from .columns import CHAINS, EXPLICIT, in_turn
+from ..code.text import Array, Index, Shared, Value
+from .columns import EXPLICIT, pairs_of
 from .functions import INLINED
 from .scope import Scope
 
@@ -37,15 +35,6 @@ ARGUMENTS = "x", "f", "table", "work", "count"
 # spares branches, but more of them would leave the cache for code.
 SHORT = 25
 OF_SETS = "f_a", "f_b"  # names of functions, if there are `Half.sets`
-LANES = 1 + len(CHAINS)  # of columns of one trajectory: a chain each, and the first one again
-
-
-def lane_numbers(half):
-    """Return how many numbers columns in lanes need, after the rows of `Work` of one trajectory."""
-    own = (3 + 2 * len(in_turn(CHAINS))) * half.f.D + len(half.f.denominators)
-    names = OF_SETS if half.sets else ("f",)
-    scratch = max(half.functions[name].scratch for name in names)
-    return LANES * (1 + own + scratch)  # 1 to begin at a multiple
 
 
 class ExplicitColumns(Scope):
@@ -68,16 +57,9 @@ class ExplicitColumns(Scope):
 
     def add(self):
         """Add the function."""
-        are_lanes = self.text.W == 1 and self.length < np.inf
-        inner = Code(LANES, self.text) if are_lanes else self.narrower()
-        if are_lanes and not self.is_inlined:
-            for name, function in self.functions.items():
-                function.add(inner, f"{self.name}_{name}_lanes", False, 0)
+        inner = self.narrower()
         with self.body():
             self.leave_to_others()
-            if are_lanes:
-                self.in_lanes(inner)
-                return
             if self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
                 are_all = Index(self.text, "%count").equals(len(EXPLICIT))
                 with self.text.when(are_all):
@@ -126,7 +108,7 @@ class ExplicitColumns(Scope):
     def in_turn(self, inner):
         """Add the first `count` columns, pair by pair of sub-steps."""
         text, work, D = self.text, self.half.work, self.D
-        pairs = [pair for [pair] in in_turn((EXPLICIT,))]
+        pairs = pairs_of(EXPLICIT)
         columns = text.constants([EXPLICIT.index(pair.N) for pair in pairs])
         inverses = text.constants([1.0 / pair.N for pair in pairs])
         begins = text.constants([int(pair.begins) for pair in pairs])
@@ -252,64 +234,6 @@ class ExplicitColumns(Scope):
             for i in range(D):
                 work.a[i] = a[i]
                 work.f_last[i] = f_last[i]
-
-    # ------------------------------------------------------------------------------------- in lanes
-    def in_lanes(self, inner):
-        """Add the columns of one trajectory, which are lanes.
-
-        Columns of 8 and 2 share a lane, as those of 6 and 4, so that ten values of f are computed
-        one after the other in place of thirty.
-        """
-        text, work, D = self.text, self.work, self.D
-        rounds = [(*each, each[0]) for each in in_turn(CHAINS)]
-        parts = text.constants([[1.0 / pair.N for pair in each] for each in rounds])
-        last = text.constants([[1.0 if pair.ends else 2.0 for pair in each] for each in rounds])
-        begin = text.constants([[float(pair.begins) for pair in each] for each in rounds])
-        has_end = text.constants([int(any(pair.ends for pair in each)) for each in rounds])
-        # a, b and f of all lanes, then ends, and how far they lie apart; none lies across two lines
-        # of the cache, where memory of one trajectory may begin anywhere
-        rows = (work.size.at() + (8 * LANES - 1)) & -(8 * LANES)
-        first_ends, rounds_D = 2 * D + self.extended, len(rounds) * D
-        a, b, f, ends = (inner.array(rows, k) for k in (0, D, 2 * D, first_ends))
-        apart = ends.after(rounds_D)
-        parts, last, begin = (inner.array(each.base) for each in (parts, last, begin))
-        scratch = apart.at(rounds_D)
-        signed = inner.splat(work.signed[0])
-        x, f_of_x = Shared(inner, "%x"), Shared(inner, "%f")
-
-        def call(name, of):
-            text.invoke(f"{self.name}_{name}_lanes", of, "%table", f, scratch)
-
-        for m in text.each(len(rounds)):
-            s = signed * parts[m]
-            double, factor = s + s, s * last[m]
-            begins = begin[m] > 0.0
-            with text.when(begins.any()):
-                for i in self.of_a():
-                    a.choose(begins, i, x[i])
-                for i in self.of_b():
-                    b.choose(begins, i, x[i] + s * f_of_x[i])
-            if self.is_inlined:
-                for i, value in self.pair_of_rows(a, b, "%table", double, factor).items():
-                    f[i] = value
-            else:
-                self.pair_by_calls(call, (a, b), f, double, factor)
-            with text.when(has_end[m].differs(0)):
-                of_pair = ends.from_here(m * D), apart.from_here(m * D)
-                self.end(work, a, b, x, *of_pair, *self.loops())
-        for i, value in self.rates_at_end(a, b, "%table", self.of_b(), call).items():
-            f[i] = value
-        pairs = [(ends, work.ends), (apart, work.apart)][: 1 + self.splits]
-        for i in text.each(D):
-            for m, each in enumerate(rounds):
-                for lane, pair in enumerate(each[:-1]):
-                    if pair.ends:
-                        of_column = EXPLICIT.index(pair.N) * D
-                        for source, target in pairs:
-                            number = text.array(source.after(m * D).at(i), lane)[0]
-                            target.after(of_column)[i] = number
-            work.a[i] = text.array(a.at(i))[0]
-            work.f_last[i] = text.array(f.at(i))[0]
 
 
 def added(x, factor, change):

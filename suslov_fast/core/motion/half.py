@@ -12,25 +12,19 @@ from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
 from ..lists.step import Values, dot
-from ..lists.two_sets import Sets, part_of, sets_of
+from ..lists.two_sets import part_of, sets_of
 from ..lists.variational import Variational
 from . import errors
 from .columns import EXPLICIT, IMPLICIT
 from .functions import (
     LONGEST,
-    Blocks,
     DenseProduct,
     DenseQuadratic,
-    FirstBlock,
     SparseFactors,
     SparseSolution,
-    TangentEntries,
-    TangentFactors,
-    Tangents,
     of_list,
 )
 from .rows import OF_CHANGES, Rows, Work, firsts_of
-from .sections import SECTION_PARTS
 
 
 class Half:
@@ -48,7 +42,7 @@ class Half:
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
-    read         the components that `surfaces` and `sections` read
+    read         the components that `surfaces` read
     hidden       the list of `f.hidden`
     has_waves    whether some of its surfaces depend on clocks alone
     reads_states whether some depend on states, which have to be known well within a step
@@ -57,11 +51,8 @@ class Half:
     rows, work   `Rows` of a trajectory, and `Work`
     is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
     is_long      whether loops carry out f or the elimination
-    steps        that trajectories have taken in this half, in all
     codes        addresses of its code, see `engine.code_of_half`
     """
-
-    steps = 0
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
@@ -81,23 +72,20 @@ class Half:
         self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.is_long = f.is_dense or f.work > LONGEST
-        self.couplings = 0 if self.block is f else f.columns * f.coupling
         self.changes = f.changes
         self.low = 0 if has_atol else self.block.D
-        self.sets = None if is_implicit else self._sets()
+        self.sets = None if is_implicit else sets_of(f)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
-        elif self.block is not f:
-            self.functions = {"f": Tangents(f, f.base, _product(self.block), range(self.block.D))}
         else:
             self.functions = {
                 "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
-                self.functions[name] = self._rates(components)
+                self.functions[name] = of_list(part_of(f.f, components), D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
-        self.read = {"surfaces": _read(f.watched, self.watched)}
+        self.read = _read(f.watched, self.watched)
         self.hidden, self.has_waves, self.reads_states = f.hidden
         if self.watched:
             self._add_surfaces()
@@ -113,12 +101,12 @@ class Half:
         """Set `rows` and `work`, for so many factors of 1 - s f'."""
         f, D, block, c, watched = self.f, self.f.D, self.block, self.changes, self.watched
         extended, chooses, changes = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
-        surfaces, acting, sections = (c.surfaces, c.acting, c.sections) if c else (0, 0, 0)
+        surfaces, count = (c.surfaces, c.count) if c else (0, 0)
         of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
         self.rows = firsts_of(Rows, of_f | {
             "x": D, "largest": D, "mode": D, "low": self.low, "far": watched,
             "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
-            "section": sections, "latest": sections, "counts": acting, "acted": 2 * surfaces,
+            "counts": count, "acted": 2 * surfaces,
             "of_changes": changes * len(OF_CHANGES),
         })  # fmt: skip
         columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
@@ -126,11 +114,10 @@ class Half:
         self.work = firsts_of(Work, of_f | {
             "line": self.rows.size, "table": self.numbers, "start": D, "a": D, "ends": columns,
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
-            "beside": 6 * extended, "new": D, "error": D, "factors": factors,
-            "right": D + self.couplings * self.is_implicit,
-            "jacobian": f.entries + 1 + D + self.couplings if self.is_implicit else 0,
+            "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
+            "jacobian": f.entries + 1 + D if self.is_implicit else 0,
             "points": (1 + len(POINTS)) * self.surfaces + watched + 1, "point": watched,
-            "quartic": block.D if watched or sections else 0, "told": 2,
+            "quartic": block.D if watched else 0, "told": 2,
             "end": 2 * (watched + surfaces), "aim": 5,
             "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
             "changed": changes * D, "before": changes * D, "f_before": changes * D,
@@ -140,30 +127,9 @@ class Half:
             "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
             "slopes": len(block.slope_places) if jumps else 0,
             "gradient": block.D + f.q if jumps else 0,
-            "values": (SECTION_PARTS + 1) * sections, "rates": 2 * sections,
-            "moment": changes, "ok": changes, "tau": changes * D // block.D,
+            "tau": changes * D // block.D,
             "scratch": max(function.scratch for function in self.functions.values()),
         })  # fmt: skip
-
-    def _sets(self):
-        """Return the `Sets` of all components: each column of derivatives has those of x."""
-        sets, f, D = sets_of(self.block), self.f, self.block.D
-        if sets is None or f is self.block:
-            return sets
-        A, B = ([c * D + i for c in range(1 + f.columns) for i in own] for own in sets)
-        return Sets(A, [*B, *range(D * (1 + f.columns), f.D)])
-
-    def _rates(self, components):
-        """Return the function of the rates of some components, which leaves others as they are."""
-        f, block = self.f, self.block
-        if f is block:
-            return of_list(part_of(f.f, components), f.D, f.places)
-        own = [i for i in components if i < block.D]
-        entries = [k for k, (i, _) in enumerate(block.pattern) if i in {*own}]
-        of_base = [*own, *range(block.D, f.before - f.q * block.D)]
-        of_base += [f.before - (f.q - c) * block.D + i for c in range(f.q) for i in own]
-        of_base += [f.before + k for k in entries]
-        return Tangents(f, part_of(f.base, of_base), part_of(_product(block), own), own)
 
     def _add_surfaces(self):
         """Add the functions of surfaces whose crossings end steps."""
@@ -180,8 +146,6 @@ class Half:
     def _add_changes(self):
         """Add the functions of changes."""
         P, block = self.changes.P, self.block
-        if self.changes.sections:
-            self.read["sections"] = _read(self.changes.parts["sections"].list_, block.D)
         for name, (list_, rows) in self.changes.parts.items():
             if self.f is block and name.startswith(("tau", "column")):
                 continue  # there are no columns
@@ -203,7 +167,7 @@ class Half:
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
-        f, D, functions = self.block, self.block.D, self.functions
+        f, D, functions = self.f, self.f.D, self.functions
         if f.is_dense:
             functions["j"] = DenseQuadratic(D, True)
             functions["power"] = DenseProduct(D)
@@ -221,26 +185,12 @@ class Half:
             count = len(elimination.factors.results)
             functions["factor"] = of_list(elimination.factors, f.entries + 1)
             functions["solve"] = of_list(elimination.solution, count + D)
-        if self.block is not self.f:
-            self._add_columns(count)
         return count
-
-    def _add_columns(self, count):
-        """Make the functions those of a `Variational`."""
-        f, D, functions = self.f, self.block.D, self.functions
-        functions["power"] = FirstBlock(functions["power"], D, f.D)
-        pattern = ()
-        if self.couplings:
-            pattern, after = self.block.second.pattern, f.entries + 1 + f.D
-            functions["j"] = TangentEntries(f, after)
-            others = count + f.D, f.entries, after, self.couplings
-            functions["factor"] = TangentFactors(functions["factor"], *others)
-        functions["solve"] = Blocks(functions["solve"], count, f, pattern)
 
     @property
     def looks_inside(self):
         """Whether some surface reads states within steps."""
-        return any(self.read.values())
+        return bool(self.read)
 
     @functools.cached_property
     def key(self):

@@ -153,11 +153,7 @@ def derive(lines):
     jacobian, right, scale = work.jacobian, work.right, work.start
     scaled = jacobian.after(entries + 1)
     lines.call("j", line.x, lines.table, jacobian)
-    for part, count in (
-        (jacobian, entries),
-        (jacobian.after(entries + 1 + lines.D), lines.half.couplings),
-    ):
-        text.fill(part, count, lambda a: a.text.apply(FINITE, entry=a)["entry"], part)
+    text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
     largest = Carried(top=0.0)
     for i in text.each(lines.D, largest):
         largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]

@@ -51,9 +51,7 @@ class Rows(NamedTuple):
     chosen_often: int  # how often in a row they changed at once (1 if f chooses)
     side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
     #            the level, which is 0 but for rounding (2 surfaces)
-    section: int  # surfaces of records at the state; 0 counts as positive (sections)
-    latest: int  # times of their last crossings (sections)
-    counts: int  # how often each change has acted (acting changes)
+    counts: int  # how often each change has acted (changes)
     acted: int  # when each change at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
     of_changes: int  # numbers of `OfChanges`, if there are changes
@@ -88,7 +86,7 @@ class OfChanges(NamedTuple):
     stop_which: int  # number of that change
     stop_place: int  # the place of the time, an integer
     at: int  # time of the last change; of changes that accumulate their limit
-    recorded: int  # crossings of surfaces of records
+    recorded: int  # crossings of surfaces where nothing changes
     often: int  # how often in a row a change has acted again at once
 
 
@@ -123,7 +121,7 @@ class Work(NamedTuple):
     error: int  # (D)
     jacobian: int  # entries of f', s, and a vector (D)
     factors: int  # of 1 - s f'
-    right: int  # (D), and products of s and the couplings of a `Variational`
+    right: int  # (D)
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     aside: int  # 1 where it is a step aside
@@ -156,10 +154,6 @@ class Work(NamedTuple):
     f_old: int  # f before a jump (D)
     slopes: int  # of surfaces where f jumps, if there are columns
     gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)
-    values: int  # surfaces of records at the ends of parts of a step (- sections)
-    rates: int  # the same at a state, and their rates (2 sections)
-    moment: int  # time of a crossing, and whether it is found
-    ok: int
     tau: int  # how much later columns reach this instant (columns of a `Variational`)
     scratch: int  # rows that functions need
     size: int

@@ -14,7 +14,7 @@ step in this half have length 0 and stay as they are.
 """
 
 from ..code.text import Carried
-from . import changes, choosing, errors, inside, lengths, second_trial, sections, surfaces
+from . import changes, choosing, errors, inside, lengths, second_trial, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .rules import rule
@@ -87,8 +87,6 @@ def take_step(lines):
     if half.watched:
         surfaces.cut(lines, before, sums["total"])
     inside.save_states(lines)
-    if half.changes and half.changes.sections:
-        sections.find_crossings(lines)  # by the choices of the step
     if half.kinks:
         choosing.choose(lines)
     if half.low:

@@ -303,7 +303,7 @@ def _start(lines, is_first, inputs):
     work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
 
 
-def put_point(lines, u, to, of="surfaces", quartic=None):
+def put_point(lines, u, to, quartic=None):
     """Write the components that surfaces read at a part u of the step to a state.
 
     `quartic` of them may be known.
@@ -313,24 +313,24 @@ def put_point(lines, u, to, of="surfaces", quartic=None):
     if is_implicit:
         of_point = POINT_IMPLICIT
     quarters = [lines.work.nodes.after(k * lines.D) for k in range(3)]
-    for i in _read(lines, of):
+    for i in _read(lines):
         if is_implicit:
             inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
         to[i] = lines.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
 
 
-def _read(lines, of="surfaces"):
+def _read(lines):
     """Add a loop over the components that surfaces read, see `Half.read`."""
-    return lines.text.listed(lines.half.read[of])()
+    return lines.text.listed(lines.half.read)()
 
 
-def find_quartic(lines, of="surfaces"):
+def find_quartic(lines):
     """Find what polynomials of degree 4 have in an explicit step beside cubics."""
     text, work = lines.text, lines.work
     signed, u = work.signed[0], text.value(POINTS[0])
     for i in text.each(lines.D):
         work.start[i] = lines.apply(POINT, i, signed=signed, u=u)["point"]
     lines.call("f", work.start, lines.table, work.f)
-    for i in _read(lines, of):
+    for i in _read(lines):
         of_point = {"f_point": work.f[i], "signed": signed}
         work.quartic[i] = lines.apply(QUARTIC, i, **of_point)["quartic"]

@@ -6,7 +6,7 @@ The two halves share everything but their columns and the rule for the next step
     explicit, stormer, implicit   the function `columns` of a half
     trajectories     which trajectory a lane takes next
     step             a step of all lanes, with `errors`, `second_trial`, `lengths`, `inside`,
-                     `surfaces`, `choosing`, `sections` and `changes`
+                     `surfaces`, `choosing` and `changes`
     rules            lists of operations that decide, on the numbers of one lane
     scope            the arrays that all of these read and write, by name
 
@@ -32,7 +32,6 @@ def text_of_half(half, name, W, for_each):
     go on in the next call. A lane whose trajectory ends takes the next one.
     """
     text, firsts = Code(W), half.firsts()
-    text.called = {a for each in half.functions.values() for a in each.called}
     for key, function in half.functions.items():
         function.add(text, f"{name}_{key}", for_each, firsts[key])
     explicit = StormerColumns if half.sets else ExplicitColumns
@@ -40,7 +39,7 @@ def text_of_half(half, name, W, for_each):
     columns(text, half, name, for_each).add()
     if half.f.conditions:
         add_choices(text, half, name, for_each)
-    if half.changes and half.changes.acting:
+    if half.changes:
         add_change(text, half, name, for_each)
     text.begin(name, "arguments")
     lines = Lines(text, half, name, for_each)

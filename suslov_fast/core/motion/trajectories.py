@@ -5,7 +5,7 @@ of a trajectory follow each other; those of a lane are W numbers apart.
 """
 
 from ..code.text import Carried, Integers
-from . import changes, choosing, inside, lengths, sections
+from . import changes, choosing, inside, lengths
 from .arguments import SLOT
 from .rows import State
 from .step import move
@@ -90,7 +90,6 @@ def _begin_with_changes(lines, begins):
     line.state.choose(is_over, 0, float(State.DONE))
     text.copy(line.x, work.new, lines.D)
     changes.find_sides(lines, begins)
-    sections.begin_sections(lines, begins)
     changes.change(lines)
     inside.save_at_end(lines)
     move(lines)

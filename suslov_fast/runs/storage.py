@@ -14,21 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from ... import checks
-from ...bodies.classes import body_from_dict, class_named
-from ...checks import kind_of, require, short, wrong
-from ...maps import named
-from ..columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of, value_of
+from .. import checks
+from ..bodies.classes import body_from_dict, class_named
+from ..checks import kind_of, require, short, wrong
+from ..maps import named
+from .columns import ARGUMENTS, FORMAT, OF_KIND, Column, OtherFormat, sizes_of, value_of
 
 PathLike = str | os.PathLike[str]
 
 
 def save(result: Any, path: PathLike, overwrite: bool) -> None:
     """Write a result to a .npz file, which appears under its name when it is complete."""
-    from ... import __version__
+    from .. import __version__
 
-    others = "to_dataframe().to_csv(path), to_xarray().to_netcdf(path)"
-    others += " and ensemble(store=...) write other formats"
+    others = "to_dataframe().to_csv(path) and to_xarray().to_netcdf(path) write other formats"
     target = Path(
         os.path.realpath(_checked(path, others))
     )  # a link stays, and its target is written
@@ -47,8 +46,9 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     arguments = {name: getattr(result, name) for name in ARGUMENTS[kind]}
     is_array = {name: isinstance(value, np.ndarray) for name, value in arguments.items()}
     about |= {name: None if is_array[name] else value for name, value in arguments.items()}
-    if vars(result).get("changes") is not None:
-        about["changes"] = [change.to_dict() for change in result.changes.given]
+    events = result if kind == "Events" else vars(result).get("changes")
+    if events is not None:
+        about["changes"] = [change.to_dict() for change in events.given]
     class_named(described["body"])  # raises an error for a class of the user
     names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
     arrays = {name: value_of(result, name) for name in names}
@@ -106,7 +106,7 @@ def load(path: PathLike) -> Any:
 
     Only known entries are read, whose checksums `zipfile` compares.
     """
-    name = os.fspath(_checked(path, "open_ensemble reads a store"))
+    name = os.fspath(_checked(path, "xarray reads other formats"))
     with open(name, "rb") as file:
         try:
             with zipfile.ZipFile(file) as entries:
@@ -143,17 +143,12 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any) -> dict[str, Any]:
         if not np.isfinite(eps).all():
             raise wrong("eps", "finite", short(eps.tolist()))
         attributes |= {"map": named(about["map"]), "eps": eps if eps.ndim else float(eps)}
-    if "count" in attributes:  # of crossings
-        count = attributes["count"].ravel()
-        attributes["trajectory"] = np.repeat(np.arange(len(count)), count)
     return attributes
 
 
 def _check(columns: Iterable[Column], attributes: Mapping[str, Any]) -> None:
     """Raise an error unless arrays have the types and lengths that belong together."""
     sizes = dict(sizes_of(attributes["status"].shape, attributes["body"].dimension))
-    if "count" in attributes:
-        sizes["crossing"] = (int(attributes["count"].sum()),)
     for column in columns:
         array = attributes[column.name]
         if not isinstance(array, np.ndarray):

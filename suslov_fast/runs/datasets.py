@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import FloatArray, extra, short, wrong
-from ...engine.status import Status
-from ..columns import ARGUMENTS, CHANGES, MOTION, OF_KIND, RUN, dims_of, in_stores, value_of
+from ..checks import FloatArray, extra, short, wrong
+from ..engine.status import Status
+from .columns import ARGUMENTS, MOTION, RUN, dims_of, in_datasets, value_of
 
 # Names that an axis of the batch may not have.
 TAKEN = (
@@ -19,7 +19,7 @@ TAKEN = (
 
 def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
     """Return a run or a motion as a dataset; see `States.to_xarray`."""
-    from ... import __version__
+    from .. import __version__
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
     is_of_map = hasattr(type(run), "n")
@@ -36,7 +36,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
             values,
             special.get(column.name, {"long_name": column.meaning}),
         )
-        for column in in_stores(type(run).__name__, "turns", "changes")
+        for column in in_datasets(type(run).__name__, "turns", "changes")
         if (values := value_of(run, column.name)) is not None
     }
     if is_of_map:
@@ -54,7 +54,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
 
 
 def _arguments_of(result: Any) -> dict[str, Any]:
-    """Return the attributes of a dataset for the arguments of a run or of crossings."""
+    """Return the attributes of a dataset for the arguments of a run."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS.get(type(result).__name__, ())}
     return {
         # NetCDF has no truth values, and JSON no tuples.
@@ -115,30 +115,21 @@ def varying_numbers(result: Any) -> dict[str, Any]:
     return found | ({"eps": eps} if eps.ndim else {})
 
 
-def crossings_to_xarray(points: Any) -> Any:
-    """Return crossings as a dataset; see `Points.to_xarray`."""
-    from ... import __version__
+def events_to_xarray(events: Any) -> Any:
+    """Return events as a dataset; see `Events.to_xarray`."""
+    from .. import __version__
 
-    body, is_of_map = points.body, "map" in points._titles
-    of_steps = {"eps": np.asarray(points.eps)} if is_of_map else {}
-    variables: dict[str, Any] = {}
-    dim = "crossing" if points.what == "crossings" else "changed"
-    there = f"{points._meaning} there" if is_of_map else ""
-    for column in OF_KIND.get(type(points).__name__, CHANGES):
-        values = getattr(points, column.name)
-        is_one = column.axes.startswith(dim) and column.name not in points.coordinates
-        if is_one and values is not None and not (is_of_map and column.name == "surface"):
-            name, meaning = column.name, column.meaning
-            if name == "states":
-                name, meaning = points._variable, meaning or there
-            about = {"long_name": meaning} if meaning else {}
-            variables[name] = dims_of(column, ()), values, about
+    body, variables = events.body, {}
+    for name in ("before", "states"):
+        own = events._variable if name == "states" else name
+        about = {"long_name": f"{events._meaning} {'there' if name == 'states' else name}"}
+        variables[own] = ("event", "component"), getattr(events, name), about
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
-    coords |= {name: (dim, getattr(points, name)) for name in points.coordinates}
-    for name, values in (of_steps | varying(body)).items():
+    coords |= {name: ("event", getattr(events, name)) for name in events.coordinates}
+    for name, values in varying(body).items():
         axes = body.axes.get(name, 0)
-        coords[name] = (dim, *("component",) * axes), points._at_crossings(values, axes)
-    attributes = {**points._titles, "version": __version__, **_arguments_of(points)}
+        coords[name] = ("event", *("component",) * axes), events._at_events(values, axes)
+    attributes = {**events._titles, "version": __version__}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)
 
 
@@ -147,7 +138,7 @@ def table(result: Any) -> Any:
     parameters = varying_numbers(result)
     if hasattr(result, "coordinates"):
         columns = {name: getattr(result, name) for name in result.coordinates}
-        columns |= {name: result._at_crossings(values) for name, values in parameters.items()}
+        columns |= {name: result._at_events(values) for name, values in parameters.items()}
         states = result.states
     else:
         columns, states = _of_runs(result)

@@ -1,1 +1,0 @@
-"""The page of `suslov-fast explore`: its numbers and its server."""

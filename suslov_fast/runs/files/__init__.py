@@ -1,1 +1,0 @@
-"""Results outside memory: files, datasets and Zarr stores."""

@@ -278,6 +278,7 @@ motions.add_cases(add)
 events.add_cases(add)
 inside.add_cases(add)
 
+
 def orientations(what, n, size):
     """A function of a run of 4096 bodies in n dimensions, 100 steps, and of its states."""
     batch, steps = size(4096, 16), size(100, 5)

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, QuadraticField, body_from_dict, flow
+from suslov_fast import Change, QuadraticField, body_from_dict, flow
 
 
 def lorenz(x, rho, beta=8 / 3):

@@ -206,7 +206,11 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
         ]
 
     planned = found()
-    for name, size in (("SPARSE", np.inf if is_sparse else 0.0), ("OF_DENSE", -1), ("OF_LATTICE", -1)):
+    for name, size in (
+        ("SPARSE", np.inf if is_sparse else 0.0),
+        ("OF_DENSE", -1),
+        ("OF_LATTICE", -1),
+    ):
         monkeypatch.setattr(f"suslov_fast.core.lists.sizes.{name}", size)
     forget(monkeypatch)
     field = sf.QuadraticField.from_function(of_a, 3, a=1)
@@ -332,7 +336,9 @@ def test_frames(with_columns):
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
     assert not step.is_long  # then no code of its own
     machine = target.create_target_machine(cpu="x86-64", features="", opt=2)
-    code = machine.emit_assembly(binding.parse_assembly(driver.text_of_steps(step, "f", W, *options)))
+    code = machine.emit_assembly(
+        binding.parse_assembly(driver.text_of_steps(step, "f", W, *options))
+    )
     # The last function calls the others, one after the other.
     *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
     assert 0 < last + max(pieces, default=0) < 2**18

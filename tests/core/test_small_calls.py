@@ -9,7 +9,6 @@ import children
 import numpy as np
 import pytest
 from numba import config
-from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba

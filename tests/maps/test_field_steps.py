@@ -254,7 +254,6 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
     again = sf.iterate(family, x0, eps, 17, on_singular="ignore").extend(23, on_singular="ignore")
     assert again == run
     exponents, found = sf.lyapunov_exponents(family, x0[0], eps, 40), sf.jacobian(family, x0, eps)
-    met = sf.crossings(family, x0[0], eps, 40, surface=lambda x: x[..., 3], direction=0)
     for i, value in enumerate(a):
         alone = sf.QuadraticField.from_function(of_a, 4, a=value)
         for member in (alone, family[i]):

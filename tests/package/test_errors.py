@@ -187,7 +187,7 @@ TABLE = [
     (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
      changed_by(times=[1.0], direction=1)),
     (TypeError, "eps", lambda: sf.integrability.kahan(FIELD, "eps")),
-    (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1), 
+    (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1),
      run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
      lambda: COFACTOR.subs({"x": 1}), lambda: sf.compiled.system(BODY, "0.1")),
     (ValueError, "eps", field(lambda x, eps: (1, 2), eps=1),
@@ -251,7 +251,8 @@ TABLE = [
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
     (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),
-    (ValueError, "method", lambda: BATCH.sel(I2=2, method="pad"), hamiltonian(lambda x, method: 1, method=1),
+    (ValueError, "method", lambda: BATCH.sel(I2=2, method="pad"),
+     hamiltonian(lambda x, method: 1, method=1),
      run(method="rk4"), run(method=np.ones(2)), run(method="order4"),
      lambda: sf.jacobian(ROTOR, [1, 0.5], 0.1, method="order6"),
      lambda: sf.compiled.system(ND, 0.1, method="order8")),
@@ -408,14 +409,14 @@ ATTRIBUTES = [
     (RUN, "omega", r"run\.x"), (RUN, "finl", "final"),
     (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
     (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
-    (MOTION, "omega1", r"run\['Omega1'\]"), 
-     
+    (MOTION, "omega1", r"run\['Omega1'\]"),
+
      (FIELD, "sigma", ""), (NAMED, "rho", "parameters"),
-     
-     
-     
-     (Suslov3D, "nothing", ""), 
-     
+
+
+
+     (Suslov3D, "nothing", ""),
+
     (sf, "nothing", ""), (sf.integrability, "nothing", ""),
 ]  # fmt: skip
 

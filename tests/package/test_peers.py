@@ -24,7 +24,10 @@ OTHERS = {
         1e-5,
     ),
     "crossings(field, x0, time=5, surface=lambda x: 8 / 3 * x[..., 2] - x[..., 0] * x[..., 1], "
-    "most=5, direction=1).states": ("solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]", 1e-5),
+    "most=5, direction=1).states": (
+        "solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]",
+        1e-5,
+    ),
     "lyapunov_exponents(field, x0, time=400, transient=20, rtol=1e-6)": (LORENZ, 0.05),
     "lyapunov_exponents(quadratic, x0, 1 / 128, 50_000, transient=2000) * 128": (LORENZ, 0.1),
     'flow(field, x0, time=T, derivatives="rho").derivative("rho")[0]': (

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from systems import LORENZ, lorenz
+from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import FIGURES

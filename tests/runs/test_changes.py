@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from children import TWO_THREADS
-from systems import rates_of_henon_heiles
 
 from suslov_fast import (
     Change,

@@ -254,7 +254,13 @@ def test_relaxation_cycles(of, parameter, time, level, rtol):
     settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).x[0]
     middle = {van_der_pol: 0.0, fitzhugh_nagumo: 0.0, brusselator: 1.0}[of]
     section = sf.crossings(
-        field, settled, surface=lambda x: x[..., 0] - middle, time=time, rtol=1e-12, most=3, direction=1,
+        field,
+        settled,
+        surface=lambda x: x[..., 0] - middle,
+        time=time,
+        rtol=1e-12,
+        most=3,
+        direction=1,
     )
     start = settled * 1.0001
     if level is not None:

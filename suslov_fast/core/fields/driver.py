@@ -9,7 +9,7 @@ import functools
 import operator
 from typing import NamedTuple
 
-from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
+from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared
 from ..compiling.codes import CHANGED
 from ..lists.step import SIGNIFICANT
 from .stage_code import Stage, add_table, loader

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from ..code.text import Code, Index, Shared, Truth, Value
 from ..compiling.codes import CHANGED
 
-
 BLOCK = 64  # operations of a block of long lists
 
 
@@ -40,7 +39,7 @@ class Stage:
         return self._results(self.values, self.step.after)
 
     def carry_out(self, operations, values):
-        """Carry out operations; many in blocks, because LLVM's time grows with the square of one."""
+        """Carry out operations; many in blocks: LLVM's time grows with the square of a block."""
         size = BLOCK if self.step.is_long else len(operations)
         for begin in range(0, len(operations), max(size, 1)):
             if begin:

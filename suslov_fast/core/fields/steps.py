@@ -86,8 +86,9 @@ class _Lines:
         self.D = self.scheme.step.D
         self.for_each, self.bases = max(map(len, parameters)) > 1, None
         self.parameters = parameters
-        step, stages = self.scheme
-        if self.for_each and len(stages.fractions) > 1:  # machine code computes them, with less memory
+        stages = self.scheme[1]
+        # Machine code computes the numbers of each stage, with less memory.
+        if self.for_each and len(stages.fractions) > 1:
             self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
         else:
             self.halves, self.table = tables_of(self.scheme, *parameters, W)
@@ -165,8 +166,8 @@ class _Lines:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
         numbers = dict.fromkeys(DriverArguments._fields, 0)
-        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of a
-        # short block waits for the one before it.
+        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
+        # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         table = None if self.for_each == OF_HALVES else self.table

@@ -364,7 +364,7 @@ class Taker:
 
     def take(self):
         """Take steps until the budget is spent; return whether none of them is left in the half."""
-        half, arguments = self.half, self.arguments
+        arguments = self.arguments
         arguments[SLOT.budget] = self.budget
         is_done = self.code.call(self.at)
         if is_done:  # the next ones begin

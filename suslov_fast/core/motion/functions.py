@@ -6,13 +6,12 @@ writes rows at another. Short lists of operations are straight-line code, long o
 after the table of f, and `scratch` the rows that it needs for itself.
 """
 
-import math
 from collections import defaultdict
 
 import numpy as np
 
 from ..code.sparse_code import ARRAYS, Arrays, add_factors, add_solution, lengths_of
-from ..code.text import WRITTEN_OUT, Carried, Index, Shared
+from ..code.text import Carried, Index, Shared
 from ..lists.step import OF_LIBRARY, OF_LISTS
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call

@@ -143,6 +143,18 @@ class Events(Result):
         Dimensions: "event" and "component". The points are "omega", or "x" for a field.
         Coordinates along "event": `trajectory`, `which`, `time`, and parameters of the body that
         vary: ``data.where(data.rho > 24.74, drop=True)``.
+
+        Returns
+        -------
+        xarray.Dataset
+            The events of all trajectories, along "event".
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, crossings
+        >>> pendulum = Field.from_function(lambda x: (x[1], -np.sin(x[0])), "angle rate")
+        >>> dict(crossings(pendulum, [0.1, 0.0], "angle", time=10.0).to_xarray().sizes)
+        {'event': 3, 'component': 2}
         """
         from .datasets import events_to_xarray
 

@@ -116,6 +116,27 @@ def test_matrices_of_numbers_and_those_that_are_not_symmetric():
         np.testing.assert_allclose(field(x), np.linalg.solve(mass(x), f(x)), rtol=1e-14)
 
 
+REGULAR = {  # everywhere, or where the determinant is not 0, though entries change their signs
+    "indefinite": (lambda s: [[s[0] - 1, 1], [1, s[0]]], ([1.0, 2.0], [1.0 + 1e-13, 2.0])),
+    "rotation": (lambda s: [[np.cos(s[0]), np.sin(s[0])], [-np.sin(s[0]), np.cos(s[0])]],
+                 ([0.0, 1.0], [np.pi / 2, 1.0], [np.pi, 1.0])),
+    "skew": (lambda s: [[0, s[0], s[1], 1], [-s[0], 0, 2, s[2]], [-s[1], -2, 0, s[3]],
+                        [-1, -s[2], -s[3], 0]], ([0.0, 0.0, 0.0, 0.0], [1.0, -1.0, 0.5, 0.0])),
+    "three": (lambda s: np.add(np.outer(s, s), [[s[0], s[1], 0], [0, s[2], s[0]], [s[1], 0, s[2]]]),
+              ([1.0, -1.0, 2.0], [0.0, 1.0, 1.0], [-1.0, 0.5, 0.5])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_matrices_that_are_regular_where_a_pivot_would_be_0(name):
+    mass, states = REGULAR[name]
+    field = Field.from_function(lambda s: 1.0 + s**2, len(states[0]), mass=mass)
+    for x in states:
+        x = np.array(x)
+        expected = np.linalg.solve(np.array(mass(x), float), 1.0 + x**2)
+        np.testing.assert_allclose(field(x), expected, rtol=1e-13, atol=1e-13)
+
+
 @pytest.mark.parametrize(
     ("mass", "message"),
     [
@@ -123,6 +144,7 @@ def test_matrices_of_numbers_and_those_that_are_not_symmetric():
         (lambda x: [[x[0], 0], [x[1], 0]], "has an inverse"),
         (lambda x: [[1.0, 0], [0, 0]], "has an inverse"),
         (lambda x: np.outer(np.sin(x), x), "has an inverse"),
+        (lambda x: [[x[0], x[1]], [-x[0], -x[1]]], "has an inverse"),
         (np.eye(3), r"shape \(2, 2\)"),
         (lambda x: [[x[0]]], r"shape \(2, 2\).*np\.block"),
         (lambda x: x[0], r"shape \(2, 2\)"),

@@ -2,12 +2,15 @@
 
 The pivots are chosen once, by which entries are 0 and which are numbers: a symmetric matrix keeps
 those of its diagonal, M = L D L^T, others take any, M = L U. A formula that is 0 for all states is
-no pivot: rounding would leave a number in its place.
+no pivot: rounding would leave a number in its place. A formula that changes its sign is 0 somewhere
+between, where M may be regular: a block of up to MOST rows without other pivots is solved by
+Cramer's rule, which divides by its determinant alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +28,7 @@ _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of num
 # States; a difference beside its terms that may be rounding; the part of states where it is, at
 # least, if it is 0: elimination amplifies rounding at some.
 _SAMPLES, _CANCELLED, _MOST = 32, 1e-11, 0.8
+MOST = 4  # rows of a block that Cramer's rule solves, because its minors are 2**n
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -48,8 +52,8 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     if all(isinstance(a, float) for row in rows for a in row):
         found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:
-        is_zero = _Cancellation(tracer).is_zero
-        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, is_zero)
+        samples = _Samples(tracer)
+        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
     return [tracer.result(a) for a in found]
 
 
@@ -101,8 +105,8 @@ def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
     return total
 
 
-class _Cancellation:
-    """Formulas at states that are chosen at random, where some are 0 by cancellation."""
+class _Samples:
+    """Formulas at states that are chosen at random, where some are 0, or change their sign."""
 
     def __init__(self, tracer: Tracer) -> None:
         numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))
@@ -111,28 +115,45 @@ class _Cancellation:
 
     def is_zero(self, a: Any) -> bool:
         """Return whether a formula is a difference of equal terms at nearly all states."""
-        instruction, operands = self._expressions.of.get(getattr(a, "operand", None), ("", ()))
+        if not isinstance(a, Symbol):
+            return _is_zero(a)
+        instruction, operands = self._expressions.of.get(a.operand, ("", ()))
         if instruction not in ("fadd", "fsub"):
             return False
+        difference = abs(self._at(a.operand))
+        with np.errstate(all="ignore"):
+            terms = sum(abs(self._at(each)) for each in operands)
+            is_small = (difference <= _CANCELLED * terms)[np.isfinite(difference)]
+        return bool(len(is_small) and is_small.mean() >= _MOST)
+
+    def changes_sign(self, a: Any) -> bool:
+        """Return whether a formula is above 0 at some states, and below 0 at others."""
+        values = self._at(a.operand if isinstance(a, Symbol) else a)
+        return bool((values > 0.0).any() and (values < 0.0).any())
+
+    def _at(self, operand: Any) -> Any:
+        """Return the values of an operand at all states."""
+        if isinstance(operand, float):
+            return np.array(operand)
         operations = self._expressions.operations
         with np.errstate(all="ignore"):
             evaluate(operations[self._done :], self._values)
-            self._done = len(operations)
-            terms = sum(abs(np.array(self._values.get(each, each))) for each in operands)
-            difference = abs(self._values[a.operand])
-            known = np.isfinite(difference)
-            is_small = (difference <= _CANCELLED * terms)[known]
-        return bool(len(is_small) and is_small.mean() >= _MOST)
+        self._done = len(operations)
+        return np.asarray(self._values[operand])
 
 
-def _solved(a: list[list[Any]], b: list[Any], is_zero: Callable[[Any], bool]) -> list[Any]:
-    """Return the solution of a x = b, numbers and symbols; `is_zero` tells what is no pivot."""
+def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
+    """Return the solution of a x = b, numbers and symbols; `samples` tell what is no pivot."""
     D = len(b)
     is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
     rows, columns = [*range(D)], [*range(D)]
-    steps = []
+    steps, x = [], [0.0] * D
     while rows:
-        i, j = _pivot(a, rows, columns, is_symmetric, is_zero)
+        i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero)
+        if len(rows) <= MOST and samples.changes_sign(a[i][j]):
+            for j, value in zip(columns, _by_cramer(a, b, rows, columns, samples), strict=True):
+                x[j] = value
+            break
         is_symmetric &= i == j
         rows.remove(i)
         columns.remove(j)
@@ -148,13 +169,37 @@ def _solved(a: list[list[Any]], b: list[Any], is_zero: Callable[[Any], bool]) ->
                     a[r][c] = _less(a[r][c], factor, a[i][c])
             b[r] = _less(b[r], factor, b[i])
         steps.append((i, j, inverse if below else None, after))
-    x: list[Any] = [0.0] * D
     for i, j, inverse, after in reversed(steps):
         rest = b[i]
         for c in after:
             rest = _less(rest, a[i][c], x[c])
         x[j] = rest / a[i][j] if inverse is None else _sum(iter([(inverse, rest)]))
     return x
+
+
+def _by_cramer(
+    a: list[list[Any]], b: list[Any], rows: list[int], columns: list[int], samples: _Samples
+) -> list[Any]:
+    """Return the solution of the equations in some rows and columns, by minors of a."""
+    whole = [[*row, value] for row, value in zip(a, b, strict=True)]  # b is the last column
+
+    @cache
+    def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
+        """Return a determinant, expanded along its first column."""
+        if not columns:
+            return 1.0
+        j, *others = columns
+        cofactors = [minor((*rows[:k], *rows[k + 1 :]), (*others,)) for k in range(len(rows))]
+        parts = [_sum(iter([(whole[i][j], c)])) for i, c in zip(rows, cofactors, strict=True)]
+        total = _sum(((-1.0) ** k, part) for k, part in enumerate(parts))
+        return 0.0 if samples.is_zero(total) else total
+
+    determinant = minor((*rows,), (*columns,))
+    if _is_zero(determinant):
+        raise _singular()
+    places = [(len(b), *columns[:k], *columns[k + 1 :]) for k in range(len(columns))]
+    signed = ((-1.0) ** k * minor((*rows,), place) for k, place in enumerate(places))
+    return [each if _same(determinant, 1.0) else each / determinant for each in signed]
 
 
 def _less(a: Any, factor: Any, b: Any) -> Any:

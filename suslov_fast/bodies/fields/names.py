@@ -22,8 +22,8 @@ _TAKEN = {
     **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (
-            *("before", "component", "crossing", "count", "end", "final", "space", "status"),
-            *("steps", "surface", "trajectory", "which"),
+            *("before", "component", "count", "end", "event", "final", "space", "status"),
+            *("steps", "trajectory", "which"),
         ),
         "a name in datasets",
     ),

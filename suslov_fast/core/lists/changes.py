@@ -11,6 +11,7 @@ to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / 
 At given times tau is 0; a change that another one has caused at the same instant has its tau.
 """
 
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
@@ -21,11 +22,28 @@ from .step import dot
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
 
 
+class KeyedList(List):
+    """A `List` that is a key, by its text: 1 is a value's number, 1.0 a constant, and 0 has a sign.
+
+    Tuples of these are equal where texts are not, because 1 == 1.0 and 0.0 == -0.0.
+    """
+
+    @cached_property
+    def _text(self):
+        return repr((self.operations, self.results))
+
+    def __eq__(self, other):
+        return self._text == other._text
+
+    def __hash__(self):
+        return hash(self._text)
+
+
 class Act(NamedTuple):
     """The action of a change. The first values of its lists are x (D), then the parameters (P).
 
-    surface    `List` of the function that is 0 where it acts, or None if it acts at times
-    to         `List` of the new state, or None if the state stays
+    surface    `KeyedList` of the function that is 0 where it acts, or None if it acts at times
+    to         `KeyedList` of the new state, or None if the state stays
     direction  1 or -1, in which the surface is crossed along the motion, or 0
     most       how often it acts before it ends the trajectory, infinity if it does not
     """
@@ -45,13 +63,14 @@ class Act(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `List` of operands that are values of `Expressions`, with a hash."""
-        return List(tuple(needed_for(values.operations, results)), tuple(results))
+        """Return the `KeyedList` of operands that are values of `Expressions`."""
+        return KeyedList(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def read_by(list_, results):
-    """Return all operands that are read for results, and these."""
-    return {a for each in list_.operations for a in each[2]} | {*results}
+    """Return the numbers of all values that are read for results, and of these."""
+    read = [a for each in list_.operations for a in each[2]]
+    return {a for a in (*read, *results) if type(a) is int}
 
 
 class Part(NamedTuple):

@@ -45,8 +45,8 @@ class Elapsed:
         of_acts = [[each and emitted(values, each) for each in act[:2]] for act in acts]
         wanted = [*results, *(a for pair in of_acts for own in pair for a in own or ())]
         operations = needed_for(values.operations, wanted)
-        read = {a for *_, operands in operations for a in operands} | {*wanted[len(results) :]}
-        if clocks := [i for i in clocks if i in read]:
+        read = [a for *_, operands in operations for a in operands] + wanted[len(results) :]
+        if clocks := [*{*clocks}.intersection(a for a in read if type(a) is int)]:
             self._shift(operations, clocks)
             self.acts = [self._act(*each) for each in zip(acts, of_acts, strict=True)]
 
@@ -75,8 +75,9 @@ class Elapsed:
             if is_choice or all(self._is_rigid(a) for a in operands):
                 self.rigid.add(number)
             self.known[number] = self._value(name, operands)
-        named = {a for _, operands, *_ in old.written.values() for a in operands} | {*old.written}
-        written = {a: self._whole(a) for a in named if a in self.known and a not in self.offsets}
+        named = [a for _, operands, *_ in old.written.values() for a in operands] + [*old.written]
+        named = {a for a in named if type(a) is int and a in self.known and a not in self.offsets}
+        written = {a: self._whole(a) for a in named}
         self.results = [self._whole(a) for a in self.results]
         new.take_written(old, written)
 

@@ -368,8 +368,7 @@ class Step:
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
         others = [operation for operation in self.values.operations if operation[1] not in fixed]
         for _, _, operands in others:
-            if not fixed.isdisjoint(operands):
-                table.update(dict.fromkeys(a for a in operands if a in fixed))
+            table |= dict.fromkeys(a for a in operands if type(a) is int and a in fixed)
         table.update(dict.fromkeys(number for number in self._results() if number in fixed))
         self.table = [*table]
         self.places = {number: place for place, number in enumerate(self.table)}

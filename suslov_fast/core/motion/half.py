@@ -85,7 +85,7 @@ class Half:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
                 self.functions[name] = of_list(part_of(f.f, components), D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
-        self.read = _read(f.watched, self.watched)
+        self.read = _read(f.watched, self.watched) if self.watched else []
         self.hidden, self.has_waves, self.reads_states = f.hidden
         if self.watched:
             self._add_surfaces()
@@ -221,7 +221,7 @@ class Half:
 
 def _read(list_, D):
     """Return the numbers of the components that a list reads."""
-    return [i for i in range(D) if i in read_by(list_, list_.results)]
+    return sorted(read_by(list_, list_.results).intersection(range(D)))
 
 
 def _product(f):

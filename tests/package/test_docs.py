@@ -20,7 +20,7 @@ import pytest
 from PIL import Image
 
 import suslov_fast
-from suslov_fast.__main__ import main
+from suslov_fast.command import main
 from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
 

@@ -91,7 +91,8 @@ ARROWS = {
     "plots": "checks keywords bodies maps quantities runs",
     "integrability": "words checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
-    "__main__": "bodies runs",
+    "command": "words bodies runs integrability",
+    "__main__": "command",
 }
 
 

@@ -1,0 +1,350 @@
+"""The command `suslov-fast`: runs, their figures, the figures of the paper, and reports."""
+
+import argparse
+import json
+import os
+import re
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import suslov_fast as sf
+
+from .words import answer
+
+# Modules that import NumPy or Numba are imported in functions: `--help` and most errors need none.
+
+_ABOUT = "Kahan maps of the Suslov problem and of quadratic ODEs, and solutions of any ODEs."
+_EXAMPLES = """examples:
+  suslov-fast run
+  suslov-fast run --equations "x' = v; v' = -sin(x)" --x0 1,0 --time 20 -o run.npz
+  suslov-fast plot run.npz x v
+  suslov-fast report --equations "x' = y**2; y' = -x"
+"""
+_LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
+_OF_STEPS = "eps", "steps", "save_every", "method"  # options of the map
+_OF_TIMES = "points", "rtol", "atol"  # and of the motion
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line with the nearest option or command."""
+
+    def error(self, message: str) -> NoReturn:
+        known = {}
+        for action in self._actions:
+            for name in (*action.option_strings, *map(str, action.choices or ())):
+                known[name.strip("-").replace("-", "_")] = name
+        wrong = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
+        for word in re.findall(wrong, message):
+            plain = word.replace("-", "_").lower()
+            if near := known.get(plain) or known.get(answer(plain, known)):
+                message += f"; for {word} use {near}"
+        if "unrecognized" in message and " -" not in message:
+            message += "; lists have commas, --x0 1,0.5, and texts quotation marks"
+        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
+        sys.exit(2)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status.
+
+    It is 0 after success, 1 after a failure, 2 if the command line or a file is wrong, and 130
+    after Ctrl-C. Messages are lines on stderr.
+    """
+    words = [*(sys.argv[1:] if words is None else words)]
+    parser = _parser()
+    if not words:
+        parser.print_help()
+        return 0
+    # A blank, because argparse takes a list such as -1,.5 for an option.
+    words = [f" {each}" if re.match(r"-[\d.]", each) else each for each in words]
+    options, unknown = parser.parse_known_args(words)
+    if unknown:
+        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
+            return int(options.function(options) or 0)
+    except KeyboardInterrupt:
+        _tell("interrupted")
+        return 130
+    except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+        is_of_file = isinstance(error, OSError) and error.strerror
+        _tell(f"{error.filename}: {error.strerror}" if is_of_file else error)
+        return 2
+    except Exception as error:
+        _tell(error)
+        return 1
+
+
+def _tell(message: object) -> None:
+    """Print a message as one line on stderr."""
+    text = str(message) or type(message).__name__
+    print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
+
+
+# ---------------------------------------------------------------------------------- commands
+def run(options: argparse.Namespace) -> int:
+    """Compute a batch of trajectories, and print how long it takes, as JSON.
+
+    It takes 1000 steps of the map from 65,536 random states of the body of figure 2 of the paper,
+    if nothing else is asked for. With --time it solves the equations, as `flow` does.
+    """
+    is_motion = options.time is not None
+    for name in _OF_STEPS if is_motion else _OF_TIMES:
+        if getattr(options, name) is not None:
+            how = "is for steps of the map: leave out --time" if is_motion else "needs --time T"
+            raise ValueError(f"--{name.replace('_', '-')} {how}")
+    if options.output is None and options.save_every is not None:
+        raise ValueError("--save-every needs a file: add -o run.npz")
+    if options.output is not None:
+        _check_writable([options.output], (".npz",), options.force)
+    import numpy as np
+
+    system, eps = _system(options)
+    if not is_motion and isinstance(system, sf.Field):
+        raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
+    if not is_motion and eps is None:
+        raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
+    like = f"--x0 {','.join('1' * system.dimension)}"
+    if options.equations is not None and not (options.x0 or options.trajectories):
+        raise ValueError(f"--x0 is missing, the initial state, such as {like}")
+    states: Any = options.x0
+    if not states:
+        size = options.trajectories or 65_536, system.dimension
+        states = np.random.default_rng(0).uniform(-2.0, 2.0, size)
+    elif any(len(each) != system.dimension for each in states):
+        raise ValueError(f"--x0 must be {system.dimension} numbers, such as {like}")
+    elif len(states) == 1:
+        [states] = states
+    common = {"threads": options.threads}
+    if is_motion:
+        times = np.linspace(0.0, options.time, options.points or 101)
+        chosen = {name: getattr(options, name) for name in ("rtol", "atol")}
+        common |= {name: value for name, value in chosen.items() if value is not None}
+        compute = partial(sf.flow, system, states, time=times, **common)
+    else:
+        common |= {"save_every": options.save_every, "method": options.method or "auto"}
+        common |= {"steps": options.steps or 1000, "on_singular": "ignore"}
+        compute = partial(sf.iterate, system, states, eps, **common)
+    seconds, result = _timed(compute)
+    if seconds < 30.0:  # the first call compiles
+        seconds = min(seconds, _timed(compute)[0])
+    if options.output is not None:
+        result.save(options.output, overwrite=options.force)
+    failed = result.status < 0
+    taken = result.steps if is_motion else np.where(failed, result.failed_at, result.steps)
+    rate = {"seconds": seconds, "steps_per_second": float(taken.sum()) / seconds}
+    counts = {"trajectories": failed.size, "failed": int(failed.sum())}
+    written = {"written": str(options.output)} if options.output else {}
+    print(json.dumps({"system": str(system), **rate, **counts, **written}))
+    return int(failed.size > 0 and bool(failed.all()))
+
+
+def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    begin = time.perf_counter()
+    result = call()
+    return time.perf_counter() - begin, result
+
+
+def plot(options: argparse.Namespace) -> None:
+    """Draw a file of a run."""
+    target = options.output or options.file.with_suffix(".png")
+    _check_writable([target], (".png", ".svg", ".pdf"), options.force)
+    from .runs.drawing import plt
+    from .runs.results import load
+
+    figure = load(options.file).plot(*options.components).figure
+    figure.savefig(target, dpi=150)
+    plt.close(figure)
+    print(target)
+
+
+def figures(options: argparse.Namespace) -> None:
+    """Draw the four figures of the paper."""
+    folder = options.output
+    if folder.suffix or (folder.exists() and not folder.is_dir()):
+        raise ValueError(f"-o {folder} must be a folder, of figure1.png to figure4.png")
+    from .bodies.rigid import FIGURES
+    from .runs.drawing import plt
+
+    paths = [folder / f"figure{number}.png" for number in FIGURES]
+    folder.mkdir(parents=True, exist_ok=True)
+    _check_writable(paths, (".png",), options.force)
+    for path, figure in zip(paths, FIGURES.values(), strict=True):
+        drawn = sf.plot_phase(*figure).figure
+        drawn.savefig(path, dpi=150)
+        plt.close(drawn)
+    print(*paths, sep="\n")
+
+
+def report(options: argparse.Namespace) -> None:
+    """Print what a Kahan map conserves: integrals, measures, growth of degrees.
+
+    Decimals are read as they are written, 0.1 as 1/10. Without --eps the step size is a symbol.
+    """
+    from .integrability import report as report_of
+
+    system, _ = _system(options)
+    if isinstance(system, sf.Field):
+        raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
+    found = report_of(system, eps=options.eps, degree=options.degree)
+    print(json.dumps(found.to_dict()) if options.json else found)
+
+
+def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) -> None:
+    """Raise an error if one of some files has another ending or cannot be written."""
+    for path in paths:
+        folder = path.absolute().parent
+        if path.suffix.lower() not in endings:
+            how = ": load(path).to_dataframe() makes tables" if ".npz" in endings else ""
+            raise ValueError(f"-o {path} must end in {' or '.join(endings)}{how}")
+        if path.is_dir():
+            raise ValueError(f"-o {path} is a folder: choose the name of a file")
+        if path.exists() and not force:
+            raise ValueError(f"-o {path} exists: choose another name, or add --force")
+        if not folder.is_dir():
+            raise ValueError(f"-o {path}: there is no folder {folder}")
+        if not os.access(folder, os.W_OK):
+            raise ValueError(f"-o {path}: the folder {folder} cannot be written")
+
+
+# ---------------------------------------------------------------------------------- systems
+def _system(options: argparse.Namespace) -> tuple[Any, Any]:
+    """Return the body or the field, and the step size, None if there is none."""
+    if options.equations is not None:
+        return _of_equations(options.equations), options.eps
+    if options.body is None:
+        body, eps = sf.Suslov3D.figure(options.figure or 2)
+        return body, eps if options.eps is None else float(options.eps)
+    if len(options.body) not in (4, 5):
+        raise ValueError("--body must be four numbers I1,I2,I13,I23, or five, with the rotor k")
+    kind = sf.Suslov3D if len(options.body) == 4 else sf.SuslovGyrostat
+    return kind(*options.body), options.eps
+
+
+def _of_equations(text: str) -> Any:
+    """Return the field of equations such as those of `_LIKE`; names without ' are parameters."""
+    equations: dict[str, str] = {}
+    parameters: dict[str, Any] = {}
+    for part in filter(str.strip, re.split("[;\n]", text)):
+        name, sign, value = (each.strip() for each in part.partition("="))
+        name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
+        own = name.removesuffix("'").rstrip()
+        if not (sign and own and value) or "'" in own or re.search("[^<>=!]=[^=]", value):
+            how = f"write equations of order 1, with a ; between two: {_LIKE}"
+            raise ValueError(f"--equations: {part.strip()!r} cannot be read: {how}")
+        if own in equations or own in parameters:
+            raise ValueError(f"--equations: {own} has two lines: write one")
+        if name.endswith("'"):
+            equations[own] = value
+        else:
+            try:
+                parameters[own] = float(_fraction(value))
+            except (argparse.ArgumentTypeError, OverflowError):
+                how = f"a parameter is a number; if it is an equation write {own}' = {value}"
+                raise ValueError(f"--equations: {part.strip()}: {how}") from None
+    if not equations:
+        raise ValueError(f"--equations must be like {_LIKE}")
+    described = {"names": [*equations], "equations": [*equations.values()]}
+    field = sf.body_from_dict({"body": "Field", **described, "parameters": parameters})
+    try:
+        return sf.QuadraticField.from_function(field, [*equations])
+    except (TypeError, ValueError):
+        return field
+
+
+# ---------------------------------------------------------------------------------- options
+def _fraction(text: str) -> Fraction:
+    """Return the number in a text such as 0.1, 1/3 or 1e6, exactly."""
+    from .bodies.fields.polynomials import from_text
+
+    try:
+        return from_text(text.strip())
+    except ValueError:
+        how = "is not a number, such as 0.1, 1/3 or 1e6"
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} {how}") from None
+
+
+def _number(text: str) -> float:
+    try:
+        return float(_fraction(text))
+    except OverflowError:
+        raise argparse.ArgumentTypeError(f"{text!r} is beyond 1.8e308") from None
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers in a text such as 1,0.5."""
+    return [_number(each) for each in text.split(",")]
+
+
+def _count(text: str) -> int:
+    """Return a positive integer below 2**62 in a text such as 1000 or 1e3."""
+    value = _fraction(text)
+    if value.denominator != 1 or not 0 < value <= 2**62:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer from 1 to 2**62")
+    return int(value)
+
+
+def _path(text: str) -> Path:
+    """Return the name of a file or folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name of a file is empty")
+    return Path(text).expanduser()
+
+
+def _parser() -> _Parser:
+    """Return the parser of the command; docstrings of functions are its help."""
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = _Parser("suslov-fast", description=_ABOUT, epilog=_EXAMPLES, formatter_class=raw)
+    parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    def command(function: Callable[[argparse.Namespace], int | None]) -> Any:
+        text = function.__doc__ or ""
+        summary = {"help": text.partition("\n")[0], "description": text}
+        found = commands.add_parser(function.__name__, allow_abbrev=False, **summary)
+        found.set_defaults(function=function, refuse=found.error)
+        return found
+
+    def add_system(to: Any) -> None:
+        add = to.add_mutually_exclusive_group().add_argument
+        add("--figure", type=int, choices=(1, 2, 3, 4), help="body of the paper (default 2)")
+        add("--body", type=_numbers, metavar="I1,I2,I13,I23", help="another body; a fifth is k")
+        add("--equations", metavar="TEXT", help=f'such as "{_LIKE}"')
+
+    def add_file(to: Any, of: str, **keywords: Any) -> None:
+        to.add_argument("-o", "--output", type=_path, help=of, **keywords)
+        to.add_argument("--force", action="store_true", help="replace files that exist")
+
+    of_run = command(run)
+    add_system(of_run)
+    add = of_run.add_argument
+    add("--x0", type=_numbers, action="append", metavar="X,...", help="initial state; repeatable")
+    add("--trajectories", type=_count, metavar="N", help="random states (default 65536)")
+    add("--eps", type=_number, metavar="X", help="step size (default: of the figure)")
+    add("--steps", type=_count, metavar="N", help="steps of the map (default 1000)")
+    add("--save-every", type=_count, metavar="K", help="states in the file (default: the last)")
+    add("--method", metavar="NAME", help="auto (default), order4, order6 or order8")
+    add("--time", type=_number, metavar="T", help="solve the equations from 0 to T instead")
+    add("--points", type=_count, metavar="N", help="times from 0 to T (default 101)")
+    add("--rtol", type=_number, metavar="X", help="relative tolerance (default 1e-9)")
+    add("--atol", type=_number, metavar="X", help="absolute tolerance")
+    add("--threads", type=_count, metavar="N", help="threads (default: all)")
+    add_file(of_run, "file of the run", metavar="RUN.npz")
+    of_plot = command(plot)
+    of_plot.add_argument("file", type=_path, metavar="RUN.npz")
+    of_plot.add_argument("components", nargs="*", metavar="NAME", help="such as x v, or time x")
+    add_file(of_plot, "figure (default RUN.png)", metavar="FILE.png")
+    add_file(command(figures), "folder (default: this one)", metavar="DIR", default=Path())
+    of_report = command(report)
+    add_system(of_report)
+    of_report.add_argument("--eps", type=_fraction, metavar="X", help="step size, such as 1/3")
+    of_report.add_argument("--degree", type=_count, metavar="D", default=3, help="default 3")
+    of_report.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser

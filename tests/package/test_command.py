@@ -1,0 +1,156 @@
+"""The command `suslov-fast`: what it computes and writes, and how it refuses."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.command import main
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def words(line):
+    """The words of a command line, whose equations have no blanks."""
+    return line.split()
+
+
+def call(line, capsys):
+    """Run a command that must succeed without messages, and return its output."""
+    code = main(words(line))
+    out, err = capsys.readouterr()
+    assert (code, err) == (0, "")
+    return out
+
+
+def test_help_needs_no_packages():
+    code = "import atexit, sys; atexit.register(lambda: print(*sys.modules))"
+    code += "; from suslov_fast.command import main; main(sys.argv[1:])"
+    for line in ("--help", "run --help", "run --stpes 3"):
+        command = [sys.executable, "-c", code, *line.split()]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert "usage: suslov-fast" in done.stdout or "use --steps" in done.stderr
+        assert not {"numba", "numpy", "matplotlib"} & {*done.stdout.split()}
+    command = [sys.executable, "-m", "suslov_fast", "-V"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.stdout == f"suslov-fast {sf.__version__}\n"
+
+
+def test_a_run_of_a_body(capsys):
+    facts = json.loads(call("run --trajectories 5 --steps 4e1 --save-every 10 -o a.npz", capsys))
+    body, eps = sf.Suslov3D.figure(2)
+    states = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 2))
+    assert sf.load("a.npz") == sf.iterate(body, states, eps, 40, save_every=10)
+    assert (facts["trajectories"], facts["failed"], facts["written"]) == (5, 0, "a.npz")
+    assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(200)
+    call("run --body 4,1,-.5,-.3,.7 --x0 -1,.5 --eps -1/8 --steps 9 -o a.npz --force", capsys)
+    body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+    assert sf.load("a.npz") == sf.iterate(body, [-1.0, 0.5], -0.125, 9, save_every=None)
+
+
+def test_a_run_of_equations(capsys):
+    """They have Kahan's map if they are quadratic, and solutions in any case."""
+    lotka = "--equations x'=x*(a-y);dy/dt=y*(x-1/2);a=2 --x0 1,0.5"
+    call(f"run {lotka} --eps 1/64 --steps 8 -o map.npz", capsys)
+    field = sf.QuadraticField.from_function(
+        lambda x: (x[0] * (2 - x[1]), x[1] * (x[0] - 0.5)), "x y"
+    )
+    found = sf.iterate(field, [1.0, 0.5], 1 / 64, 8).final
+    np.testing.assert_array_equal(sf.load("map.npz").final, found)
+    line = "run --equations x'=v;v'=-sin(x) --x0 1,0 --x0 2,0 --time 5 --points 6 --rtol 1e-6"
+    facts = json.loads(call(f"{line} -o run.npz", capsys))
+    pendulum = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "x v")
+    found = sf.flow(pendulum, [[1.0, 0.0], [2.0, 0.0]], time=np.arange(6.0), rtol=1e-6)
+    np.testing.assert_array_equal(sf.load("run.npz").states, found.states)
+    assert facts["trajectories"] == 2
+    assert call("plot run.npz time v", capsys) == "run.png\n"
+    assert call("plot run.npz x v -o run.pdf", capsys) == "run.pdf\n"
+    assert Path("run.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("run.pdf").read_bytes().startswith(b"%PDF")
+    assert not plt.get_fignums()
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_run_that_fails_altogether(capsys):
+    assert main(words("run --equations x'=x*x --x0 1 --time 3")) == 1
+    out, err = capsys.readouterr()
+    assert json.loads(out)["failed"] == 1
+    assert "t = 1" in err
+
+
+def test_a_report(capsys):
+    found = call("report --figure 1 --eps 0.2 --degree 2 --json", capsys)
+    square = "25*Omega1^2 + 30*Omega1*Omega2 + 9*Omega2^2"
+    lemma = f"25*(4*Omega1^2 + Omega2^2)/({square} + 40000)"
+    assert [each["formula"] for each in json.loads(found)["integrals"]] == [lemma]
+    text = call("report --equations x'=y**2;y'=-x --eps 1/3 --degree 3", capsys)
+    assert "-(x^2*y - 36*y^3 - 54*x^2)/(y + 18)" in text
+
+
+# A command line, and what the one line on stderr names. The status is 2, and nothing is computed.
+MISTAKES = """
+simulate | run
+run --steps 1e400 | --steps
+run --steps 1.5 | --steps
+run --stpes 3 | use --steps
+run --steps 0 | --steps
+run --eps 1/0 | --eps
+run --time nan | --time
+run --x0 1,x | --x0
+run --x0 1,2,3 | 2 numbers
+run --x0 1 2 | --x0 1,0.5
+run --body 1,2 | I1,I2,I13,I23
+run --body 4,1,0,1 | --eps
+run --save-every 3 | -o
+run --time 3 --eps 1 | --time
+run --points 3 | --time
+run --equations x''=-x --x0 1 --time 1 | order 1
+run --equations x'=y,y'=-x --x0 1,1 --time 1 | a ; between
+run --equations x'=x^2 --x0 1 --time 1 | x**2
+run --equations x'=2x --x0 1 --time 1 | 2*x
+run --equations x'=z --x0 1 --time 1 | 'z'
+run --equations x=y --x0 1 --time 1 | x' = y
+run --equations= --x0 1 --time 1 | x' =
+run --equations x'=x;x'=1 --x0 1 --time 1 | x has two
+run --equations x'=x --time 1 | --x0
+run --equations x'=sin(x) --x0 1 --eps 1 | --time
+report --equations x'=x**3 | degree 2
+run -o a.csv | to_dataframe
+run -o folder.npz | folder.npz
+run -o good.npz | good.npz exists
+run -o missing/a.npz | missing
+run -o | -o
+plot good.npz -o a.docx | .png
+plot good.npz | good.npz
+plot missing.npz | missing.npz
+figures -o good.npz | a folder
+figures | figure1.png exists
+"""
+
+
+@pytest.mark.parametrize("mistake", MISTAKES.strip().splitlines())
+def test_mistakes(mistake, monkeypatch, capsys):
+    line, named = (each.strip() for each in mistake.split(" | "))
+    Path("folder.npz").mkdir()
+    for name in ("good.npz", "figure1.png"):
+        Path(name).write_text("precious")
+    before = sorted(Path().rglob("*"))
+    for name in ("iterate", "flow"):
+        monkeypatch.setattr(sf, name, None)
+    try:
+        code = main(words(line))
+    except SystemExit as stopped:  # of argparse
+        code = stopped.code
+    out, err = capsys.readouterr()
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert named in err
+    assert sorted(Path().rglob("*")) == before
+    assert Path("good.npz").read_text() == "precious"

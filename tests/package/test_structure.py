@@ -91,7 +91,7 @@ ARROWS = {
     "plots": "checks keywords bodies maps quantities runs",
     "integrability": "words checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
-    "command": "words bodies runs integrability",
+    "command": "words bodies runs plots integrability",
     "__main__": "command",
 }
 

@@ -55,7 +55,7 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return _imported(f".{name}")
     if name not in MODULE_OF:
-        raise import_module(".keywords", __name__).lacking(sys.modules[__name__], name)
+        raise import_module(".keywords", __name__).missing_in(__name__, name)
     value: object = getattr(_imported(MODULE_OF[name]), name)
     globals()[name] = value
     return value

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
+from dataclasses import FrozenInstanceError
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import suslov_fast
 
@@ -13,51 +17,107 @@ from .words import answer
 
 P = ParamSpec("P")
 R = TypeVar("R")
+_ORDINALS = "first", "second", "third", "fourth", "fifth"
 
 
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
-    """Return the error of an object, or of a module, without an attribute, for its `__getattr__`.
+    """Return the error of an object, class or module without an attribute, for `__getattr__`.
 
     `here` is what to use, if it is known; else it is looked for.
     """
-    if inspect.ismodule(thing):
-        called = f"module {thing.__name__!r}"
+    if isinstance(thing, ModuleType | type):
+        kind = "module" if inspect.ismodule(thing) else "type object"
+        called = f"{kind} {thing.__name__!r}"
     else:
         called = f"{type(thing).__name__!r} object"
     if not here and not name.startswith("_"):
         here = answer(name, [each for each in dir(thing) if not each.startswith("_")])
+        here = _of_class(thing, name) or here
         here = f"suslov_fast.{name}(...)" if name in suslov_fast.__all__ else here
     text = f"{called} has no attribute {name!r}"
     return AttributeError(f"{text}: use {here}" if here else text)
 
 
+def missing_in(module: str, name: str) -> Exception:
+    """Return the error of a package without a name, for its `__getattr__`.
+
+    ``from package import name`` shows no AttributeError: it gets an ImportError with the same text.
+    """
+    if find_spec(f"{module}.{name}"):  # which is being imported
+        return AttributeError(name)
+    error = lacking(sys.modules[module], name)
+    if sys._getframe(2).f_code.co_name == "_handle_fromlist":  # of importlib
+        return ImportError(f"cannot import name {name!r}: {error}")
+    return error
+
+
+def _of_class(thing: Any, name: str) -> str:
+    """Return the public class of the package that has a name which the package lacks."""
+    if thing is not suslov_fast:
+        return ""
+    things = (getattr(suslov_fast, each) for each in ("Field", *suslov_fast.__all__))
+    owners = (each for each in things if isinstance(each, Answering) and hasattr(each, name))
+    owner = next(owners, None)
+    return "" if owner is None else f"{owner.__name__}.{name}"
+
+
+class Answering(type):
+    """The class of classes that answer an attribute which they lack."""
+
+    def __getattr__(cls, name: str) -> Any:
+        raise lacking(cls, name)
+
+
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function answer a keyword that it does not have with the one to use."""
+    """Let a function answer arguments that it does not have with those to use."""
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except TypeError as error:  # of Python if the call is wrong: looked at only now, for speed
-            *_, owner, called = ("", *function.__qualname__.split("."))
-            called = owner if called == "__init__" else called
-            names = inspect.signature(function).parameters
-            unknown = [name for name in kwargs if name not in names]
-            if not (unknown and "unexpected keyword argument" in str(error)):
-                raise
-            known = [name for name in names if name not in ("self", "cls")]
-            own = getattr(args[0], "parameters", {}) if args else {}
-            how = "; ".join(
-                f"{each!r}: use "
-                + ("with_parameters" if each in own else answer(each, known) or ", ".join(known))
-                for each in unknown
-            )
-            raise TypeError(f"{called} has no argument {how}") from None
+        except TypeError as error:  # looked at only now, for speed
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                raise  # of what the function does, not of the call
+            raise _wrong_call(function, args, kwargs, error) from None
 
     return answering
 
 
+def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> TypeError:
+    """Return the error of a call with wrong arguments."""
+    *_, owner, called = ("", *function.__qualname__.split("."))
+    called = owner if called == "__init__" else called
+    parameters = inspect.signature(function).parameters
+    known = [name for name in parameters if name not in ("self", "cls")]
+    kinds = {name: parameters[name].kind for name in known}
+    first = [name for name in known if kinds[name] is inspect.Parameter.POSITIONAL_ONLY]
+    if unknown := [name for name in kwargs if name in first or name not in kinds]:
+        own = getattr(args[0], "parameters", {}) if args else {}
+
+        def how(word: str) -> str:
+            here = word if word in first else answer(word, known)
+            if here in first:
+                return f"the {_ORDINALS[known.index(here)]} argument, {here}, without a name"
+            return "with_parameters" if word in own else here or ", ".join(known)
+
+        each = "; ".join(f"{word!r}: use {how(word)}" for word in unknown)
+        return TypeError(f"{called} has no argument {each}")
+    named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
+    if named and "positional arguments but" in str(error):
+        others = ", ".join(name for name in known if name not in named)
+        return TypeError(f"{error}: {others}; pass others by name, as {named[0]}=")
+    return error
+
+
 def public_class(kind: type[R]) -> type[R]:
-    """Let the constructor of a dataclass answer as a public function."""
+    """Let the constructor of a frozen dataclass answer as a public function."""
     kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
+    kind.__setattr__ = _unchanged  # type: ignore[method-assign, assignment]
     return kind
+
+
+def _unchanged(self: Any, name: str, _: Any) -> NoReturn:
+    """Raise the error of objects that keep the values with which they were made."""
+    how = f"make another {type(self).__name__}"
+    how = f"use with_parameters({name}=...)" if hasattr(self, "with_parameters") else how
+    raise FrozenInstanceError(f"{name} of a {type(self).__name__} cannot be set: {how}")

@@ -6,33 +6,15 @@ from difflib import get_close_matches
 # Words, which are compared without underscores and capitals; names here, of which a function or an
 # object may have one; and what to use where it has none.
 TABLE = (
-  ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition", "states[0] state", ""),
-  ("omega x state", "states state components", ""),
-  ("body system field fun rhs model", "body vector_field", ""),
+  ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition",
+   "x0 omega0 states[0] state", ""),
+  ("omega x state", "x0 omega0 omega x states state components", ""),
+  ("body system field fun rhs model", "system body vector_field", ""),
   ("f", "first_integral body", ""),
-  ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
-  ("dt h stepsize deltat firststep initialstep", "eps",
-   "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-  ("t time teval tend tmax tf tfinal duration", "time period steps",
-   "flow(system, x0, time=t), or the steps n of a map"),
-  ("tspan t0", "",
-   "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),
   ("backward reverse inverse", "", "-eps, which undoes a step"),
-  ("tol rtol reltol accuracy precision", "rtol",
-   "flow(..., rtol=); steps of a map have no tolerance"),
-  ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
-  ("order integrator solver alg algorithm scheme method", "method",
-   "rtol= of flow, which chooses its steps, and stiff or not unless stiff= says; iterate has "
-   "method="),
-  ("n num nsteps numsteps iterations maxsteps maxiter steps samples size",
-   "steps trajectories n J",
-   "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
-  ("denseoutput interp interpolate interpolant resample at sol deval", "",
-   "flow(system, x0, time=t), at any times t; for a table np.interp(t, times, values) in f"),
-  ("nfev njev nlu nstep naccepted fulloutput infodict stats display", "steps",
-   "the result, which has steps, status and ok"),
   ("arg p param parameter", "parameters",
-   "field.with_parameters(a=1), or make a body again; an array makes a family"),
+   "parameters of the field, from_function(f, names, a=1), and field.with_parameters(a=2); an "
+   "array makes a family"),
   ("withparameters setparameters setparams set replace subs update", "with_parameters",
    "a new system, with the new parameters; arrays make a family"),
   ("frequencyresponse sweep parametersweep resonance family vary scan product", "",
@@ -41,8 +23,6 @@ TABLE = (
    "scipy.optimize.least_squares with flow(field.with_parameters(a=a), x0, time=t)"),
   ("table lookup lookuptable interp1d input control timeseries", "",
    "np.interp(t, times, values) in f, with a variable t of the rate 1"),
-  ("jac jacsparsity lband uband jacobian jacoptions jpattern", "jacobian",
-   "stiff=True, for which flow finds the Jacobian itself; its values are field.jacobian(x)"),
   ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
   ("mass massmatrix m", "", "Field.from_function(f, names, mass=M), for M(x) x' = f(x)"),
   ("delay lag history dde dde23 ddesd", "",
@@ -59,6 +39,7 @@ TABLE = (
    "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "
    "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there, and "
    "ends=True in place of to, where it ends"),
+  ("crossings changes", "Events changes", "crossings(system, x0, surface, time=T)"),
   ("jump dose impulse dosetime tstop schedule bolus infusion presettime discretecallback",
    "times",
    "changes=Change(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),
@@ -70,36 +51,35 @@ TABLE = (
    "progress=f, which is told how far a run is"),
   ("poincare poincaremap poincaresection poincaresos tevents yevents te ye xe ie brentq "
    "returnmap",
-   "crossings", ""),
+   "crossings changes", ""),
   ("maxima peak localmaxima extrema", "",
    "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), maxima of component 0"),
   ("stroboscopic stroboscope stroboscopicmap", "",
    "flow(field, x0, time=T * np.arange(n)), T the period of the force"),
   ("limitcycle cycle bvp4c solvebvp bvp", "",
-   "periodic_orbit(field, flow(field, x0, time=100).x[-1])"),
+   "periodic_orbit(field, flow(field, x0, time=100).states[-1])"),
   ("period frequency", "period", "periodic_orbit(field, x0).period"),
   ("floquet floquetmultipliers", "multipliers", ""),
   ("monodromy variational", "",
-   "flow(field, x0, time=T, derivatives='x0').derivative('x0'), of which [-1] is that of T"),
+   "flow(field, x0, time=T, derivatives='x0').derivatives['x0'], of which [-1] is that of T"),
   ("count maxevents maxcrossings", "most", ""),
   ("terminal terminate stop stopwhen until firstpassage escape escapetime exittime firsthit "
    "firstreturn", "ends most",
    "changes=Change(lambda x: x[0], ends=True) of flow, or crossings(system, x0, time=T, "
    "surface=lambda x: x[..., 0], direction=0, most=1)"),
-  ("basin basinsofattraction", "", "flow(field, grid, time=T).x[-1], or crossings(..., most=1)"),
+  ("basin basinsofattraction", "",
+   "flow(field, grid, time=T).states[-1], or crossings(..., most=1)"),
   ("burnin ntransient transienttime ttr discard", "transient", ""),
-  ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
-   "time=np.arange(0, T, dt), at which states are wanted"),
   ("njobs nworkers workers numthreads setnumthreads setthreads threads cores parallel",
    "threads client", "threads= of each function"),
-  ("timeout maxtime budget timelimit", "time_limit progress", ""),
+  ("timeout maxtime budget timelimit", "progress", ""),
   ("verbose tqdm progressbar progress logging", "progress", "progress= of each function"),
-  ("seed rng randomstate", "",
+  ("seed rng randomstate randomstarts", "",
    "numpy.random.default_rng(seed).uniform(low, high, (n, D)) as states"),
-  ("out output csv", "out", "run.save(path)"),
+  ("out output csv", "", "run.save(path), or run.to_dataframe().to_csv(path)"),
   ("exact rational fractions", "exact",
    "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
-  ("overwrite mode", "force", "another name, or delete the folder of the store"),
+  ("openensemble store", "ensemble store", "xarray.open_zarr(store)"),
   ("c color colour colors", "color constant", ""),
   ("y z", "components", "states, of the shape (times, ..., D)"),
   ("figsize xlim ylim xlabel ylabel grid legend", "ax", ""),
@@ -115,8 +95,8 @@ TABLE = (
   ("success retcode", "ok", ""),
   ("message error failed failedat", "status", ""),
   ("last end final finalstate laststate", "final states[-1]", ""),
-  ("resume restart continue extend", "extend",
-   "the same call again, which goes on with a store, or its last states as x0"),
+  ("resume restart continue extend", "",
+   "iterate(system, run.final, eps, steps), which goes on from the last states"),
   ("tonetcdf tozarr sel isel", "to_xarray", ""),
   ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
   ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
@@ -127,9 +107,9 @@ TABLE = (
   ("eval evaluate", "", "field(x), the value of the right-hand side"),
   ("lambdify", "compiled", "field(x), or compiled.system in loops of your own"),
   ("dim ndim d", "dimension", ""),
-  ("dx derivative linearize", "",
+  ("dx derivative linearize", "derivatives",
    "field.jacobian(x), of its right-hand side; for a body QuadraticField.of(body).jacobian(x)"),
-  ("eig eigenvalues stability stable isstable linearstability", "",
+  ("eig eigenvalues stability stable isstable linearstability", "eigenvalues multipliers",
    "np.linalg.eigvals(field.jacobian(x)), or multipliers(system, x, eps), of a map"),
   ("parameterjacobian dfdp inputmatrix", "",
    "(field.with_parameters(a=a + h)(x) - field(x)) / h"),
@@ -137,8 +117,7 @@ TABLE = (
    "QuadraticField.of(body), whose terms they are"),
   ("variable", "names labels", ""),
   ("solveivp odeint ode integrate solve exactflow ode45 ode15s ode23 ode23s ode113 odeproblem "
-   "rk45 dop853 radau bdf lsoda quad", "flow", ""),
-  ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
+   "rk45 dop853 radau bdf lsoda quad", "", "flow(system, x0, time=t)"),
   ("flow iterate", "run", ""),
   ("run", "", "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
   ("trajectory orbit simulate simulation simulator evolve", "run states",
@@ -153,15 +132,15 @@ TABLE = (
   ("nullcline", "",
    "plt.contour(X, Y, field(np.stack([X, Y], axis=-1))[..., 0], [0]) of Matplotlib"),
   ("sensitivity sensitivities gradient grad adjoint tangent", "",
-   "flow(..., derivatives=('x0', 'a')), and derivative('a') of its result"),
-  ("lyapunov lyapunovspectrum lyap sali gali megno ftle", "lyapunov_exponents", ""),
+   "flow(..., derivatives=('x0', 'a')), and derivatives['a'] of its result"),
+  ("lyapunov lyapunovspectrum lyap sali gali megno ftle", "lyapunov_exponents",
+   "suslov_fast.lyapunov_exponents(system, x0, time=T)"),
   ("kaplanyorke kaplanyorkedimension lyapunovdimension", "",
    "k + L[:k].sum() / abs(L[k]), of exponents L, with k = (np.cumsum(L) >= 0).sum()"),
   ("maxlyapunov largestlyapunov lyapunovexponent", "",
    "suslov_fast.lyapunov_exponents(system, x0, time=T)[..., 0], the largest"),
   ("root fsolve stationarypoint criticalpoint singularpoint fixedpoint equilibria equilibrium "
-   "steadyline steadystate", "",
-   "suslov_fast.fixed_points(system, near=x0), or those of a quadratic field without near"),
+   "steadyline steadystate", "equilibria", "suslov_fast.fixed_points(system, near=x0)"),
   ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
    "from_function(lambda x: A @ x, len(A))"),
   ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),
@@ -184,14 +163,12 @@ TABLE = (
    "SuslovGyrostat(I1, I2, I13, I23, k), where k is along the constrained axis"),
   ("suslov", "", "Suslov3D, or Suslov3D.from_inertia(I, a)"),
   ("from3d fromsuslov3d", "", "SuslovND([I2, I1], [-I13, -I23]), for states (Omega2, -Omega1)"),
-  ("a", "matrix",
-   "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
+  ("a", "matrix", "from_inertia(I, a), or from_mass_tensor(I, a) in n dimensions"),
   ("residual", "", "matrix(body, x, eps) @ x_next - x, which is 0 along the map"),
   ("fromsympy fromexpressions", "",
    "from_function(sympy.lambdify([symbols, *parameters], expressions), names, a=1.0)"),
-  ("fromstring fromtext fromequations fromsecondorder", "",
+  ("fromstring fromtext fromequations fromsecondorder", "from_equations",
    "from_function(lambda x, k: (x[1], -k * x[0]), 'q p', k=1.0)"),
-  ("fromfunction", "from_function", "QuadraticField.from_function, or Field.from_function"),
   ("figures picture", "figures figure", "plot_phase(*suslov_fast.Suslov3D.figure(k))"),
   ("animate animation animatebody", "",
    "FuncAnimation of Matplotlib, as docs/examples/turning_body.py for a body"),
@@ -215,13 +192,45 @@ TABLE = (
    "suslov_fast.integrability.planar_entropy(kahan(field)), whose result has the orbits"),
   ("invariantmeasure measure density", "measures",
    "invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
+  ("reversingsymmetries symmetries reversors", "symmetries",
+   "suslov_fast.integrability.report(field).symmetries"),
+  ("restrict restriction levelset", "on_level",
+   "suslov_fast.integrability.on_level(map, integral, h)"),
   ("hk hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
    "suslov_fast.integrability.hk_bases(kahan(field), degree)"),
   ("checkintegral isintegral isconserved verify", "",
    "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
   ("lax laxpair", "", "suslov_fast.integrability.report(field), which finds integrals"),
+  ("locus", "", "report(field) for each value of a parameter"),
   ("summary describe", "", "print(...)"),
-  ("warmup compile precompile", "warm_up", "the command suslov-fast warm-up"),
+)  # fmt: skip
+# The same for what takes steps or has times; others have no use for these words.
+OF_STEPS = (
+  ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
+  ("dt h stepsize deltat firststep initialstep", "eps",
+   "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
+  ("t time teval tend tmax tf tfinal duration", "time period steps",
+   "flow(system, x0, time=t), or the steps n of a map"),
+  ("tspan t0", "",
+   "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),
+  ("tol rtol reltol accuracy precision", "rtol",
+   "flow(..., rtol=); steps of a map have no tolerance"),
+  ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
+  ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
+  ("order integrator solver alg algorithm scheme method", "method",
+   "rtol= of flow, which chooses its steps, and stiff or not unless stiff= says; iterate has "
+   "method="),
+  ("n num nsteps numsteps iterations maxsteps maxiter steps samples size",
+   "steps trajectories n J",
+   "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
+  ("denseoutput interp interpolate interpolant resample at sol deval", "",
+   "flow(system, x0, time=[3.3]), at any times; for a table np.interp(t, times, values) in f"),
+  ("nfev njev nlu nstep naccepted fulloutput infodict stats display", "steps",
+   "the result, which has steps, status and ok"),
+  ("jac jacsparsity lband uband jacobian jacoptions jpattern", "jacobian",
+   "stiff=True, for which flow finds the Jacobian itself; its values are field.jacobian(x)"),
+  ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
+   "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
 # Functions of arrays that have no record, and how to write them by those that have one.
 OF_ARRAYS = {
@@ -246,7 +255,7 @@ OF_ARRAYS = {
     "count_nonzero": "(x > 0).sum()",
     "searchsorted": "np.where(x < knot, a, b)",
     "digitize": "np.where(x < knot, a, b)",
-    "gradient": "(np.roll(x, -1) - np.roll(x, 1))/2, or np.diff(x)",
+    "gradient": "np.concatenate([[x[1] - x[0]], (x[2:] - x[:-2])/2, [x[-1] - x[-2]]])",
     "fft": "a product with a matrix of numbers",
     "ifft": "a product with a matrix of numbers",
     "rfft": "a product with a matrix of numbers",
@@ -262,15 +271,23 @@ def _plain(word: str) -> str:
     return word.lower().replace("_", "")
 
 
-_ROWS = {word: (names.split(), how) for words, names, how in TABLE for word in words.split()}
+_ROWS = {
+    word: (names.split(), how, table is OF_STEPS)
+    for table in (TABLE, OF_STEPS)
+    for words, names, how in table
+    for word in words.split()
+}
 
 
 def answer(word: str, known: Collection[str] = ()) -> str:
     """Return what to use for a word, or the nearest known name; "" if there is none."""
     plain = _plain(word)
-    names, how = _ROWS.get(plain) or _ROWS.get(plain.removesuffix("s"), ([], ""))
+    found = _ROWS.get(plain) or _ROWS.get(plain.removesuffix("s"), ([], "", False))
+    names, how, is_of_steps = found
     for name in names:
         if name.partition("[")[0] in known:
             return name
+    if is_of_steps and not {"time", "steps"} & {*known}:
+        return ""
     near = get_close_matches(plain, known, 1, 0.75)
     return near[0] if near and not how else how

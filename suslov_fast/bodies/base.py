@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..keywords import lacking, public
+from ..keywords import Answering, lacking, public
 from .fields.latex import equations, symbol
 from .fields.polynomials import from_lists, to_lists
 from .members import Members
@@ -41,7 +41,7 @@ class Parameters(dict[str, Any]):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Body(Members):
+class Body(Members, metaclass=Answering):
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
 
     Attributes

@@ -22,11 +22,9 @@ The files, in an order in which each uses only those before it:
   results in one object. `levels`: the function of levels.
 """
 
-import sys
-
 from ..bodies.fields.field import QuadraticField
 from ..checks import extra
-from ..keywords import lacking
+from ..keywords import missing_in
 
 try:
     import flint  # noqa: F401
@@ -75,7 +73,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    raise lacking(sys.modules[__name__], name)
+    raise missing_in(__name__, name)
 
 
 def __dir__() -> list[str]:

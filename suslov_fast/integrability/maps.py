@@ -68,6 +68,8 @@ class RationalMap(WithLetter):
     def __init__(
         self, forms: Sequence[Any], inverse: RationalMap | None = None, letter: str = ""
     ) -> None:
+        if callable(forms):
+            raise TypeError("RationalMap: a function f of x makes a map by rational_map(f, n)")
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
         self.letter = letter
 

@@ -5,7 +5,6 @@ while another process compiles them.
 """
 
 import copy
-import inspect
 import json
 import math
 import pickle
@@ -377,60 +376,6 @@ def test_bad_calls(exception, name, call):
     message = str(caught.value)
     assert re.search(rf"(?<!\w){name}(?!\w)", message), message
     assert "\n" not in message
-
-
-# Functions, with arguments that fit, and words of other packages: what is named in their place.
-# A row for each way to an answer.
-KEYWORDS = [
-    (sf.iterate, (BODY, [1, 0]), "dt step_size epsilon", "eps"),
-    (sf.iterate, (BODY, [1, 0], 0.1, 10), "save_evry stride thin", "save_every"),
-    (sf.iterate, (BODY, [1, 0], 0.1, 10), "RelTol t_span", "flow"),
-    (sf.flow, (SMOOTH_FAMILY, [1, 0]), "mu", "with_parameters"),
-    (sf.iterate, (NAMED, [1, 0], 0.1, 9), "rho", "with_parameters"),
-    (sf.flow, (BODY, [1, 0]), "events terminal dose_times affect", r"changes=Change\("),
-    (sf.Change, (), "affect action", "to"),
-    (sf.crossings, (BODY, [1, 0], sum), "terminal", "most"),
-    (sf.Suslov3D, (), "I11", "I1"),
-    (sf.Suslov3D, (), "inertia I12", "from_inertia"),
-]
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "word", "name"),
-    [(f, a, word, name) for f, a, words, name in KEYWORDS for word in words.split()],
-)
-def test_unknown_keywords(function, arguments, word, name):
-    with pytest.raises(TypeError, match=rf"{function.__name__} .*'{word}'.*\b{name}\b"):
-        function(*arguments, **{word: 3})
-
-
-ATTRIBUTES = [
-    (RUN, "dt", "eps"), (RUN, "x0", r"states\[0\]"), (RUN, "x2", r"run\['x2'\]"),
-    (RUN, "omega", r"run\.x"), (RUN, "finl", "final"),
-    (RUN, "lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
-    (sf.iterate(FAMILY, [1.0], 0.1, 1), "rho", r"run\.body\.parameters\['rho'\]"),
-    (MOTION, "omega1", r"run\['Omega1'\]"),
-
-     (FIELD, "sigma", ""), (NAMED, "rho", "parameters"),
-
-
-
-     (Suslov3D, "nothing", ""),
-
-    (sf, "nothing", ""), (sf.integrability, "nothing", ""),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("thing", "name", "answer"), ATTRIBUTES)
-def test_unknown_attributes(thing, name, answer):
-    """Where nothing is answered, Python suggests names that are spelt alike."""
-    with pytest.raises(AttributeError, match=rf"'{name}'.*{answer}") as caught:
-        getattr(thing, name)
-    assert answer or ("use " not in str(caught.value) and caught.value.name == name)
-    if inspect.ismodule(thing):
-        assert not hasattr(thing, name)
-        with pytest.raises(ImportError, match=rf"'{name}'.*{answer}"):
-            exec(f"from {thing.__name__} import {name}")
 
 
 def forced(t, x):

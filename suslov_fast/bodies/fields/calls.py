@@ -39,7 +39,9 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         how = "" if state.kind in by_position else "pass lambda x: ..."
     except TypeError:
         how = "pass lambda x: ..."
-        if unknown and isinstance(parameters.get("names"), (str, list, tuple)):
+        if any(each.kind is each.VAR_POSITIONAL for each in own):
+            how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
+        elif unknown and isinstance(parameters.get("names"), (str, list, tuple)):
             how = 'pass the names of variables in place of the dimension, as "u v w"'
         elif argument == "H" and unknown and unknown[0] in ("J", "poisson", "structure"):
             how = "pass a constant matrix as K, of x' = K H'(x)"
@@ -100,6 +102,8 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "subscriptable" in text:
                 how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
+            elif "enough dimensions" in text:
+                how = "a parameter is one number: leave a matrix out of the parameters"
             elif "is used, but the dimension" in text:
                 how = "name all variables, as 'x y'"
             elif "'Symbols' object is not callable" in text:
@@ -124,6 +128,9 @@ def components(result: Any, D: int) -> Any:
     if not is_sequence or len(result) != D or shape == (D, 1):
         received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
         raise ValueError(f"must return {D} components, not {received}")
+    if len(shape) > 1:
+        how = "for a matrix B of one column write B[:, 0]"
+        raise ValueError(f"must return {D} components, not an array of shape {shape}: {how}")
     return result
 
 

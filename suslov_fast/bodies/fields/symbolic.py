@@ -420,8 +420,8 @@ class Symbol:
 
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float, int and math cannot convert it"
-        how = "write np.sin for sin of math or SymPy, np.floor for int, "
-        how += f"np.zeros(n, object) for np.zeros(n), x for np.asarray(x, float), {TABLES}"
+        how = "write np.sin for sin of math or SymPy, x for float(x), np.floor(x) for int(x), "
+        how += f"np.zeros_like(x) for np.zeros(n), {TABLES}"
         raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __int__ = __index__ = __complex__ = _converted

@@ -1,0 +1,147 @@
+"""Words of other packages and of users: one table of what is typed and what the error names."""
+
+import inspect
+import math
+import re
+
+import numpy as np
+import pytest
+import sympy
+from scipy.interpolate import CubicSpline
+
+import suslov_fast as sf
+from suslov_fast import Field, QuadraticField, Suslov3D, flow, integrability
+
+BODY = Suslov3D(4, 1, -0.5, -0.3)
+PENDULUM = Field.from_function(lambda x, k: (x[1], -k * np.sin(x[0])), "q p", k=1.0)
+QUADRATIC = QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
+FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
+RUN = sf.iterate(QUADRATIC, [0.1, 0.2], 0.1, 1)
+OF_FAMILY = sf.iterate(FAMILY, [1.0], 0.1, 1)
+MOTION, OF_BODY = (flow(each, [1.0, 0.5], time=[0.0, 1.0]) for each in (PENDULUM, BODY))
+
+
+def ends(x):
+    return x[0]
+
+
+ends.terminal = True
+
+# What is typed, some words separated by bars, and what the message has to contain.
+ROWS = [
+    # names of other packages
+    ("sf.solve_ivp | sf.odeint | sf.ode45", r"flow\(system, x0, time="),
+    ("from suslov_fast import solve_ivp", r"flow\(system, x0, time="),
+    ("sf.lyapunov | from suslov_fast import lyapunov", "lyapunov_exponents"),
+    ("sf.exact_ | sf.exactt", "exact"),
+    ("sf.from_inertia", r"Suslov3D\.from_inertia"),
+    ("sf.from_function", r"Field\.from_function"),
+    ("sf.Crossings | sf.Changes", "Events"),
+    ("sf.RandomStarts", r"default_rng\(seed\)"),
+    ("sf.steady_states | Suslov3D.steady_states | BODY.steady_states", r"near=|equilibria"),
+    # arguments
+    ("flow(PENDULUM, [1, 0], t_span=1 | t_eval=1 | tf=1)", r"\btime\b"),
+    ("flow(PENDULUM, [1, 0], dt=1 | h=1)", r"steps follow from rtol="),
+    ("flow(PENDULUM, [1, 0], tol=1 | RelTol=1)", "rtol"),
+    ("sf.iterate(BODY, [1, 0], 0.1, 9, RelTol=1 | t_span=1)", "flow"),
+    ("flow(PENDULUM, [1, 0], method=1)", "stiff"),
+    ("flow(PENDULUM, y0=1 | u0=1 | x0=1 | omega0=1)", "second argument, x0"),
+    ("sf.iterate(BODY, omega0=1, eps=1, steps=1)", "second argument, x0"),
+    ("flow(PENDULUM, [1, 0], args=1 | p=1)", r"from_function\(f, names, a=1\)"),
+    ("flow(PENDULUM, [1, 0], k=1)", "with_parameters"),
+    ("sf.iterate(QUADRATIC, [1, 0], 0.1, 9, rho=1)", "with_parameters"),
+    ("flow(PENDULUM, [1, 0], events=1 | terminal=1 | dose_times=1 | affect=1)", r"Change\("),
+    ("flow(PENDULUM, [1, 0], callback=1)", r"Change\("),
+    ("sf.Change(affect=1 | action=1)", "'to'|use to"),
+    ("sf.crossings(PENDULUM, [1, 0], 'q', terminal=1)", "most"),
+    ("sf.iterate(BODY, [1, 0], dt=1 | step_size=1 | epsilon=1)", r"\beps\b"),
+    ("sf.iterate(BODY, [1, 0], 0.1, 9, save_evry=1 | stride=1 | thin=1)", "save_every"),
+    ("flow(PENDULUM, [1, 0], dense_output=1)", r"time=\[3\.3\]"),
+    ("Suslov3D(I11=1)", r"\bI1\b"),
+    ("Suslov3D(inertia=1 | I12=1)", "from_inertia"),
+    ("sf.plot_phase(BODY, 0.1, 2.0, steps=1)", "use system|use body"),
+    ("QUADRATIC.jacobian([1, 0], eps=1)", "use x"),
+    ("integrability.report(QUADRATIC, time_limit=1)", "progress"),
+    # calls
+    ("flow(PENDULUM, (0, 15), [1, 0])", r"system, x0; pass others by name, as time="),
+    ("flow(PENDULUM, np.zeros((2, 5)), time=1)", "pass the transpose"),
+    ("sf.crossings(PENDULUM, [1, 0], ends, time=1)", "ends=True|terminal=True"),
+    ("MOTION(3.3)", r"flow\(system, x0, time=t\)"),
+    ("sf.iterate(QUADRATIC, RUN, 0.1, 1)", r"states\[-1\]"),
+    ("BODY.I1 = 3", "make another Suslov3D"),
+    ("PENDULUM.k = 3", r"with_parameters\(k="),
+    # attributes
+    ("MOTION.sol", r"time=\[3\.3\]"),
+    ("MOTION.y | RUN.y | RUN.values", "states"),
+    ("MOTION.t | RUN.t", "time"),
+    ("RUN.dt", "eps"),
+    ("RUN.x0", r"states\[0\]"),
+    ("RUN.w", r"run\['w'\]|run\.x"),
+    ("RUN.omega", r"run\.x"),
+    ("RUN.finl", "final"),
+    ("RUN.extend(3)", r"run\.final"),
+    ("RUN.lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
+    ("OF_FAMILY.rho", r"run\.body\.parameters\['rho'\]"),
+    ("OF_BODY.omega1", r"run\['Omega1'\]"),
+    ("QUADRATIC.rho", "parameters"),
+    ("QUADRATIC.integrals", r"report\(field\)"),
+    ("Field.from_nambu", "the product of two gradients"),
+    # functions of users
+    ("Field.from_function(lambda t, y: (y[1], -y[0]), 'q p')", r"rate 1.*1\.0\), \"q p t\""),
+    ("Field.from_function(lambda x: math.sin(x[0]), 'x')", r"np\.sin"),
+    ("Field.from_function(lambda x: 1 if x[0] > 0 else 2, 'x')", r"np\.where"),
+    ("Field.from_function(lambda x: float(x[0]), 'x')", r"x for float\(x\)"),
+    ("Field.from_function(in_zeros, 3)", r"np\.zeros_like\(x\)"),
+    ("Field.from_function(lambda x: x + np.ones((2, 1)) * x[0], 2)",
+     r"shape \(2, 2\).*write B\[:, 0\]"),
+    ("Field.from_function(lambda x, A: A @ x, 2, A=np.eye(2))",
+     "leave a matrix out of the parameters"),
+    ("Field.from_function(lambda x, *p: p[0] * x, 2, p=(1, 2))", "parameters have names"),
+    ("Field.from_function(np.gradient, 5)", r"x\[2:\] - x\[:-2\]"),
+    ("Field.from_function(lambda x: CubicSpline([0, 1, 2], [0, 1, 0])(x[0]), 1)",
+     r"np\.interp for a table, of a fine one"),
+    ("Field.from_function(lambda x: np.searchsorted([0, 1], x), 1)", r"np\.where|np\.interp"),
+    # the laboratory
+    ("sf.modified_energy(BODY, sympy.symbols('u v'), 0.1)", r"report\(system\)\.integrals"),
+    ("integrability.invariant_measure | integrability.density", r"report\(field\)\.measures"),
+    ("integrability.singularities", "planar_entropy"),
+    ("integrability.restrict | from suslov_fast.integrability import restrict", "on_level"),
+    ("integrability.reversing_symmetries", r"report\(field\)\.symmetries"),
+    ("integrability.RationalMap(lambda x: x, 'x y')", r"rational_map\(f, n\)"),
+]  # fmt: skip
+
+
+def in_zeros(x):
+    dx = np.zeros(3)
+    dx[0] = x[1]
+    return dx
+
+
+def each_typed():
+    for typed, said in ROWS:
+        words = typed.split(" | ")
+        if "=1 | " in typed:  # arguments of one call
+            head, first = re.fullmatch(r"(.*[(, ])(\w+=1)", words[0]).groups()
+            tail = words[-1].partition("=1")[2]
+            words = [f"{head}{word.partition('=1')[0]}=1{tail}" for word in (first, *words[1:])]
+        yield from (pytest.param(word, said, id=word) for word in words)
+
+
+@pytest.mark.parametrize(("typed", "said"), [*each_typed()])
+def test_what_is_typed_leads_on(typed, said):
+    names = globals() | {"math": math, "sympy": sympy, "CubicSpline": CubicSpline}
+    with pytest.raises((TypeError, ValueError, AttributeError, ImportError)) as told:
+        exec(typed, names)
+    assert re.search(said, str(told.value)), told.value
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("thing", [QUADRATIC, Suslov3D, sf, integrability])
+def test_names_without_an_answer_are_missing_as_in_python(thing):
+    with pytest.raises(AttributeError, match=r"'nothing'$") as told:
+        _ = thing.nothing
+    assert "use " not in str(told.value)
+    assert not hasattr(thing, "solve_ivp")
+    if inspect.ismodule(thing):
+        with pytest.raises(ImportError, match="'nothing'"):
+            exec(f"from {thing.__name__} import nothing")

@@ -38,8 +38,8 @@ def last(omega0, steps):
     return iterate(BODY, omega0, EPS, steps, save_every=None).final
 
 
-def saved(omega0, steps, every, out):
-    return iterate(BODY, omega0, EPS, steps, save_every=every, out=out).states
+def saved(omega0, steps, every, _):
+    return iterate(BODY, omega0, EPS, steps, save_every=every).states
 
 
 def at(omega0, n):
@@ -63,11 +63,8 @@ for key, whose, label, function, part, quotients in (
     more = {"limit": quotients and ("divisions", quotients), "one_thread": part >= 64}
     add("last states", key, whose, label, work.last_states, function, 65_536 // part, 1000, **more)
 
-OUT, STORE = "`iterate(..., out=out)`", ("streaming", 16)
+STORE = "streaming", 16
 for key, whose, label, function, batch in (
-    ("aligned", OURS, OUT, saved, 65_536),
-    ("unaligned", OURS, f"{OUT}, unaligned", saved, 65_536),
-    ("odd", OURS, f"{OUT}, 65,533 orbits", saved, 65_533),
     ("new", OURS, "`iterate(...)`, new memory", saved, 65_536),
     ("c-streaming", C, f"{FREE}, streaming stores", "c.stored_streaming", 65_536),
     ("c-plain", C, f"{FREE}, plain stores", "c.stored", 65_536),
@@ -76,13 +73,13 @@ for key, whose, label, function, batch in (
     add("saved states", key, whose, label, *arguments, limit=STORE)
 for batch in (1, 2, 5, 9, 100, 1001, 10_007):
     arguments = batch, 1_000_000 // batch, 1, "aligned"
-    add("few orbits", "iterate", OURS, OUT, work.saved_states, saved, *arguments, x=batch)
+    add("few orbits", "iterate", OURS, "`iterate`", work.saved_states, saved, *arguments, x=batch)
     function, label = "numba_loops.one_by_one", "Numba, dimensionless variables, one by one"
     more = {"x": batch, "one_thread": True}
     add("few orbits", "numba", OTHERS, label, work.saved_states, function, *arguments, **more)
 for every in (1, 10, 100, 1000):
     arguments = work.saved_states, saved, 4096, 50, every, "aligned"
-    add("save_every", "iterate", OURS, OUT, *arguments, x=every)
+    add("save_every", "iterate", OURS, "`iterate`", *arguments, x=every)
     numbers = partial(lambda every, size: every * np.arange(size(50, 3)), every)
     add("save_every", "exact", OURS, "`exact`", work.jumps, at, 4096, numbers, x=every)
 for batch in (10**k for k in range(7)):
@@ -235,7 +232,7 @@ for table, batch in (("many variables", 64), ("one orbit of many variables", 1))
                     add(table, name, OTHERS, f"{label}, {key}", *peer, **more)
 for n, batch in ((3, 16_384), (4, 16_384), (12, 4096)):
     arguments = work.saved_states_of_field, n, batch, 101
-    add("saved states of fields", "iterate", OURS, OUT, *arguments, x=n)
+    add("saved states of fields", "iterate", OURS, "`iterate`", *arguments, x=n)
 
 # At the largest error of the table: steps of each order, tolerances of integrators. They are the
 # least, and largest, with which the error is below it.

@@ -110,12 +110,12 @@ def last_states(function, batch, steps, size):
 
 
 def saved_states(function, batch, rows, every, memory, size):
-    """Saved states by a function of (omega0, steps, every, out), with out in some memory."""
+    """Saved states by a function of (omega0, steps, every, out), with new memory or used one."""
     call = load(function)
     omega0 = starts(size(batch, max(64, batch % 64)) if batch >= 64 else batch)
     rows, every, few = size(rows, 9), size(every, 10), size(STEPS, 20)
-    offset, room = 2 * (memory == "unaligned"), aligned((few // every + 1, CHECKED, 2))
-    out = None if memory == "new" else aligned((rows, *omega0.shape), offset)
+    room = aligned((few // every + 1, CHECKED, 2))
+    out = None if memory == "new" else aligned((rows, *omega0.shape))
     check = lambda: (call(starts(CHECKED), few, every, room), problem.orbit(few)[::every])  # noqa: E731
     states = rows * len(omega0)
     return Work(lambda: call(omega0, (rows - 1) * every, every, out), states, "state", check)
@@ -176,11 +176,10 @@ def fields(function, field, batch, steps, reference, size):
 
 
 def saved_states_of_field(D, batch, rows, size):
-    """All states of a field, into memory that is used again."""
+    """All states of a field."""
     field, eps = problem.sparse_field(D), problem.EPS_FIELD
     x, rows = problem.starts_field(size(batch, 32), D), size(rows, 5)
-    out = aligned((rows, *x.shape))
-    call = lambda: suslov_fast.iterate(field, x, eps, rows - 1, out=out).states  # noqa: E731
+    call = lambda: suslov_fast.iterate(field, x, eps, rows - 1).states  # noqa: E731
     return Work(call, rows * len(x), "state")
 
 

@@ -165,8 +165,7 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
     if isinstance(value, dict):
         raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
     if name in ("x0", "omega0") and getattr(value, "called", "") == "a run":
-        more = ", or continue it by run.extend(steps)" if hasattr(value, "extend") else ""
-        last = f"{kind_of(value)}: pass run.states[-1]{more}"
+        last = f"{kind_of(value)}: pass run.states[-1]"
         raise wrong(name, "states at one time", last, TypeError)
     axes = [*value.dims] if hasattr(value, "dims") else []
     if axes and axes[-1] == "component" and "n" not in axes[1:]:

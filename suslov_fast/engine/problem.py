@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray, common_shape, kind_of, real_number, wrong
+from ..checks import FloatArray, common_shape, real_number, wrong
 from .threads import thread_count
 
 # Numbers in an array above which it is asked whether there is memory.
@@ -106,18 +106,3 @@ def warn_of_times(problem: Problem) -> None:
         text = f"eps: {eps.size} step sizes from 0 to {eps[-1]:g}, one for each trajectory"
         how = f"for a run with these times pass eps={step:g}, steps={eps.size - 1}"
         checks.warn(f"{text} of a batch; {how}")
-
-
-def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the array to which the user wants states to be written, checked."""
-    if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
-        received = f"{kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
-        how = f": pass np.empty({shape})"
-        raise wrong("out", "a NumPy array of dtype float64", received + how, TypeError)
-    if out.shape != shape or not out.flags.carray:
-        expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
-        received = f"shape {out.shape}, strides {out.strides}"
-        if not out.flags.writeable:
-            received += ", read-only, as the states of runs are: pass an array of your own"
-        raise wrong("out", expected, received)
-    return out

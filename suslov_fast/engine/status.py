@@ -143,14 +143,13 @@ def report_poles(
     steps: Any,
     status: NDArray[np.int8],
     failed_at: NDArray[np.int64],
-    since: int = 0,
     told_by_signs: Any = False,
 ) -> None:
-    """Warn if trajectories of a problem passed a pole by these `Steps` at step `since` or later.
+    """Warn if trajectories of a problem passed a pole by these `Steps`.
 
     `told_by_signs` is true where a change of sign revealed the pole.
     """
-    passed = (status == Status.PASSED_POLE) & (failed_at >= since)
+    passed = status == Status.PASSED_POLE
     if not passed.any():
         return
     index, why = first_index(passed), "eps is too long"

@@ -110,29 +110,10 @@ class Steps(NamedTuple):
     goes_back: bool = False
 
 
-class Checkpoint(NamedTuple):
-    """The data from which a run of a problem continues."""
-
-    n: int  # number of steps taken
-    final: FloatArray  # (..., D), states after n steps
-    status: NDArray[np.int8]  # (...)
-    failed_at: NDArray[np.int64]  # (...)
-    carry: FloatArray  # (carried, B)
-    turned: FloatArray | None  # (B, n, n), orientations after n steps
-
-
 class March:
-    """A run of B trajectories that have taken `n` steps, with all data to continue it.
+    """A run of B trajectories from the states of a problem, which have taken `n` steps."""
 
-    It starts from the states of a problem, or from a checkpoint of an earlier run.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        method: str | None = None,
-        earlier: Checkpoint | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, method: str | None = None) -> None:
         self.steps = problem.map.methods[method or problem.method]
         self.problem, batch = problem, problem.batch
         self.omega0 = flat_arrays(problem.omega, batch)
@@ -142,12 +123,6 @@ class March:
         if self.steps.divide is not None and problem.body.shape:
             self.groups = [*self.steps.divide(self.arguments)]
         self.turned: FloatArray | None = None
-        if earlier is not None:
-            self.n = earlier.n
-            self.final, self.status = earlier.final.copy(), earlier.status.copy()
-            self.failed_at, self.carry = earlier.failed_at.copy(), earlier.carry.copy()
-            self.turned = None if earlier.turned is None else earlier.turned.copy()
-            return
         self.n = 0
         self.carry = np.zeros((self.steps.carried, size))
         if problem.orientation is not None:
@@ -183,26 +158,25 @@ class March:
         self,
         stop: int,
         every: int = 0,
-        out: FloatArray | None = None,
         report: Report | None = None,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Continue to state `stop`; return saved states (rows, ..., D) and orientations, or None.
+        """Take the steps to state `stop`; return saved states (rows, ..., D), and orientations.
 
-        Saved are state 0 and the states after state n whose number is a multiple of `every`; if
-        `every` is 0, the last state alone. They are written to `out` if it is given. `report` takes
-        the number of steps that this call has taken; if it returns False, the run ends there.
+        Saved are the states whose numbers are multiples of `every`; if `every` is 0, the last state
+        alone. `report` takes the number of steps; if it returns False, the run ends there.
+        Orientations are None without an attitude.
         """
-        if report is None and out is None and (saved := self._at_once(stop, every)) is not None:
+        if report is None and (saved := self._at_once(stop, every)) is not None:
             return saved, None
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
-        rows, begin = _rows(self.n, stop, every), self.n
+        rows = _rows(0, stop, every)
         n, turns = 0 if turned is None else D + 1, None
         # Beside saved states the last ones, two integers and a status, and what steps carry.
-        numbers = rows * (D * (out is None) + n * n) + D + 3 + len(self.carry)
-        if (numbers := numbers * size) > MANY:  # for speed in small calls
+        numbers = (rows * (D + n * n) + D + 3 + len(self.carry)) * size
+        if numbers > MANY:  # for speed in small calls
             how = "raise save_every or divide the batch" if every else "divide the batch"
             require(8 * numbers, how)
-        saved = np.empty((rows, *batch, D)) if out is None else out
+        saved = np.empty((rows, *batch, D))
         flat = saved.reshape(len(saved), size, D)
         if turned is None:
             self._step_to(stop, every, flat, report)
@@ -212,13 +186,10 @@ class March:
         if every and self.n == stop:
             return saved, turns
         if every:  # `report` ended the run: give the memory for the other states back
-            rows = _rows(begin, self.n, every)
-            saved = saved[:rows].copy() if out is None else out[:rows]
-            return saved, None if turns is None else turns[:rows].copy()
-        if out is not None:
-            out[0] = self.final
+            rows = _rows(0, self.n, every)
+            return saved[:rows].copy(), None if turns is None else turns[:rows].copy()
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
-        return self.final[np.newaxis] if out is None else out, turns
+        return self.final[np.newaxis], turns
 
     def _at_once(self, stop: int, every: int) -> FloatArray | None:
         """Continue to state `stop` by one call of the kernel, and return the saved states.

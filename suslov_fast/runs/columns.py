@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from ..core.motion.engine import Settings
 
 # Version of files.
-FORMAT = 14
-# Names that begin with _ are what a run continues from: files have them, datasets do not.
+FORMAT = 15
+# Files have names that begin with it, datasets do not.
 _PRIVATE = "_"
 
 
@@ -52,8 +52,6 @@ RUN = (
     Column("failed_at", "int64", "batch", "first state missing or beyond a pole, or -1"),
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1"),
     Column("status", "int8", "batch"),
-    Column("_carry", "float64", "carried trajectory"),
-    Column("_turned", "float64", "trajectory space body", when="turns"),
 )
 CHANGES = (
     Column("trajectory", "int64", "changed"),

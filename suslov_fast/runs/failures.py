@@ -56,7 +56,7 @@ def report_failures(run: Any, march: Any, on_singular: OnSingular, since: int = 
     if not (status.item() if status.size == 1 else status.any()):
         return
     if on_singular != "ignore":
-        report_poles(march.problem, march.steps, status, failed_at, since, march.told_by_signs)
+        report_poles(march.problem, march.steps, status, failed_at, march.told_by_signs)
     if status.min() >= 0:
         return
     texts = []

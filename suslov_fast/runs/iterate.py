@@ -93,7 +93,6 @@ def iterate(
     save_every: int | None = 1,
     method: Method = "auto",
     attitude: bool | ArrayLike = False,
-    out: FloatArray | None = None,
     threads: int | None = None,
     on_singular: OnSingular = "warn",
     progress: Progress = None,
@@ -128,8 +127,6 @@ def iterate(
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or rotation matrices at state 0, to compute the orientation R of a body as well, from
         the body to space: R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map.
-    out : ndarray(float64, shape=(n_saved, ..., D)), optional
-        C-contiguous array that receives the saved states, in place of a new one.
     threads : int, optional
         Number of threads; by default Numba's.
     on_singular : {"warn", "raise", "ignore"}
@@ -138,7 +135,7 @@ def iterate(
         :class:`PoleWarning`.
     progress : bool or callable, optional
         True shows a bar (needs tqdm). A function is called as ``progress(done, steps)``; if it
-        returns False, the run ends at state `done`, where :meth:`Trajectories.extend` goes on.
+        returns False, the run ends at state `done`.
 
     Returns
     -------
@@ -171,13 +168,13 @@ def iterate(
     """
     map = map_of(system, method)
     steps, save_every = checked_counts(steps, save_every)
-    made = 1 if save_every is None or out is not None else steps // save_every + 2
+    made = 1 if save_every is None else steps // save_every + 2
     problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude, made=made)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)
     march = March(problem, method)
-    return run_to_end(march, method, steps, save_every, on_singular, progress, out)
+    return run_to_end(march, method, steps, save_every, on_singular, progress)
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

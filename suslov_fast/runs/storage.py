@@ -36,10 +36,6 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
-    if kind == "Trajectories" and result._carry is None:
-        raise ValueError(
-            "save: this is a part or a copy of a result: save the result of the run itself"
-        )
     about = {"format": FORMAT, "version": __version__, "kind": kind}
     map = vars(result).get("map")
     about |= {} if map is None else {"map": map.name}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, integer, one_of
-from ..engine.problem import Problem, checked_out
+from ..checks import FloatArray, one_of
 from ..engine.status import first_beyond
-from ..engine.stretches import Checkpoint, March, Progress, reporter
-from ..engine.threads import thread_count
-from ..keywords import public
+from ..engine.stretches import March, Progress, reporter
 from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
 from .results import States, in_short, quantity, read_only
@@ -33,7 +30,7 @@ class Trajectories(States):
     n, time : ndarray
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
-        The arguments of :func:`iterate`; `steps` includes those of :meth:`extend`.
+        The arguments of :func:`iterate`.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
@@ -82,60 +79,6 @@ class Trajectories(States):
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # `Any`, so that type checkers ask for no test of None
-    # What `extend` needs besides the last state: numbers (C, B) that steps carry, and orientations
-    # (B, n, n). A run by `dataclasses.replace` lacks them.
-    _carry: FloatArray | None = field(init=False, default=None, compare=False)
-    _turned: FloatArray | None = field(init=False, default=None, compare=False)
-
-    @public
-    def extend(
-        self,
-        steps: int,
-        *,
-        threads: int | None = None,
-        on_singular: OnSingular = "warn",
-        progress: Progress = None,
-    ) -> Trajectories:
-        """Return the run continued by some steps, with the bits of an uninterrupted run.
-
-        Parameters
-        ----------
-        steps : int
-            Number of additional steps, 0 or more.
-        threads, on_singular, progress
-            As in :func:`iterate`. Failures and poles of earlier steps are not reported again.
-
-        Returns
-        -------
-        Trajectories
-            A new run, which also holds the states of this one.
-
-        Raises
-        ------
-        ValueError
-            If this run is a copy by `dataclasses.replace`, which lacks what a next step needs.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D, iterate
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> half = iterate(body, [1.0, 0.5], eps=0.2, steps=15)
-        >>> half.extend(15) == iterate(body, [1.0, 0.5], eps=0.2, steps=30)
-        True
-        """
-        if self._carry is None:
-            raise ValueError(
-                "extend: this is a part or a copy of a run: extend the result of iterate itself"
-            )
-        total, batch = self.steps + integer("steps", steps, 0), self.status.shape
-        problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
-        reached = Checkpoint(
-            self.steps, self.final, self.status, self.failed_at, self._carry, self._turned
-        )
-        march = March(problem, self.method, reached)
-        return run_to_end(
-            march, self.method, total, self.save_every, on_singular, progress, earlier=self
-        )
 
     @property
     def _is_whole(self) -> bool:
@@ -192,25 +135,12 @@ def run_to_end(
     save_every: int | None,
     on_singular: OnSingular,
     progress: Progress,
-    out: FloatArray | None = None,
-    earlier: Trajectories | None = None,
 ) -> Trajectories:
-    """Continue a march to state `steps`, and return its run; with `earlier`, the states of both."""
+    """Take a march to state `steps`, and return its run."""
     one_of("on_singular", on_singular, ON_SINGULAR)
-    start, every = march.n, save_every or 0
-    reports = reporter(progress, steps - start)
-    if out is not None:  # state 0 is copied, because `out` may overlap it
-        rows = steps // every + 1 if every else 1
-        out = checked_out(out, (rows, *march.final.shape))
-        march.omega0 = march.omega0.copy()
-    with reports as report:
-        saved, turns = march.to(steps, every, out, report)
+    with reporter(progress, steps) as report:
+        saved, turns = march.to(steps, save_every or 0, report=report)
     steps = march.n  # fewer, if `progress` ended the run
-    if out is not None:
-        saved = saved.view()  # because the run makes its array read-only, but not `out`
-    if every and earlier is not None and start > 0:
-        saved = np.concatenate([earlier.states, saved])
-        turns = None if turns is None else np.concatenate([earlier.attitude, turns])
     problem = march.problem
     run = Trajectories._of(
         {
@@ -226,9 +156,7 @@ def run_to_end(
             "steps": steps,
             "save_every": save_every,
             "attitude": turns,
-            "_carry": march.carry,
-            "_turned": march.turned,
         }
     )
-    report_failures(run, march, on_singular, start + 1 if earlier else 0)
+    report_failures(run, march, on_singular)
     return run

@@ -19,17 +19,7 @@ def test_states_that_do_not_exist(body, unit):
     assert run.failed_at.tolist() == [-1, 0]
     assert np.isnan(run.omega[:, 1]).all()
     assert np.isnan(sf.step(body, [np.nan, 1.0], 0.2)).all()
-    assert run.extend(3).failed_at.tolist() == [-1, 0]
     assert all(each.message for each in sf.Status)
-
-
-def test_each_failure_is_told_once(unit):
-    """A run that goes on tells what fails from its next state on, and raises for nothing else."""
-    with pytest.warns(sf.SingularStepWarning, match="at step 1$"):
-        run = sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 1)
-    assert run.extend(2, on_singular="raise").failed_at.tolist() == [-1, 1]
-    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 .* 1 at step 1$"):
-        sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 0).extend(2)
 
 
 def test_raise_and_ignore(unit):
@@ -66,7 +56,6 @@ def test_a_pole_of_three_components():
 UNIT = sf.Suslov3D(1, 1, 1, 0)
 WARNING_CALLS = {
     "iterate": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 2),
-    "extend": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 0).extend(1),
     "jacobian": lambda: sf.jacobian(UNIT, ON_THE_POLE, 1),
     "run.reaction": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 0).reaction(),
     "lyapunov_exponents": lambda: sf.lyapunov_exponents(UNIT, ON_THE_POLE, 1, 1),

@@ -35,6 +35,7 @@ from .quantities.derivatives import (
 from .quantities.equilibria import fixed_points as fixed_points
 from .runs.change import Change as Change
 from .runs.crossings import crossings as crossings
+from .runs.ensemble import ensemble as ensemble
 from .runs.events import Events as Events
 from .runs.failures import SingularStepError as SingularStepError
 from .runs.flow import flow as flow

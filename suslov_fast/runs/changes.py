@@ -70,7 +70,7 @@ def _new_stops(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -
         array = change.times
         if not is_shared:
             array = np.broadcast_to(array, (*batch, array.shape[-1]))
-        moduli = sign * array.reshape(len(times[0]), -1)
+        moduli = sign * array.reshape(len(times[0]), array.shape[-1])
         times.append(np.where(moduli >= 0.0, moduli, np.inf))
         which += [float(k)] * moduli.shape[1]
     both = np.concatenate(times, axis=1)

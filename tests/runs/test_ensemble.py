@@ -1,0 +1,214 @@
+"""Stored runs equal one call, bit for bit, whatever happened in between."""
+
+import signal
+import subprocess
+import sys
+import textwrap
+
+import children
+import numpy as np
+import pytest
+import xarray
+from distributed import Client, LocalCluster
+
+import suslov_fast as sf
+from suslov_fast import Change, Field, Suslov3D, ensemble, flow, iterate
+
+BODY = Suslov3D(4, 1, -0.5, -0.3)
+WELL = Field.from_function(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
+LORENZ = sf.QuadraticField.from_function(
+    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    "x y z",
+    rho=np.linspace(10.0, 40.0, 3)[:, None],
+)
+X0 = np.random.default_rng(1).uniform(-2.0, 2.0, (10, 2))
+EACH = {"eps": np.linspace(0.1, 0.3, 10), "steps": 10, "save_every": 5, "attitude": True}
+ACTING = [Change("q", direction=1), Change(times=[0.5], to=lambda x, c: (x[0] + c, x[1]))]
+
+
+def starts(k, n=3):
+    return np.random.default_rng([5, k]).uniform(-2.0, 2.0, (n, 2))
+
+
+def same(data, run):
+    """Compare all variables of a store with those of a run, bit for bit."""
+    names = [*run.to_xarray().status.dims[:-1], "trajectory"]
+    expected = run.to_xarray(names)
+    assert {*data.variables} >= {*expected.variables} - {"time"}
+    for name in {*data.variables}:
+        found, other = data[name], expected[name]
+        assert found.dims == other.dims, name
+        assert found.dtype == other.dtype or name == "component"
+        if name == "component":
+            assert found.values.tolist() == other.values.tolist()
+        else:
+            assert found.values.tobytes() == other.values.tobytes(), name
+    assert {*data.coords} == {*expected.coords} - ({"time"} - {*data.coords})
+
+
+RUNS = {
+    "body, step sizes, orientations": (BODY, X0, EACH),
+    "grid of a family": (LORENZ, np.linspace(1, 2, 7)[:, None] + np.arange(3.0), {"time": [0, 1]}),
+    "map of a grid": (LORENZ, np.ones((7, 3)), {"eps": 0.01, "steps": 9, "save_every": 3}),
+    "members": (WELL.with_parameters(c=np.linspace(0, 1, 10)), [1.0, 0.0], {"time": 2.0}),
+    "changes": (WELL, X0, {"time": [1.0, 2.0], "changes": ACTING, "rtol": 1e-6}),
+    "last states": (BODY, X0, {"eps": 0.2, "steps": 100, "save_every": None}),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "chunks"), [*((name, 4) for name in RUNS), (next(iter(RUNS)), 1), ("members", 99)]
+)
+def test_bits_of_one_call(tmp_path, name, chunks):
+    system, x0, options = RUNS[name]
+    data = ensemble(system, x0, tmp_path / "run", chunks=chunks, **options)
+    run = (flow if "time" in options else iterate)(system, x0, **options)
+    same(data, run)
+    same(xarray.open_zarr(tmp_path / "run"), run)
+    counts, options = [], options | {"chunks": chunks}
+    ensemble(system, x0, tmp_path / "run", progress=lambda *n: counts.append(n), **options)
+    assert counts == [(data.sizes["trajectory"],) * 2]  # nothing is computed twice
+
+
+def test_states_of_each_chunk(tmp_path):
+    data = ensemble(WELL, starts, tmp_path / "run", time=[0.0, 1.0], chunks=4)
+    same(data, flow(WELL, np.concatenate([starts(k) for k in range(4)]), time=[0.0, 1.0]))
+    members = WELL.with_parameters(c=np.linspace(0.0, 1.0, 12))
+    data = ensemble(members, starts, tmp_path / "family", time=1.0, chunks=4)
+    same(data, flow(members, np.concatenate([starts(k) for k in range(4)]), time=1.0))
+    with pytest.raises(ValueError, match="as many states as"):
+        ensemble(WELL, lambda k: starts(k, 3 + k), tmp_path / "other", time=1.0, chunks=4)
+
+
+def test_a_stopped_run_goes_on(tmp_path):
+    store, options = tmp_path / "run", {"eps": 0.1, "steps": 20, "chunks": 5}
+    part = ensemble(BODY, X0, store, progress=lambda done, total: done < 4, **options)
+    assert (part.status.values == [0] * 4 + [-128] * 6).all()
+    assert np.isnan(part.omega.values[:, 4:]).all()
+    assert not np.isnan(part.omega.values[:, :4]).any()
+    counts = []
+    data = ensemble(BODY, X0, store, progress=lambda *n: counts.append(n[0]), **options)
+    assert counts == [4, 6, 8, 10]
+    same(data, iterate(BODY, X0, 0.1, 20))
+
+
+KILLED = """
+    import sys, time
+    import numpy as np
+    import suslov_fast as sf
+
+    def starts(k):
+        if k == 3:
+            print("computed", flush=True)
+            time.sleep(600)
+        return np.random.default_rng([5, k]).uniform(-2.0, 2.0, (3, 2))
+
+    sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), starts, sys.argv[1], eps=0.1, steps=20, chunks=6)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no such signal")
+def test_a_killed_process_leaves_what_it_has_computed(tmp_path):
+    code, store = textwrap.dedent(KILLED), tmp_path / "run"
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(store)], stdout=subprocess.PIPE, cwd=children.HERE
+    )
+    assert child.stdout.readline().strip() == b"computed"
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    child.stdout.close()
+    assert ((xarray.open_zarr(store).status.values == 0) == (np.arange(18) < 9)).all()
+    # A chunk without its status, as by a kill while it was written, is computed again.
+    (store / "status/c/1").unlink()
+    counts = []
+    data = ensemble(
+        BODY, starts, store, eps=0.1, steps=20, chunks=6, progress=lambda *n: counts.append(n[0])
+    )
+    assert counts == [6, 9, 12, 15, 18]
+    same(data, iterate(BODY, np.concatenate([starts(k) for k in range(6)]), 0.1, 20))
+
+
+@pytest.mark.parametrize(
+    "processes", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["threads", "processes"]
+)
+def test_workers_write_the_same(tmp_path, processes):
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=processes, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        data = ensemble(BODY, starts, tmp_path / "a", eps=0.1, steps=20, chunks=9, client=client)
+        same(data, iterate(BODY, np.concatenate([starts(k) for k in range(9)]), 0.1, 20))
+        options = {"time": [1.0, 2.0], "changes": ACTING}
+        data = ensemble(WELL, X0, tmp_path / "b", chunks=4, client=client, **options)
+        same(data, flow(WELL, X0, **options))
+        with pytest.raises(ValueError, match="as many states as"):
+            ensemble(
+                WELL, lambda k: starts(k, 3 + k), tmp_path / "c", time=1.0, chunks=4, client=client
+            )
+
+
+def test_the_store_of_another_run_is_refused(tmp_path):
+    store, options = tmp_path / "run", {"eps": 0.1, "steps": 20}
+    ensemble(BODY, X0, store, chunks=3, **options)
+    others = {
+        "system": lambda: ensemble(Suslov3D(4, 1, -0.5, -0.2), X0, store, chunks=3, **options),
+        "x0": lambda: ensemble(BODY, X0[::-1], store, chunks=3, **options),
+        "eps": lambda: ensemble(BODY, X0, store, chunks=3, eps=0.2, steps=20),
+        "chunks": lambda: ensemble(BODY, X0, store, chunks=5, **options),
+        "save_every": lambda: ensemble(BODY, X0, store, chunks=3, save_every=5, **options),
+        "time": lambda: ensemble(BODY, X0, store, chunks=3, time=1.0),
+    }
+    for name, call in others.items():
+        with pytest.raises(ValueError, match=f"another .*{name}"):
+            call()
+    xarray.Dataset({"a": 1}).to_zarr(tmp_path / "other", consolidated=False)
+    (tmp_path / "file").write_text("a file")
+    for name, error in (("other", ValueError), ("file", FileExistsError)):
+        with pytest.raises(error):
+            ensemble(BODY, X0, tmp_path / name, **options)
+    assert (tmp_path / "file").read_text() == "a file"
+
+
+def test_errors_come_before_any_work(tmp_path):
+    def never(k):
+        raise AssertionError
+
+    wrong = [
+        (TypeError, (BODY, X0, 3), {"time": 1.0}),
+        (TypeError, (3, X0, "run"), {"time": 1.0}),
+        (TypeError, (BODY, X0, "run"), {}),
+        (TypeError, (BODY, X0, "run"), {"time": 1.0, "eps": 0.1}),
+        (TypeError, (BODY, X0, "run"), {"time": 1.0, "nothing": 0.1}),
+        (TypeError, (BODY, X0, "run"), {"time": 1.0, "save_every": 2}),
+        (TypeError, (WELL, X0, "run"), {"eps": 0.1, "steps": 2}),
+        (ValueError, (BODY, X0, "run"), {"time": 1.0, "rtol": 3.0}),
+        (ValueError, (BODY, X0, "run"), {"time": 1.0, "chunks": 0}),
+        (ValueError, (BODY, X0, "run"), {"eps": 0.1, "steps": -2}),
+        (ValueError, (BODY, never, "run"), {"time": 1.0}),
+        (ValueError, (BODY, [1.0, 0.5], "run"), {"time": 1.0}),
+        (ValueError, (BODY, X0[:, :1], "run"), {"time": 1.0}),
+        (ValueError, (BODY, X0[:0], "run"), {"time": 1.0}),
+        (ValueError, (BODY, X0, "run"), {"eps": np.ones(9), "steps": 2}),
+    ]
+    for error, (system, x0, store), options in wrong:
+        with pytest.raises(error):
+            ensemble(system, x0, tmp_path / store if store == "run" else store, **options)
+    assert not (tmp_path / "run").exists()
+
+
+def test_one_warning_counts_what_fails(tmp_path):
+    field = sf.QuadraticField([[[1.0]]])  # x' = x**2
+    x0 = np.linspace(-1.1, 2.2, 10)[:, None]
+    with pytest.warns(sf.PoleWarning, match=r"4 of 10 trajectories failed: 4 ENDED") as told:
+        data = ensemble(field, x0, tmp_path / "run", time=1.0, chunks=4)
+    assert len(told) == 1
+    assert (data["end"].values[6:] == pytest.approx(1 / x0[6:, 0])).all()
+
+
+def test_stores_of_zarr(tmp_path):
+    from zarr.storage import MemoryStore
+
+    store = MemoryStore()
+    same(ensemble(BODY, X0, store, time=1.0, chunks=2), flow(BODY, X0, time=1.0))

@@ -12,6 +12,7 @@ from .engine.status import (
     Status as Status,
 )
 from .errors import SuslovError as SuslovError
+from .plots.explore import explore as explore
 from .plots.phase import plot_phase as plot_phase
 from .quantities.conserved import (
     ClosedForm as ClosedForm,

@@ -74,8 +74,8 @@ def main(words: Sequence[str] | None = None) -> int:
         _tell("interrupted")
         return 130
     except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
-        is_of_file = isinstance(error, OSError) and error.strerror
-        _tell(f"{error.filename}: {error.strerror}" if is_of_file else error)
+        file = error.filename if isinstance(error, OSError) else None
+        _tell(f"{file}: {error.strerror}" if file else error)  # type: ignore[union-attr]
         return 2
     except Exception as error:
         _tell(error)
@@ -122,7 +122,8 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--x0 must be {system.dimension} numbers, such as {like}")
     elif len(states) == 1:
         [states] = states
-    common = {"threads": options.threads}
+    compute: Any
+    common: dict[str, Any] = {"threads": options.threads}
     if is_motion:
         times = np.linspace(0.0, options.time, options.points or 101)
         chosen = {name: getattr(options, name) for name in ("rtol", "atol")}
@@ -204,10 +205,9 @@ def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) 
         if path.suffix.lower() not in endings:
             how = ": load(path).to_dataframe() makes tables" if ".npz" in endings else ""
             raise ValueError(f"-o {path} must end in {' or '.join(endings)}{how}")
-        if path.is_dir():
-            raise ValueError(f"-o {path} is a folder: choose the name of a file")
-        if path.exists() and not force:
-            raise ValueError(f"-o {path} exists: choose another name, or add --force")
+        if path.is_dir() or (path.exists() and not force):
+            how = "is a folder" if path.is_dir() else "exists: add --force"
+            raise ValueError(f"-o {path} {how}, or choose another name")
         if not folder.is_dir():
             raise ValueError(f"-o {path}: there is no folder {folder}")
         if not os.access(folder, os.W_OK):
@@ -252,7 +252,7 @@ def _of_equations(text: str) -> Any:
     if not equations:
         raise ValueError(f"--equations must be like {_LIKE}")
     described = {"names": [*equations], "equations": [*equations.values()]}
-    field = sf.body_from_dict({"body": "Field", **described, "parameters": parameters})
+    field: Any = sf.body_from_dict({"body": "Field", **described, "parameters": parameters})
     try:
         return sf.QuadraticField.from_function(field, [*equations])
     except (TypeError, ValueError):
@@ -307,7 +307,7 @@ def _parser() -> _Parser:
 
     def command(function: Callable[[argparse.Namespace], int | None]) -> Any:
         text = function.__doc__ or ""
-        summary = {"help": text.partition("\n")[0], "description": text}
+        summary: dict[str, Any] = {"help": text.partition("\n")[0], "description": text}
         found = commands.add_parser(function.__name__, allow_abbrev=False, **summary)
         found.set_defaults(function=function, refuse=found.error)
         return found

@@ -88,7 +88,7 @@ ARROWS = {
     "quantities": "core checks keywords bodies engine maps",
     "space": "checks keywords bodies maps",
     "runs": "core words checks keywords errors bodies engine maps quantities",
-    "plots": "checks keywords bodies maps quantities runs",
+    "plots": "checks keywords bodies engine maps quantities runs",
     "integrability": "words checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
     "command": "words bodies runs plots integrability",

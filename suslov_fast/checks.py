@@ -14,7 +14,6 @@ from decimal import Decimal
 from fractions import Fraction
 from importlib import import_module
 from itertools import chain
-from pathlib import Path
 from typing import Any, Protocol, SupportsFloat, get_args
 
 import numpy as np
@@ -54,8 +53,6 @@ OF_SYMBOLS = (
     "sympy.lambdify([names], expressions) makes a function of expressions"
 )
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
-# Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
-_SMALL = 2**26
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -250,7 +247,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 
 def refuse(name: str, value: Any) -> None:
-    """Raise an error for labelled arrays, units, booleans and masked arrays, alone or in a list."""
+    """Raise an error for axes with names, units, booleans and masked arrays, alone or in a list."""
     if type(value) in _NUMBERS or value is None:
         return
     if getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M"):
@@ -267,8 +264,7 @@ def refuse(name: str, value: Any) -> None:
     kind = type(value).__name__
     if isinstance(value, (bool, np.bool_)):
         raise wrong(name, "hold real numbers", f"the bool {value}", TypeError)
-    has_index = not callable(getattr(value, "index", len))
-    if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
+    if hasattr(value, "dims"):
         how = f"a labelled {kind}: pass its array, by .to_numpy()"
         raise wrong(name, "a plain array", how, TypeError)
     refuse_unit(name, value)
@@ -421,25 +417,3 @@ def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
 def spell(index: tuple[int, ...]) -> str:
     """Return an index as users write it: `3`, `(1, 2)`, or `0` for a single trajectory."""
     return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"
-
-
-def in_units(nbytes: float) -> str:
-    """Return a number of bytes in words, such as "160 GB"."""
-    for unit in ("bytes", "kB", "MB", "GB"):
-        if nbytes < 999.5:
-            return f"{nbytes:.3g} {unit}"
-        nbytes /= 1000.0
-    return f"{nbytes:,.3g} TB" if nbytes < 999.5 else f"{nbytes:,.0f} TB"
-
-
-def require(nbytes: int, what_to_do: str) -> None:
-    """Raise MemoryError if `nbytes` are not free: Linux would grant them and kill the process."""
-    if nbytes <= _SMALL or not os.path.exists("/proc/meminfo"):
-        return
-    text = Path("/proc/meminfo").read_text("ascii", "replace")
-    match = re.search(r"MemAvailable: *(\d+)", text)
-    free = 1024 * int(match[1]) if match else math.inf
-    if nbytes > free - _SMALL:
-        raise MemoryError(
-            f"the arrays need {in_units(nbytes)} of memory; {in_units(free)} are free: {what_to_do}"
-        )

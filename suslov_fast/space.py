@@ -44,11 +44,6 @@ def to_matrix(
         In three dimensions, its product with a vector v is the cross product of (Omega1, Omega2, 0)
         and v. In n dimensions, its last column holds Omega_in.
 
-    Raises
-    ------
-    TypeError, ValueError
-        For a field, or if both `rotation` and `attitude` are passed.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, to_matrix
@@ -80,11 +75,6 @@ def to_vector(
     -------
     ndarray(float, shape=(..., 3))
         (Omega1, Omega2, 0), or the components in the other basis.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As in :func:`to_matrix`, and for a body in n dimensions.
 
     Examples
     --------
@@ -121,11 +111,6 @@ def momentum(
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
         A vector in three dimensions, an antisymmetric matrix in n. Unit: inertia * omega.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As in :func:`to_matrix`.
 
     Examples
     --------
@@ -186,11 +171,6 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     ndarray(float, shape=(...))
         Angle in radians between 0 (the body turns over) and pi (it returns to its initial
         orientation); NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
-
-    Raises
-    ------
-    TypeError
-        If the body is not a `Suslov3D`.
 
     Examples
     --------

@@ -54,11 +54,6 @@ class SuslovND(Body):
         The products I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
         velocity is constant.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is not finite and in its range, or J and I differ in length.
-
     Examples
     --------
     >>> from suslov_fast import SuslovND

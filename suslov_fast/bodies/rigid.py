@@ -87,11 +87,6 @@ class Suslov3D(_In3D):
         The third moment of inertia, which only :func:`step_full` uses: it drops out of the map.
         :meth:`admissible_I3` tells which of them rigid bodies have.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is not finite and in its range, or shapes do not broadcast.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D
@@ -209,11 +204,6 @@ class SuslovGyrostat(_In3D):
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, 0 or between 1e-60 and 1e60 in modulus. Unit:
         inertia * omega.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :class:`Suslov3D`.
 
     Examples
     --------

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, require
+from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..core.fields.steps import scheme_of
 from ..core.fields.system import FieldSystem, system_of
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 from ..core.suslov.system import BodySystem
-from .problem import MANY
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -27,8 +26,6 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
         array = np.broadcast_to(array, (*batch, *inner))
     elif array.flags.carray:  # kernels are compiled for this memory layout alone
         return array.reshape((math.prod(batch), *inner))
-    if array.size > MANY:
-        require(array.nbytes, "divide the batch")
     flat = array.reshape(math.prod(batch), *inner)
     return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
 

@@ -15,7 +15,6 @@ from ..core.motion.engine import Motion as Engine, Settings, Stops, prepare
 from ..core.motion.few import take_few
 from ..core.motion.rows import Cause, State
 from .arguments import ALL
-from .problem import MANY
 from .status import Status
 from .threads import available
 
@@ -23,6 +22,8 @@ from .threads import available
 _IN_THREADS = 64
 # Numbers in states of several trajectories up to which `take_few` keeps their memory.
 _FEW = 256
+# Numbers in states, from which on code is compiled before they take memory.
+MANY = 2**20
 # By `State`; also of a run that was ended, perhaps before its first step, -1.
 _STATUS = np.full(State.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED

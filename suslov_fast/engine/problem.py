@@ -8,9 +8,6 @@ from .. import checks
 from ..checks import FloatArray, common_shape, real_number, wrong
 from .threads import thread_count
 
-# Numbers in an array above which it is asked whether there is memory.
-MANY = 2**20
-
 
 class Problem(NamedTuple):
     """A checked problem: states of a body and a step size, for a map."""
@@ -62,7 +59,6 @@ def check(
     attitude: Any = False,
     later: bool = False,
     method: str | None = None,
-    made: int = 0,
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, and a step size.
 
@@ -70,16 +66,10 @@ def check(
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
     the identity, or rotations. `later` is that of `checks.states`. The method is by default the
     first one of the map.
-    The caller makes at least `made` states of each trajectory: if they do not fit into memory, a
-    large array of initial states is refused before it is read.
     """
     labels, turns = components or body.labels, None
     if body.variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
-    if type(omega) is np.ndarray and omega.size > MANY:
-        copies = 0 if omega.dtype == float and omega.flags.carray else 1
-        how = "raise save_every or divide the batch" if made > 1 else "divide the batch"
-        checks.require(8 * omega.size * (copies + made), how)
     omega = checks.states(name, omega, labels, later)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import FloatArray, common_shape, first_index, require, short, spell, wrong
+from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.motion.engine import Settings
 from ..core.motion.lengths import MOST_STEPS
 from ..core.motion.rows import Cause
 from .arguments import flat_arrays
 from .motions import Found
-from .problem import MANY
 from .status import PoleWarning, Status
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
@@ -107,20 +105,11 @@ def checked_settings(
 
 
 def checked_starts(
-    system: Any, x0: Any, n: int, others: tuple[int, ...] = ()
+    system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return the initial states (B, D) and the batch shape, if memory holds n states of each.
-
-    `others` is the shape of a batch that changes have.
-    """
-    labels, how = system.labels, "compute fewer states at a time"
-    if type(x0) is np.ndarray and x0.size > MANY:
-        require(8 * x0.size * (n + 2), how)
-    x = checks.states("x0", x0, labels)
+    """Return the initial states (B, D), and the batch shape; `others` is that of changes."""
+    x = checks.states("x0", x0, system.labels)
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of changes": others})
-    size = math.prod(batch) * len(labels)
-    if n * size > MANY:
-        require(8 * (n + 2) * size, how)
     return flat_arrays(x, batch), batch
 
 

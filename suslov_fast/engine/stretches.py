@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, is_false, kind_of, require, short, wrong
+from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
 from ..core.compiling import codes
 from ..core.compiling.numba import Kernel
 from ..core.fields.system import FieldSystem
@@ -23,7 +23,7 @@ from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
 from ..core.suslov.system import BodySystem
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
-from .problem import MANY, Problem
+from .problem import Problem
 from .threads import call_kernel
 
 # Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
@@ -171,11 +171,6 @@ class March:
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows = _rows(0, stop, every)
         n, turns = 0 if turned is None else D + 1, None
-        # Beside saved states the last ones, two integers and a status, and what steps carry.
-        numbers = (rows * (D + n * n) + D + 3 + len(self.carry)) * size
-        if numbers > MANY:  # for speed in small calls
-            how = "raise save_every or divide the batch" if every else "divide the batch"
-            require(8 * numbers, how)
         saved = np.empty((rows, *batch, D))
         flat = saved.reshape(len(saved), size, D)
         if turned is None:

@@ -19,7 +19,7 @@ import flint
 import numpy as np
 
 from ..bodies.fields.calls import check_function
-from ..bodies.fields.latex import symbol
+from ..bodies.fields.latex import formula
 from ..bodies.fields.names import labels
 from ..checks import FloatArray, extra, real_array, short, wrong
 from ..keywords import public
@@ -300,18 +300,10 @@ class RationalFunction(WithLetter):
 
     def _latex(self, _: Any) -> str:
         """Return the formula for ``sympy.latex``."""
-        return self._repr_latex_().removeprefix("$\\displaystyle ").removesuffix("$")
+        return formula(str(self), {"eps": r"\varepsilon"})
 
     def _repr_latex_(self) -> str:
-        named = {"eps": r"\varepsilon"}
-        text = re.sub(_NAME, lambda name: named.get(name[0]) or symbol(name[0]), str(self))
-        if "/" in text:
-            numerator, denominator = text.removeprefix("-").split("/")
-            numerator = re.sub(r"^\(([^()]*)\)$", r"\1", numerator)
-            denominator = re.sub(r"^\((.*)\)$", r"\1", denominator)
-            text = f"{'-' * (self.constant < 0)}\\frac{{{numerator}}}{{{denominator}}}"
-        text = re.sub(r"\^(\d+)", r"^{\1}", text.replace("*", " "))
-        return f"$\\displaystyle {text}$"
+        return f"$\\displaystyle {self._latex(None)}$"
 
 
 def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:

@@ -140,11 +140,6 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     Growth
         A named tuple `kind, entropy, based_on`.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `degrees` is not a list of integers from 0.
-
     Examples
     --------
     >>> from suslov_fast.integrability import growth

@@ -218,11 +218,6 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
         It is callable, and has `formulas`, `inverse`, `jacobian`, `determinant`, `dimension`,
         `field`, `eps`, and `subs`.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `field` is neither a `QuadraticField` nor a body, or is a batch.
-
     Examples
     --------
     >>> from suslov_fast import QuadraticField

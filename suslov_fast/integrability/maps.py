@@ -377,11 +377,6 @@ def rational_map(
     RationalMap
         It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If f is no such function, or `inverse` is not its inverse.
-
     Examples
     --------
     The map of Lyness:

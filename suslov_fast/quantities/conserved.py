@@ -33,11 +33,6 @@ def energy(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
     ndarray(float, shape=(...))
         H; for a body, unit inertia * omega**2.
 
-    Raises
-    ------
-    TypeError
-        If a field has no Hamiltonian.
-
     Examples
     --------
     >>> from suslov_fast import QuadraticField, energy
@@ -112,11 +107,6 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
         Unit: that of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, for a state of
         a field on a pole of the map.
 
-    Raises
-    ------
-    TypeError
-        If a field has no Hamiltonian.
-
     Notes
     -----
     For fields: Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164.
@@ -186,11 +176,6 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: Reals) -> FloatArr
     ndarray(float, shape=(...))
         Turns, dimensionless, between -1/2 and 1/2, with the sign of k eps.
 
-    Raises
-    ------
-    TypeError
-        If the body is not one in three dimensions.
-
     Examples
     --------
     >>> from suslov_fast import SuslovGyrostat, rotation_number
@@ -229,8 +214,6 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
     ------
     NotIntegrableError
         If no invariant measure is known for the body.
-    TypeError
-        If a field has no Hamiltonian.
 
     Examples
     --------
@@ -258,11 +241,6 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     -------
     ndarray(float, shape=(..., 2))
         x, unit inertia * omega, and y, unit inertia**2 * omega.
-
-    Raises
-    ------
-    TypeError
-        If the body is not a `Suslov3D`.
 
     Examples
     --------
@@ -293,8 +271,6 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     ------
     ValueError
         If I13 = I23 = 0, because then x = y = 0 for every omega.
-    TypeError
-        If the body is not a `Suslov3D`.
 
     Examples
     --------
@@ -347,11 +323,6 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:
         Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
         -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
-
-    Raises
-    ------
-    TypeError
-        If the body is not a `Suslov3D`: use :func:`exact`.
 
     Notes
     -----

@@ -35,11 +35,6 @@ def vector_field(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
     ndarray(float, shape=(..., D))
         f(x), unit x / time; for a body, omega**2.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `system` is no body or field, or the shape of `x` does not fit it.
-
     Notes
     -----
     For bodies these are equations (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
@@ -77,11 +72,6 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: Reals | None = None) -> Fl
         Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With eps, NaN
         and one :class:`SingularStepWarning` for a state on a pole of the map.
 
-    Raises
-    ------
-    TypeError
-        For a field, which has no constraint.
-
     Notes
     -----
     Equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
@@ -112,11 +102,6 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     -------
     ndarray(float, shape=(..., D, D))
         A, dimensionless.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `system` is no body or quadratic field; if shapes do not broadcast.
 
     Examples
     --------
@@ -153,11 +138,6 @@ def jacobian(
     -------
     ndarray(float, shape=(..., D, D))
         NaN, with one :class:`SingularStepWarning`, for a state on a pole of the map.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range, shapes do not broadcast, or the body lacks the method.
 
     Examples
     --------

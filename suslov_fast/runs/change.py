@@ -78,13 +78,6 @@ class Change:
     most : int, optional
         The number of times it acts, 1 or more: the last one ends the trajectory.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument has the wrong type or value, or both `surface` and `times` are given, or
-        neither. :func:`flow` raises those that depend on its system: functions that cannot be
-        traced, parameters that the system lacks, the wrong number of components.
-
     Notes
     -----
     At one instant times act first, in the order of the list, then surfaces in the order of the

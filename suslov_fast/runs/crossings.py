@@ -81,11 +81,6 @@ def crossings(
     -------
     Events
 
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`flow`.
-
     Examples
     --------
     The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
@@ -116,7 +111,7 @@ def crossings(
         raise wrong("surface", "a function, or one or more", "none")
     is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
     changes = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
-    x, batch = checked_starts(system, x0, 2)
+    x, batch = checked_starts(system, x0)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
     acts = acts_of(field, changes)
     changed = WithColumns(field.shape, with_changes(field, acts))

@@ -111,13 +111,6 @@ def flow(
         One :class:`PoleWarning` counts them, and says when the first one ends, and of what. NaN for
         a state that contains NaN, without a warning.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument has the wrong type or shape, or is out of range.
-    MemoryError
-        If the states exceed the free memory.
-
     Examples
     --------
     Predators and prey (Lotka-Volterra) for three rates, at two times:
@@ -140,16 +133,13 @@ def flow(
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(system, derivatives)
-    count, acting = len(times), checked_changes(changes)
-    if names:  # derivatives are taken out of columns beside the states
-        directions = sum(system.dimension if name == "x0" else 1 for name in names)
-        count *= 2 * (1 + directions)
+    acting = checked_changes(changes)
     acts: tuple[Act, ...] = ()
     stops, of_columns = None, None
     if acting:
         field = field or field_of(system)
         acts = acts_of(field, acting)
-    x, batch = checked_starts(system, x0, count, batch_of(acting))
+    x, batch = checked_starts(system, x0, batch_of(acting))
     if isinstance(system, FieldOfFunction):
         warn_of_times(system, x, times)
     if acting:

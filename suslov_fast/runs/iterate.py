@@ -50,11 +50,6 @@ def step(
         The next states. NaN for a state that contains NaN; NaN, with one
         :class:`SingularStepWarning`, for a state on a pole of the map.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range, or shapes do not broadcast.
-
     Notes
     -----
     For bodies these are equations (4) and (15) of Dragovic and Gajic, arXiv:0807.2966.
@@ -70,7 +65,7 @@ def step(
     array([1. , 0.5])
     """
     map = map_of(system, method)
-    problem = check(map, system, x, eps, threads, made=1)
+    problem = check(map, system, x, eps, threads)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     if (after := few_after(problem, method)) is not None:
@@ -145,10 +140,6 @@ def iterate(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is out of range, or shapes do not broadcast.
-    MemoryError
-        If the saved states, the last ones and copies of the first exceed the free memory.
     SingularStepError
         If a trajectory failed and `on_singular` is "raise".
 
@@ -168,8 +159,7 @@ def iterate(
     """
     map = map_of(system, method)
     steps, save_every = checked_counts(steps, save_every)
-    made = 1 if save_every is None else steps // save_every + 2
-    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude, made=made)
+    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)

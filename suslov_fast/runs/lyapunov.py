@@ -91,11 +91,6 @@ def lyapunov_exponents(
         out the directions of variables whose rate is a number other than 0 or made of parameters
         alone, such as time, whether others depend on them or not, unless a change sets them.
 
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`iterate` or :func:`flow`; if both eps and time are given, or neither.
-
     Examples
     --------
     The Lorenz system, whose largest exponent is about 0.906 per unit time:
@@ -125,7 +120,7 @@ def lyapunov_exponents(
             received = "ends or most, with which a trajectory ends"
             raise wrong("changes", "those with which trajectories go on", received)
         acting = tuple(each for each in acting if each.to is not None)
-        x, batch = checked_starts(system, x0, 1, batch_of(acting))
+        x, batch = checked_starts(system, x0, batch_of(acting))
         field = field_of(system)
         acts = acts_of(field, acting)
         stops = stops_of(acting, 1, batch) if acts else None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import AnyBody
-from ..checks import FloatArray, Reals, real_number, require, warn, wrong
+from ..checks import FloatArray, Reals, real_number, warn, wrong
 from ..core.suslov import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.problem import Problem
@@ -145,7 +145,6 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
     starts = flat_arrays(plane.omega, batch)
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)
-    require(8 * times.size * starts.size, "compute fewer states at a time")
     states, reasons = np.empty((times.size, *starts.shape)), np.zeros((3, len(starts)), bool)
     rows = max(SLICE // max(len(starts), 1), 1)
     for row in range(0, times.size, rows):

@@ -525,9 +525,6 @@ NOT_ARRAYS = [
     lambda value: [Quantity(each) for each in np.atleast_1d(value)],
     np.vectorize(Quantity, otypes=[object]),
     lambda value: labelled(value, ("component", "start")),
-    lambda value: Series(np.atleast_1d(value)),
-    lambda value: (Series(np.atleast_1d(value)),),
-    lambda value: DataFrame({"a": np.atleast_1d(value)}),
 ]
 CALLS = {
     "I1": lambda value: Suslov3D(value, 1, -0.5, -0.3),

@@ -328,8 +328,6 @@ def documented():
 
 
 SECTIONS = "Parameters Attributes Returns Raises Warns Notes Examples".split()
-# No call of these fails.
-WITHOUT_ERRORS = {"show_versions", "zoo"}
 
 
 @pytest.mark.parametrize(
@@ -348,8 +346,6 @@ def test_public_docstrings(name, thing):
     if "." in name and ("\n" not in text or re.search(r", as :\w+:`[\w.]+` do", text)):
         return  # methods that a line explains, or that do as another one
     assert "Examples" in found
-    if "." not in name:  # methods name errors that are not obvious
-        assert ("Raises" in found) == (name not in WITHOUT_ERRORS), found
     signature = inspect.signature(thing)
     assert ("Returns" in found) == (signature.return_annotation not in (None, "None"))
     parameters = [each for each in signature.parameters if each not in ("self", "cls")]

@@ -33,17 +33,14 @@ def test_raise_and_ignore(unit):
 
 
 def test_memory(body):
-    with pytest.raises(MemoryError, match="save_every"):
+    with pytest.raises(MemoryError):
         sf.iterate(body, np.ones((10**6, 2)), 0.1, 10**9)
     with pytest.raises(MemoryError):
         sf.exact(body, np.ones((10**6, 2)), 0.1, np.arange(10**6))
     field, many = sf.QuadraticField.of(body), np.ones((10**6, 2))
     family = sf.Field.from_function(lambda x, a: (a * x[1], x[0]), 2, a=many[:, :1])
-    for system, starts, needed in (  # three arrays of states
-        (field, np.broadcast_to(1.0, (10**13, 2)), "480 TB"),
-        (family, many, "48 TB"),
-    ):
-        with pytest.raises(MemoryError, match=rf"\b{needed}\b"):
+    for system, starts in ((field, np.broadcast_to(1.0, (10**13, 2))), (family, many)):
+        with pytest.raises(MemoryError):
             sf.flow(system, starts, time=1.0)
 
 

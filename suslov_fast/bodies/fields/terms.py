@@ -136,7 +136,6 @@ def table_of(name: str, shape: tuple[int, ...], places: Any, values: Any) -> Any
     if size > LARGEST:
         how = "the attribute terms has the coefficients that are not 0"
         raise MemoryError(f"{name} would need {size:,} bytes for the shape {shape}: {how}")
-    checks.require(size, "use the attribute terms")
     is_exact = values.dtype == object
     table = np.full(shape, Fraction(0), object) if is_exact else np.zeros(shape)
     table[(..., *places)] = values

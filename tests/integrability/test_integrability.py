@@ -660,6 +660,43 @@ def assert_text(found):
     assert "proved" in repr(found) or not found.integrals
 
 
+# Integrals of the equations of the zoo, and of its maps, in the literature.
+OF_TOPS = lambda x: np.stack([x[3] ** 2 + x[4] ** 2 + x[5] ** 2, x[:3] @ x[3:]])  # noqa: E731
+OF_DIRECTION = lambda x: x[2] ** 2 + x[3] ** 2 + x[4] ** 2  # noqa: E731
+IN_LITERATURE = {
+    "cubic Hamiltonian": lambda x: (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3,
+    "Nahm, octahedral": lambda x: x[1] * (2 * x[0] + 3 * x[1]) * (x[0] - x[1]) ** 2,
+    "Euler top": lambda x: np.stack([3 * x[0] ** 2 + 2 * x[1] ** 2, x[1] ** 2 + 3 * x[2] ** 2]),
+    **dict.fromkeys(
+        (f"Zhukovsky-Volterra, {n}" for n in ("one beta", "two betas", "three betas")),
+        lambda x: x @ x,
+    ),
+    "Nambu": lambda x: x[2] ** 2 + x[0] * (x[1] + x[2]),
+    **dict.fromkeys(
+        (f"Volterra chain, N = {n}" for n in (3, 4, 5)), lambda x: np.stack([x.sum(), x.prod()])
+    ),
+    **dict.fromkeys(("Lagrange top", "Kirchhoff", "Clebsch", "body in a fluid"), OF_TOPS),
+    **dict.fromkeys(("Klebsch-Tisserand", "Suslov, Lagrange axis", "Kharlamova"), OF_DIRECTION),
+    "Suslov on so(4)": lambda x: np.array([3, 6, 6, 7, 7]) @ x**2,
+    "Lotka-Volterra": lambda x: x.sum() - np.log(x.prod()),
+    "Henon-Heiles": lambda x: x @ x / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3,
+    "Lyness": lambda x: (x[0] + 1) * (x[1] + 1) * (x[0] + x[1] + 3) / (x[0] * x[1]),
+    "McMillan": lambda x: (x[0] * x[1]) ** 2 + x[0] ** 2 + x[1] ** 2 - 6 * x[0] * x[1],
+}
+
+
+@pytest.mark.parametrize("name", IN_LITERATURE)
+def test_systems_of_the_zoo_have_the_integrals_of_the_literature(name, rng):
+    system, integral = ZOO[name][0], IN_LITERATURE[name]
+    x = rng.uniform(0.5, 1.5, system.dimension)
+    if ZOO[name][1] is None:
+        after = np.array([float(a) for a in system([F(a) for a in x])])
+        np.testing.assert_allclose(integral(after), integral(x), rtol=1e-12)
+    else:  # the derivative along f, by a complex step
+        along = integral(x + 1e-30j * system(x)).imag / 1e-30
+        np.testing.assert_allclose(along, 0.0, atol=1e-13)
+
+
 @pytest.mark.slow
 def test_names_of_variables():
     """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""

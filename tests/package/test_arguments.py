@@ -5,6 +5,7 @@ import pickle
 from fractions import Fraction
 
 import numpy as np
+import pandas
 import pytest
 import xarray
 from numba import njit
@@ -112,3 +113,10 @@ def test_values_at_one_state_are_numbers():
         assert isinstance(function(body, [1.0, 0.5], 0.1), np.float64), function
     nd = sf.SuslovND([2.0, 2.0, 2.0], [0.4, -0.7, 0.5])
     assert isinstance(sf.criticality(nd, [1.0, 0.5, 0.2], 0.1), np.float64)
+
+
+def test_arrays_of_pandas_are_arrays():
+    field = sf.Field.from_function(lambda x, a: -a * x, "u", a=pandas.Series([1.0, 2.0]))
+    times = pandas.DataFrame({"time": [0.5, 1.0]}).time
+    expected = np.exp(-np.outer([0.5, 1.0], [1.0, 2.0]))
+    np.testing.assert_allclose(sf.flow(field, [1.0], time=times)["u"], expected, rtol=1e-8)

@@ -109,7 +109,7 @@ for key, label, batch, numbers in (
     ("scattered-1", "`exact`, 1,000,000 scattered n", 1, partial(scattered, 1_000_000)),
 ):
     add("jumps", key, OURS, label, work.jumps, at, batch, numbers)
-moved = lambda omega0, time: sf.flow(BODY, omega0, time=time).omega[0]  # noqa: E731
+moved = lambda omega0, time: sf.flow(BODY, omega0, time=time).states[0]  # noqa: E731
 for key, whose, label, function, part in (
     ("flow", OURS, "`flow`, the closed form", moved, 1),
     ("numpy", NUMPY, "NumPy, Suslov's solution by `tanh` and `cosh`", "numpy_batch.flow", 1),

@@ -73,7 +73,7 @@ def by_flow(name, rtol=1e-9):
     def call(count):
         field, x = of(count)
         motion = flow(field, x, time=T, changes=change, rtol=rtol, threads=1)
-        return motion.x[0], len(motion.changes)
+        return motion.states[0], len(motion.changes.time)
 
     return call
 

@@ -30,7 +30,7 @@ def by_flow(wanted, tolerance):
     """A function of starts: states (1001, batch, 4), or times of crossings (batch, most)."""
     field, options = motions.field_of(SYSTEM), {"rtol": tolerance, "threads": 1}
     if wanted == WANTED[0]:
-        return lambda x: flow(field, x, time=TIMES, **options).x
+        return lambda x: flow(field, x, time=TIMES, **options).states
 
     def run(x):
         found = crossings(field, x, time=TIME, surface=f"x{SURFACE + 1}", direction=0, **options)

@@ -151,7 +151,7 @@ def reference(name, batch):
 def by_flow(name, tolerance):
     """A function of starts, on one thread, as of the other methods."""
     field, time = field_of(name), SYSTEMS[name].time
-    return lambda x: flow(field, x, time=time, rtol=tolerance, threads=1).x[0]
+    return lambda x: flow(field, x, time=time, rtol=tolerance, threads=1).states[0]
 
 
 def by_steps(name, method, count):

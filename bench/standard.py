@@ -114,7 +114,7 @@ def by_flow(problem, field, rtol, times):
     if problem.size is not None:
         atol = [rtol * problem.size] * problem.D + [0.0] * problem.has_time
     motion = flow(field, start + [0.0] * problem.has_time, time=times, rtol=rtol, atol=atol)
-    return (motion.x[:, : problem.D], int(motion.steps)) if motion.ok else None
+    return (motion.states[:, : problem.D], int(motion.steps)) if motion.ok.all() else None
 
 
 def scale_of(problem, field):
@@ -122,7 +122,7 @@ def scale_of(problem, field):
     times = problem.time * np.union1d(np.geomspace(1e-9, 1, 300), np.linspace(0, 1, 301))
     with warnings.catch_warnings(action="ignore"):
         motion = flow(field, [*problem.start] + [0.0] * problem.has_time, time=times, rtol=1e-6)
-    return np.nanmax(abs(motion.x[:, : problem.D]), axis=0)
+    return np.nanmax(abs(motion.states[:, : problem.D]), axis=0)
 
 
 def allowed(problem, scale, rtol, y):

@@ -203,7 +203,7 @@ def by_order(method, count):
 def by_flow(tolerance):
     """A function of starts, by `flow` with a tolerance, on one thread."""
     run = problem.sparse_field(4), TIME_OF_MOTIONS
-    return lambda x: suslov_fast.flow(run[0], x, time=run[1], rtol=tolerance, threads=1).x[0]
+    return lambda x: suslov_fast.flow(run[0], x, time=run[1], rtol=tolerance, threads=1).states[0]
 
 
 def at_equal_error(function, argument, below, size):

@@ -117,7 +117,7 @@ def momentum(
     >>> from suslov_fast import Suslov3D, iterate, momentum
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> run = iterate(body, [1.0, 0.5], eps=0.2, steps=100, attitude=True)
-    >>> momentum(body, run.omega, attitude=run.attitude)[[0, -1]].round(3)  # in space
+    >>> momentum(body, run.states, attitude=run.attitude)[[0, -1]].round(3)  # in space
     array([[ 4.   ,  0.5  , -0.65 ],
            [ 2.276, -1.408, -2.146]])
     """

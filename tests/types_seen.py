@@ -25,10 +25,7 @@ from suslov_fast.runs.results import States
 Floats = NDArray[np.float64]
 run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
 assert_type(run, Trajectories)
-assert_type(run.x, Floats)
-assert_type(run.omega, Floats)
 assert_type(run.states, Floats)
-assert_type(run[0], Floats)
 assert_type(run.valid, NDArray[np.bool_])
 try:
     points = crossings(run.body, [1.0], lambda x: x[0], time=0.5)
@@ -39,12 +36,12 @@ try:
     assert_type(points.n, NDArray[np.int64] | Any)
 except SingularStepError as error:
     assert_type(error.trajectories, States)
-    assert_type(error.trajectories.x, Floats)
+    assert_type(error.trajectories.states, Floats)
 assert_type(run.first_pole, NDArray[np.int64])
 assert_type(run.failed_at, NDArray[np.int64])
 assert_type(run.final, Floats)
 assert_type(run.time, Floats)
-assert_type(run.ok, bool)
+assert_type(run.ok, NDArray[np.bool_])
 assert_type(flow(QuadraticField([[[1.0]]]), [1.0], time=0.5), Motion)
 any_field = Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
 assert_type(any_field.dimension, int)

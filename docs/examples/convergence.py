@@ -11,7 +11,7 @@ import numpy as np
 from suslov_fast import Suslov3D, flow, iterate
 
 body, omega0, time = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [1.0, 0.5], 4.0
-end = flow(body, omega0, time=time).omega[0]
+end = flow(body, omega0, time=time).states[0]
 
 
 def run(steps):

@@ -127,7 +127,7 @@ def largest_error(orbit, steps):
     """Largest distance from the exact motion at the same time, until time 30."""
     times = np.linspace(0, duration, steps + 1)
     return np.hypot(
-        *(orbit(omega0, duration / steps, steps) - flow(body, omega0, time=times).omega).T
+        *(orbit(omega0, duration / steps, steps) - flow(body, omega0, time=times).states).T
     ).max()
 
 

@@ -13,7 +13,7 @@ from suslov_fast import Suslov3D, limits, lyapunov_exponents, multipliers
 
 body, omega, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [1.0, 0.5], 0.2
 _, end = limits(body, omega, eps)
-expected = np.log(multipliers(body, end, eps))
+expected = np.log(multipliers(body, end, eps)) / eps
 
 steps = np.unique(np.geomspace(10, 100_000, 25).astype(int))
 found = np.array([lyapunov_exponents(body, omega, eps, int(n)) for n in steps])
@@ -28,5 +28,5 @@ for k, (marker, name) in enumerate((("o", "larger exponent"), ("s", "smaller exp
             label = f"{name}, {side} its limit {limit}"
             axes.loglog(steps[chosen], abs(distance[chosen]), label=label, **look)
 axes.loglog(steps, 2 / steps, "--", color="crimson", label=r"$\propto 1/n$")
-axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, per step, $\epsilon = 0.2$")
+axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, $\epsilon = 0.2$")
 axes.legend(frameon=False, loc="upper right", fontsize="small")

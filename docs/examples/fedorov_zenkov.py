@@ -47,8 +47,8 @@ roots = [starts]
 for _ in range(steps):
     roots.append(np.array([following(omega) for omega in roots[-1]]))
 roots = np.array(roots)
-kahan = iterate(body, starts, eps, steps).omega
-motion = flow(body, starts, time=np.linspace(0, eps * steps, 1000)).omega
+kahan = iterate(body, starts, eps, steps).states
+motion = flow(body, starts, time=np.linspace(0, eps * steps, 1000)).states
 
 figure, (plane, conserved) = plt.subplots(1, 2, figsize=(8, 3.8), layout="constrained")
 line = np.array([[-0.3, 0.3], [0.5, -0.5]]) * 3.4

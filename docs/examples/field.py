@@ -49,7 +49,7 @@ axes[0].set_title(r"Lorenz system, $\epsilon = 1/64$", fontsize="small")
 eps = 1 / 16
 starts = at_energy(1 / 8, np.linspace(-0.36, 0.6, 17), 0.0)
 points, orbits = section_of_map(henon_heiles, starts, eps, 40_000)
-chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0.01
+chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] > 0.01
 regular, chaos = [], []
 for k in range(len(starts)):
     own = points[orbits == k]

@@ -19,7 +19,7 @@ tangent = np.linalg.svd((body.J * pole)[None])[2][1:]
 turn = np.linspace(0, 2 * np.pi, 10)[:-1, None]
 starts = pole + 0.05 * (np.cos(turn) * tangent[0] + np.sin(turn) * tangent[1])
 starts /= np.sqrt(energy(body, starts))[:, None]
-orbits = iterate(body, starts, eps=0.2, steps=150).omega
+orbits = iterate(body, starts, eps=0.2, steps=150).states
 
 figure = plt.figure(figsize=(7.2, 3.6))
 space = figure.add_axes((0.09, 0.05, 0.4, 0.9), projection="3d")

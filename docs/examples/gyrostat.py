@@ -29,7 +29,7 @@ for chosen, marker, color, label in (
     (~periodic, "o", "black", "from one steady state to another"),
     (periodic, "s", "darkorange", "periodic"),
 ):
-    states = np.concatenate([run.omega[:, chosen] for run in runs]).reshape(-1, 2)
+    states = np.concatenate([run.states[:, chosen] for run in runs]).reshape(-1, 2)
     axes.plot(*states.T, marker, color=color, markersize=2.5, label=label)
 # l = 0; the halves meet where the line touches an ellipse.
 normal = np.array([body.I13, body.I23])

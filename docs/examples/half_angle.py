@@ -22,7 +22,7 @@ for panel, letter, k in zip(axes, "ab", (0.4, 2.6), strict=True):
     g = body.I13 / np.sqrt(body.I1) + 1j * body.I23 / np.sqrt(body.I2)
 
     # The phase of each state of the orbit.
-    orbit = iterate(body, omega0, eps, steps).omega
+    orbit = iterate(body, omega0, eps, steps).states
     z = orbit @ [np.sqrt(body.I1), 1j * np.sqrt(body.I2)]
     w = z / (1 - 1j * e * (k + (z * g.conjugate()).real))
     A = abs(w[0]) * abs(g)

@@ -20,7 +20,7 @@ omega0 = from_xy(body, np.stack([0.1 * side * np.sqrt(a), a], axis=-1))
 eps = 2 * np.linspace(0.1, 0.95, 12)
 
 orbits = iterate(body, omega0, eps, steps=60)
-x, y = np.moveaxis(to_xy(body, orbits.omega), -1, 0)
+x, y = np.moveaxis(to_xy(body, orbits.states), -1, 0)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
 t = np.broadcast_to(orbits.criticality()[0], x.shape)

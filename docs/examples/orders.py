@@ -42,7 +42,7 @@ def by_steps(method, count):
 
 
 def by_flow(tolerance):
-    return lambda x: flow(field, x, time=UNTIL, rtol=tolerance, threads=1).x[0]
+    return lambda x: flow(field, x, time=UNTIL, rtol=tolerance, threads=1).states[0]
 
 
 @numba.njit

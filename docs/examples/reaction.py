@@ -16,7 +16,10 @@ orbit = iterate(body, omega0, eps, steps=120)
 
 figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
 axes.plot(
-    time, reaction(body, flow(body, omega0, time=time).omega), color="steelblue", label="continuous"
+    time,
+    reaction(body, flow(body, omega0, time=time).states),
+    color="steelblue",
+    label="continuous",
 )
 axes.plot(orbit.time + eps / 2, orbit.reaction(), "k.", label="discrete, between two states")
 axes.set(xlabel="time", ylabel=r"reaction torque $\lambda$")

@@ -25,7 +25,7 @@ panels = [
 figure, axes = plt.subplots(1, 3, figsize=(7.2, 3.6), layout="constrained")
 for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", panels, strict=True):
     omega0 = from_xy(body, starts * units)
-    iterated = to_xy(body, iterate(body, omega0, eps, steps).omega) / units
+    iterated = to_xy(body, iterate(body, omega0, eps, steps).states) / units
     closed = to_xy(body, exact(body, omega0, eps, np.arange(steps + 1))) / units
     t = criticality(body, omega0[0], eps)
 

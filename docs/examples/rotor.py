@@ -20,7 +20,7 @@ def turned(k, steps):
     """Turns of Omega since the start, and A, for rotors of momentum k."""
     body = SuslovGyrostat(**moments, k=k)
     run = iterate(body, omega0, eps, steps)
-    phi = np.unwrap(np.arctan2(*np.moveaxis(run.omega * np.sqrt([4, 2]), -1, 0)[::-1]), axis=0)
+    phi = np.unwrap(np.arctan2(*np.moveaxis(run.states * np.sqrt([4, 2]), -1, 0)[::-1]), axis=0)
     R = 2 * np.sqrt(body.I1 * body.I2 * run.first_integral()[0])
     A = R * np.sqrt(body.I13**2 / body.I1 + body.I23**2 / body.I2)
     return run.time, (phi - phi[0]) / (2 * np.pi), A

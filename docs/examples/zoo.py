@@ -67,7 +67,7 @@ INTEGRABLE = 15
 def exponents(name, steps=50_000):
     """Largest Lyapunov exponent of each orbit of the figure, per unit of time."""
     field, eps = ZOO[name]
-    return lyapunov_exponents(field, STARTS[name], float(eps), steps)[:, 0] / float(eps)
+    return lyapunov_exponents(field, STARTS[name], float(eps), steps)[:, 0]
 
 
 # The figure. Axes show the middle of the orbits; some of them come close to poles.
@@ -89,7 +89,7 @@ for part, (kind, names, rows) in zip(parts, kinds, strict=True):
     for ax, name in zip(axes, names, strict=False):
         field, eps = ZOO[name]
         plane = PLANES.get(name, (0, 1))
-        states = iterate(field, STARTS[name], float(eps), 1500).x[..., plane]
+        states = iterate(field, STARTS[name], float(eps), 1500).states[..., plane]
         chaotic = exponents(name) > CHAOTIC
         colours = plt.colormaps["viridis"](np.linspace(0, 0.85, len(chaotic)))
         colours[chaotic] = to_rgba("crimson")

@@ -172,9 +172,9 @@ class SuslovND(Body):
         >>> reduced
         SuslovND(J=[2.0, 2.0, 3.0], I=[3.0, 0.0, 3.0])
         >>> omega = [0.5, 0.1, 0.3, -0.2]
-        >>> orbit = iterate(reduced, to_reduced(omega), eps=0.1, steps=50).omega
+        >>> orbit = iterate(reduced, to_reduced(omega), eps=0.1, steps=50).states
         >>> run = iterate(body, omega, eps=0.1, steps=50)
-        >>> bool(abs(from_reduced(orbit, omega) - run.omega).max() < 1e-14)
+        >>> bool(abs(from_reduced(orbit, omega) - run.states).max() < 1e-14)
         True
         """
         parts, labels_of = self.reduction, self.labels

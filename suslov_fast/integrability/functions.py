@@ -100,7 +100,7 @@ class RationalFunction(WithLetter):
     """A product of powers of polynomials and a constant, exact.
 
     Called with a point, D rational numbers, it returns a fraction, and with the states of an orbit,
-    as ``F(run.x)``, an array of floats. Functions and numbers can be
+    as ``F(run.states)``, an array of floats. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
     In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
     polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`

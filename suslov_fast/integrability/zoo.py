@@ -99,7 +99,7 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     >>> field, eps = zoo()["Euler top"]
     >>> field
     QuadraticField(x1' = 2*x2*x3, x2' = -3*x1*x3, x3' = x1*x2)
-    >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).x.shape
+    >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).states.shape
     (3, 3)
     >>> zoo()["Lyness"]
     (rational_map(x2, (x2 + 3)/x1), None)

@@ -75,9 +75,9 @@ class Plane:
         middle = self.on_level(R, np.array([0.0, np.pi]))
         if abs(k) > A:
             steps = np.pi / np.arctan(abs(self.e) * np.sqrt(k * k - A * A))
-            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * most))).omega]
+            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * most))).states]
         before, after = (
-            iterate(body, middle, step, most, on_singular="ignore").omega for step in (-eps, eps)
+            iterate(body, middle, step, most, on_singular="ignore").states for step in (-eps, eps)
         )
         orbits = np.moveaxis(np.concatenate([before[:0:-1], after]), 1, 0)
         l = abs(orbits @ self.products + k)

@@ -77,7 +77,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: Reals) -> FloatArray
     --------
     >>> from suslov_fast import Suslov3D, first_integral, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=10_000).omega
+    >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=10_000).states
     >>> F = first_integral(body, orbit, eps=0.2)
     >>> float(F[0].round(9)), bool(abs(F / F[0] - 1).max() < 1e-12)
     (0.26534473, True)
@@ -115,7 +115,7 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     --------
     >>> from suslov_fast import QuadraticField, iterate, modified_energy
     >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
-    >>> orbit = iterate(well, [0.5, 0.0], eps=0.1, steps=100_000).x
+    >>> orbit = iterate(well, [0.5, 0.0], eps=0.1, steps=100_000).states
     >>> H = modified_energy(well, orbit, eps=0.1)
     >>> bool(abs(H - H[0]).max() < 1e-12)
     True

@@ -96,14 +96,14 @@ class Change:
     >>> ball = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
     >>> bounce = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
     >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], changes=bounce)
-    >>> motion.changes.time.round(6), motion.x[:, 0].round(6)
+    >>> motion.changes.time.round(6), motion.states[:, 0].round(6)
     (array([0.451524, 1.264266, 1.995734]), array([0.710949, 0.013684]))
 
     A dose of 100 at times 0, 24 and 48:
 
     >>> body = Field.from_function(lambda x, k: (-k * x[0],), "c", k=0.1)
     >>> dose = Change(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
-    >>> flow(body, [0.0], time=[0, 47, 48], changes=dose).x[:, 0].round(3)
+    >>> flow(body, [0.0], time=[0, 47, 48], changes=dose).states[:, 0].round(3)
     array([100.   ,  10.935, 109.895])
     """
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..checks import common_shape, kind_of, short, wrong
 from ..core.lists.changes import Act, in_order_of_code
 from ..core.motion.engine import NO_STOPS, Stops
+from ..engine.status import Status
 from .change import Change, traced
 from .events import Events
 
@@ -78,41 +79,39 @@ def _new_stops(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -
     return Stops(np.take_along_axis(both, order, 1), np.array(which)[order])
 
 
-def changes_of_records(
-    records: Any, system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
-) -> Events:
-    """Return what `Records` of changes say, with their numbers in the list of the user."""
-    if records is None:  # of no trajectories, or no times
-        return nothing_changed(system, changes, batch, 0)
-    numbers, D = np.array(in_order_of_code(changes), np.int64), system.dimension
-    columns = {
-        "trajectory": records.trajectory,
-        "which": numbers[records.which],
-        "time": records.time,
-        "before": records.before[:, :D],
-        "states": records.states[:, :D],
-    }
-    return changes_of(columns, system, changes, batch)
-
-
-def changes_of(
-    columns: dict[str, Any], system: Any, changes: tuple[Change, ...], batch: tuple[int, ...]
-) -> Events:
-    """Return a result with these columns; ValueError if their numbers are none of the batch."""
-    B, C = math.prod(batch), len(changes)
-    numbers = columns["trajectory"] * C + columns["which"]
-    count = np.bincount(numbers, minlength=B * C).reshape(*batch, C)
-    return Events._of(columns | {"count": count, "body": system, "_given": changes})
-
-
-def nothing_changed(
-    system: Any, changes: tuple[Change, ...], batch: tuple[int, ...], count: int
-) -> Events:
-    """Return a result without any, whose counts are this number."""
+def changes_of_records(records: Any, changes: tuple[Change, ...], motion: Any) -> Events:
+    """Return the events in `Records`, with the numbers of changes in the list of the user."""
+    D, K = motion.body.dimension, 0 if records is None else len(records.time)
     columns: dict[str, Any] = {name: np.empty(0, np.int64) for name in ("trajectory", "which")}
-    columns |= {
-        "time": np.empty(0),
-        **dict.fromkeys(("before", "states"), np.empty((0, system.dimension))),
+    columns |= {"time": np.empty(0), **dict.fromkeys(("before", "states"), np.empty((0, D)))}
+    if K:
+        numbers = np.array(in_order_of_code(changes), np.int64)
+        columns = {
+            "trajectory": records.trajectory,
+            "which": numbers[records.which],
+            "time": records.time,
+            "before": records.before[:, :D],
+            "states": records.states[:, :D],
+        }
+    return changes_of(columns, changes, motion)
+
+
+def changes_of(columns: dict[str, Any], changes: tuple[Change, ...], motion: Any) -> Events:
+    """Return the events of a motion with these columns.
+
+    ValueError if a number of a trajectory or of a change is none of the motion's.
+    """
+    body, status, C = motion.body, motion.status, len(changes)
+    numbers = columns["trajectory"] * C + columns["which"]
+    count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
+    final = np.full((status.size, body.dimension), np.nan)
+    if len(motion.time):
+        final[:] = motion.states[-1].reshape(final.shape)
+    stopped = np.flatnonzero(status.ravel() == Status.STOPPED)
+    final[stopped] = columns["states"][np.searchsorted(columns["trajectory"], stopped, "right") - 1]
+    about = {
+        "status": status,
+        "end": motion.end,
+        "final": final.reshape(*status.shape, body.dimension),
     }
-    found = changes_of(columns, system, changes, batch)
-    return Events._of(vars(found) | {"count": np.full_like(found.count, count)})
+    return Events._of(columns | about | {"count": count, "body": body, "_given": changes})

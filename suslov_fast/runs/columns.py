@@ -73,7 +73,7 @@ MOTION = (
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps"),
     Column("status", "int8", "batch"),
-    Column("_derivatives", "float64", "time batch component direction", when="by"),
+    Column("_derivatives", "float64", "time batch component direction", when="_by"),
     *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
     Column("changes.count", "int64", "batch change", "number of changes", "changes"),
 )
@@ -82,7 +82,7 @@ OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
     "Events": (),
-    "Motion": (*Settings._fields, "by"),
+    "Motion": (*Settings._fields, "_by"),
 }
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`

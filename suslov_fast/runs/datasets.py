@@ -31,7 +31,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
     flags = {"flag_values": [*map(int, Status)], "flag_meanings": " ".join(Status.__members__)}
     special = {"states": {"long_name": run._meaning}, "status": flags}
     variables: dict[str, Any] = {
-        (run._variable if column.name == "states" else column.short): (
+        column.short: (
             dims_of(column, batch),
             values,
             special.get(column.name, {"long_name": column.meaning}),
@@ -93,7 +93,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         if count == 0:
             raise wrong("dims", "left out for one trajectory, which has no batch axis", repr(dims))
         raise wrong("dims", f"{count} different names, one for each axis of the batch", repr(dims))
-    if clashing := sorted({*TAKEN, run._variable} & {*names}):
+    if clashing := sorted({*TAKEN} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(map(repr, clashing)))
     for axis, name in enumerate(names):
         if name in parameters and run.status.shape[axis] > 1 and axis_of.get(name) != axis:
@@ -121,9 +121,8 @@ def events_to_xarray(events: Any) -> Any:
 
     body, variables = events.body, {}
     for name in ("before", "states"):
-        own = events._variable if name == "states" else name
         about = {"long_name": f"{events._meaning} {'there' if name == 'states' else name}"}
-        variables[own] = ("event", "component"), getattr(events, name), about
+        variables[name] = ("event", "component"), getattr(events, name), about
     coords: dict[str, Any] = {"component": np.array(body.labels, object)}
     coords |= {name: ("event", getattr(events, name)) for name in events.coordinates}
     for name, values in varying(body).items():
@@ -149,7 +148,7 @@ def table(result: Any) -> Any:
 
 def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
     """Return the columns of a run or a motion, and its states, trajectory by trajectory."""
-    N, batch = len(run), run.status.shape
+    N, batch = len(run.states), run.status.shape
     columns: dict[str, Any] = {}
     if batch:
         columns["trajectory"] = np.repeat(np.arange(run.status.size), N)

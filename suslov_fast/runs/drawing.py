@@ -54,9 +54,9 @@ def plot_run(
         return _finished(ax, title)
     chosen, B = _components(run, components), math.prod(run.status.shape)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    states = _drawn(run, run.states, chosen).reshape(len(run), B, len(chosen))
+    states = _drawn(run, run.states, chosen).reshape(-1, B, len(chosen))
     if lines is None:
-        lines = run._is_whole and len(run) * B <= _MOST_JOINED and _are_near(states, chosen)
+        lines = run._is_whole and len(states) * B <= _MOST_JOINED and _are_near(states, chosen)
     numbers, name, fixed = _colours(run, color, run.status.shape)
     norm = None if numbers is None else Normalize(np.nanmin(numbers), np.nanmax(numbers))
     for k in range(B):
@@ -67,7 +67,7 @@ def plot_run(
         if label is None and 1 < B <= _IN_LEGEND:
             own = f"trajectory {k}" if numbers is None else f"{name} = {numbers[k]:g}"
         style = {"linewidth": 0.7} if lines else {"linestyle": "none", "marker": ".", "ms": 2}
-        style["rasterized"] = len(run) > _MOST_JOINED
+        style["rasterized"] = len(states) > _MOST_JOINED
         axes.plot(*states[:, k].T, label=own, **style, **shade)
     if numbers is not None and B > _IN_LEGEND:
         mappable = plt.cm.ScalarMappable(norm, COLOURS)
@@ -82,17 +82,18 @@ def plot_events(points: Any, components: Any, color: Any, title: Any, ax: Any, l
     chosen = _components(points, components or _varying(points))
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     of_points = {name: getattr(points, name) for name in points.coordinates}
-    numbers, name, fixed = _colours(points, color, (len(points),), of_points)
+    count = len(points.states)
+    numbers, name, fixed = _colours(points, color, (count,), of_points)
     shade = {"color": fixed} if numbers is None else {"c": numbers, "cmap": COLOURS}
-    size = min(max(8000.0 / max(len(points), 1), 0.4), 14.0)
+    size = min(max(8000.0 / max(count, 1), 0.4), 14.0)
     drawn = axes.scatter(
         *_drawn(points, points.states, chosen).T, s=size, linewidths=0, label=label,
-        rasterized=len(points) > _MOST_JOINED, **shade,
+        rasterized=count > _MOST_JOINED, **shade,
     )  # fmt: skip
     if numbers is not None:
         axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
     _label(axes, points, chosen)
-    text = f"{points._heading}\n{len(points):,} events"
+    text = f"{points._heading}\n{count:,} events"
     return _finished(axes, text if title is True else title)
 
 

@@ -106,7 +106,8 @@ def ensemble(
     >>> starts = lambda k: np.random.default_rng([7, k]).uniform(-2, 2, (100, 2))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     data = ensemble(well, starts, f"{folder}/well.zarr", time=[50, 100], chunks=4)
-    ...     print(dict(data.x.sizes), int((data.x.sel(time=100, component="q") > 0).sum()))
+    ...     q = data.states.sel(time=100, component="q")
+    ...     print(dict(data.states.sizes), int((q > 0).sum()))
     {'time': 2, 'trajectory': 400, 'component': 2} 195
     """
     xarray, _, zarr = (extra(name, "large") for name in ("xarray", "dask.array", "zarr"))
@@ -138,7 +139,7 @@ def ensemble(
         none = _part(given | ({"x0": states[..., :0, :]} if callable(x0) else {}), slice(0, 0), N)
         empty = function(none.pop("system"), none.pop("x0"), **none)
         if chunks is None:
-            count = 1 + 8 * len(empty) * math.prod(batch) * system.dimension // _BYTES
+            count = 1 + 8 * len(empty.states) * math.prod(batch) * system.dimension // _BYTES
         length = math.ceil(N / count)
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
         whole, encoding = _whole(empty.to_xarray(names), given, N, length)

@@ -12,6 +12,7 @@ from ..checks import FloatArray
 from ..engine.status import ended_in_words
 from ..keywords import public
 from .change import Change, field_of
+from .columns import CHANGES
 from .results import Result
 
 if TYPE_CHECKING:
@@ -44,13 +45,12 @@ class Events(Result):
     body
         The system.
     status, end, final
-        Of :func:`crossings`: as in :class:`Motion`; `final` is the state at the last time, or at
-        the crossing number `most`. None for changes, of which the motion has them.
+        As in :class:`Motion`; of :func:`crossings`, `final` is the state at the last time, or at
+        the crossing number `most`.
 
     Notes
     -----
-    ``len(events)`` is K; iteration and indexing are those of `states`. Files of a motion have its
-    events.
+    Files of a motion have its events.
 
     Examples
     --------
@@ -74,9 +74,9 @@ class Events(Result):
     states: FloatArray
     count: NDArray[np.int64]
     body: Any
-    status: NDArray[np.int8] | Any = None  # `Any`, so that type checkers ask for no test of None
-    end: FloatArray | Any = None
-    final: FloatArray | Any = None
+    status: NDArray[np.int8]
+    end: FloatArray
+    final: FloatArray
     _given: tuple[Change, ...] = field(default=(), compare=False)
 
     @property
@@ -94,23 +94,12 @@ class Events(Result):
             raise ValueError("count is not that of the events")
         return events
 
-    def save(self, path: Any, overwrite: bool = False) -> None:
-        """Write the events of :func:`crossings` to a file, as :meth:`Motion.save` does."""
-        if self.status is None:
-            raise TypeError("save: a file of the motion holds its changes: motion.save(path)")
-        super().save(path, overwrite)
-
     def __eq__(self, other: Any) -> bool:
         are_equal = super().__eq__(other)
         return are_equal and self.given == other.given if are_equal is True else are_equal
 
     def __getstate__(self) -> dict[str, Any]:
         return super().__getstate__() | {"_given": self.given}
-
-    @property
-    def ok(self) -> bool:
-        """True if no orbit ended early."""
-        return self.status is None or super().ok
 
     @property
     def _batch(self) -> tuple[int, ...]:
@@ -120,20 +109,24 @@ class Events(Result):
     def _heading(self) -> str:
         return str(self._titles["title"])
 
+    def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
+        attributes = super()._members(index)
+        own = self.trajectory == np.ravel_multi_index(index, self._batch)
+        for column in CHANGES:
+            attributes[column.name] = attributes[column.name][own]
+        return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
+
     def _at_events(self, values: Any, axes: int = 0) -> Any:
         """Return for each event the value (...) of its trajectory, an array of `axes` axes."""
         inner = values.shape[values.ndim - axes :]
         by_trajectory = np.broadcast_to(values, (*self._batch, *inner)).reshape(-1, *inner)
         return by_trajectory[self.trajectory]
 
-    def __len__(self) -> int:
-        return len(self.trajectory)
-
     def __repr__(self) -> str:
         count = ", ".join(map(str, self.count.reshape(-1, len(self._given)).sum(axis=0).tolist()))
-        states, times = f"{self._variable}: {self.states.shape}", self.time
+        states, times = f"states: {self.states.shape}", self.time
         time = f"{times.min():g} to {times.max():g}" if times.size else "none"
-        ended = "" if self.status is None else ended_in_words(self.status)
+        ended = ended_in_words(self.status)
         return f"Events({states}, time: {time}, count: {count}{ended})"
 
     @public

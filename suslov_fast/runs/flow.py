@@ -94,7 +94,7 @@ def flow(
         Changes of the state at times or on surfaces, see :class:`Change`; ``motion.changes`` holds
         what they did.
     derivatives : str or sequence of str
-        "x0", and names of parameters of the field: ``motion.derivative(name)`` then returns the
+        "x0", and names of parameters of the field: ``motion.derivatives[name]`` then is the
         derivative with respect to it. The variational equations are solved to the same tolerance,
         relative to the size of x0 or of the parameter, and so is the motion of a body, which is
         exact without them.
@@ -120,13 +120,13 @@ def flow(
     ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
     ... )
     >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
-    >>> motion.x.shape, motion.ok
-    ((2, 3, 2), True)
+    >>> motion.states.shape, motion.ok.all()
+    ((2, 3, 2), np.True_)
 
     The motion of a body, which is exact:
 
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> flow(body, [1.0, 0.5], time=5.0).omega.round(6)
+    >>> flow(body, [1.0, 0.5], time=5.0).states.round(6)
     array([[ 0.873751, -1.093725]])
     """
     checks.instance("system", system, Body)
@@ -158,8 +158,7 @@ def flow(
     if not found.is_good:
         warn_of_ends(found, x, batch)
         warn_of_growth(found, system.labels, batch)
-    changed = changes_of_records(found.records, system, acting, batch) if acting else None
-    return Motion._of(
+    motion = Motion._of(
         {
             "states": found.states.reshape((len(times), *batch, system.dimension)),
             "time": times,
@@ -171,11 +170,14 @@ def flow(
             "atol": settings.atol,
             "max_step": settings.max_step,
             "stiff": settings.stiff,
-            "by": names,
+            "_by": names,
             "_derivatives": of_columns,
-            "changes": changed,
+            "changes": None,
         }
     )
+    if acting:
+        vars(motion)["changes"] = changes_of_records(found.records, acting, motion)
+    return motion
 
 
 def motion_with_changes(
@@ -192,7 +194,7 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         such = "x0", *system.coordinates
-        received = f"{short(derivatives)}: derivative('x0') of the result is one"
+        received = short(derivatives)
         raise wrong("derivatives", f"names, such as {such}", received, TypeError)
     field: Any = system if isinstance(system, FieldOfFunction) else None
     named: tuple[str, ...] = ()

@@ -48,23 +48,23 @@ def lyapunov_exponents(
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Lyapunov exponents over a finite time; chaos shows as positive ones.
+    """Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
 
-    With `eps` and `steps` they are those of orbits of the map, per step; divide by eps for those
-    per unit of time. With `time` they are those of the motion, as :func:`flow` computes it, per
-    unit of time. Derivatives along the orbit, those of the map or the variational equations, are
-    decomposed as Q R before columns lose digits (Benettin's method), and the exponents are the mean
-    logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi|``, or of the
-    trace of f' (relative error 1e-10 for maps); where f jumps, a jump adds ``log |det S|``, with
-    the factor S by which it changes the derivative of the motion. The exponents of an orbit are
-    bit-identical whatever else is in the batch.
+    With `eps` and `steps` the exponents belong to orbits of the map: mean logarithms per step,
+    divided by ``abs(eps)``. With `time` they belong to the motion, as :func:`flow` computes it.
+    The derivative along the orbit, that of the map or the solution of the variational equations, is
+    decomposed as Q R before its columns lose digits (Benettin's method). The exponents are the mean
+    logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi| / |eps|``, or of
+    the trace of f' (relative error 1e-10 for maps). Where f jumps, a jump adds ``log |det S|``,
+    with the factor S by which it changes the derivative of the motion. The exponents of an orbit
+    are bitwise identical whatever else is in the batch.
 
     Parameters
     ----------
     system, x0
         As in :func:`iterate` and :func:`flow`.
     eps, steps : optional
-        As in :func:`iterate`; the mean is over `steps`, 1 or more, after the transient.
+        As in :func:`iterate`, eps not 0; the mean is over `steps`, 1 or more, after the transient.
     transient : int or float
         Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
         without it the mean has an error of order 1 / steps, or 1 / time.
@@ -103,8 +103,7 @@ def lyapunov_exponents(
     >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], time=400, transient=20, rtol=1e-6)
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
-    >>> eps = 1 / 128
-    >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], eps, 50_000, transient=2000) / eps
+    >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], 1 / 128, 50_000, transient=2000)
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
@@ -133,13 +132,15 @@ def lyapunov_exponents(
     checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
+    length = abs(np.broadcast_to(checked.eps, checked.batch))[..., np.newaxis]
+    if not length.all():
+        raise wrong("eps", "other than 0, because exponents are per unit of time")
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
         found = growth(checked, steps, transient, report)
         sums = found.sums
     sums[np.isnan(sums).any(axis=1)] = np.nan
-    exponents = -np.sort(-sums / max(found.steps, 1), axis=1).reshape(
-        (*checked.batch, system.dimension)
-    )
+    means = -np.sort(-sums / max(found.steps, 1), axis=1)
+    exponents = means.reshape(*checked.batch, system.dimension) / length
     report_poles(
         checked,
         checked.map.methods[checked.method],

@@ -26,7 +26,7 @@ _DIVISORS = 2, 3, 5, 7, 11, 13
 _MOST_ARCS = 32
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
-_NEARER = "a start nearer to it, as flow(system, start, time={T}).x[-1] is if the orbit attracts"
+_NEARER = "a start nearer to it, as flow(system, start, time={T}).final is if the orbit attracts"
 _FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
@@ -40,7 +40,7 @@ class PeriodicOrbit(NamedTuple):
     >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     >>> orbit = periodic_orbit(field, [1.0, 2.0], period=6.6)
     >>> motion = flow(field, orbit.state, time=orbit.period, rtol=1e-12)
-    >>> bool(abs(motion.x[-1] - orbit.state).max() < 1e-11)
+    >>> bool(abs(motion.states[-1] - orbit.state).max() < 1e-11)
     True
     """
 

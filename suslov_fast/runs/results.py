@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, warn
+from ..checks import FloatArray, integer, short, warn, wrong
 from ..engine.status import count_in_words
 from ..keywords import lacking, public
 from ..quantities.evaluation import evaluate
 from ..words import answer
+from .columns import OF_KIND
 
 if TYPE_CHECKING:
     import pandas
@@ -54,11 +55,6 @@ class Result:
     _functions: Any = ()  # the names of the quantities that the system has
 
     @property
-    def _variable(self: Any) -> str:
-        """The name of the states, "omega" or "x"."""
-        return self.body.variable
-
-    @property
     def _titles(self: Any) -> dict[str, str]:
         """The attributes of datasets that say what this is; titles of plots begin with them."""
         if (map := vars(self).get("map")) is None:
@@ -67,7 +63,7 @@ class Result:
 
     @property
     def _meaning(self) -> str:
-        return "state" if self._variable == "x" else "angular velocity"
+        return "state" if self.body.variable == "x" else "angular velocity"
 
     @property
     def _conserved(self: Any) -> str | None:
@@ -118,19 +114,9 @@ class Result:
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @property
-    def omega(self) -> FloatArray:
-        """The states of a body, its angular velocities."""
-        return self._states_called("omega")
-
-    @property
-    def x(self) -> FloatArray:
-        """The states of a field."""
-        return self._states_called("x")
-
-    def _states_called(self, name: str) -> FloatArray:
-        if name != self._variable:
-            raise AttributeError  # `__getattr__` words the message
-        return self.states
+    def names(self) -> tuple[str, ...]:
+        """Names of the components of a state."""
+        return tuple(self.body.labels)
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -138,43 +124,42 @@ class Result:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
             if "body" not in vars(self):
                 raise AttributeError(name)
-            x, here = self._variable, ""
+            here = ""
             labels = {label.lower(): label for label in self.body.labels}
             plain = name.lower().replace("_", "")
             if plain not in labels and not answer(name, dir(self)):
                 plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
             if plain in labels:
-                here = f"run[{labels[plain]!r}], or run.{x} for all"
-            if name in ("omega", "x"):
-                here = f"run.{x}"
+                here = f"run[{labels[plain]!r}], or run.states for all"
+            elif name in ("omega", "x"):
+                here = "run.states"
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"
             raise lacking(self, name, here)
 
     def __dir__(self) -> list[str]:
-        other = "x" if self._variable == "omega" else "omega"
-        hidden = {other, "called", *(QUANTITIES - {*self._functions})}
+        hidden = {"called", *(QUANTITIES - {*self._functions})}
         return [name for name in super().__dir__() if name not in hidden]
 
-    def __len__(self) -> int:
-        return len(self.states)
+    def __getitem__(self, name: str | Sequence[str]) -> FloatArray:
+        """Return a component of the states by its name, or several."""
+        names = [name] if isinstance(name, str) else name
+        if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) for each in names):
+            label, how = self.body.labels[0], "run.states[k], or run.member(k) for one trajectory"
+            raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
+        labels = self.body.labels
+        for each in names:
+            if each not in labels:
+                known = f"run.{each}" if each in dir(self) else ", ".join(labels)
+                if each in getattr(self, "derivatives", ()):
+                    known = f"run.derivatives[{each!r}]"
+                raise KeyError(f"run[{each!r}] is no component: use {known}")
+        numbers = [labels.index(each) for each in names]
+        return self.states[..., numbers[0] if isinstance(name, str) else numbers]
 
-    def __getitem__(self, index: Any) -> FloatArray:
-        names = index if isinstance(index, (list, tuple)) else [index]
-        if names and all(isinstance(name, str) for name in names):
-            labels = self.body.labels
-            for name in names:
-                if name not in labels:
-                    known = f"run.{name}" if name in dir(self) else ", ".join(labels)
-                    if name in getattr(self, "by", ()):
-                        known = f"run.derivative({name!r})"
-                    raise KeyError(f"run[{name!r}] is no component: use {known}")
-            numbers = [labels.index(name) for name in names]
-            index = ..., numbers[0] if isinstance(index, str) else numbers
-        return self.states[index]
-
-    def __iter__(self) -> Iterator[FloatArray]:
-        return iter(self.states)
+    def __iter__(self) -> NoReturn:
+        kind = type(self).__name__
+        raise TypeError(f"{self.called} is no sequence: use run.time and run.states of the {kind}")
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # NumPy 1.26 does not accept None
@@ -182,9 +167,23 @@ class Result:
         return np.array(self.states, dtype, copy=copy)
 
     @property
-    def ok(self) -> bool:
-        """True if no trajectory failed or ended; a passed pole is not a failure."""
-        return bool((self.status >= 0).all())
+    def ok(self) -> NDArray[np.bool_]:
+        """True where a trajectory did not fail, shape (...); a passed pole is not a failure."""
+        return read_only(np.asarray(self.status >= 0))
+
+    def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
+        """Return the attributes of a result of one trajectory of the batch."""
+        attributes = self.__getstate__()
+        for column in OF_KIND[type(self).__name__]:
+            before, is_of_batch, _ = column.axes.partition("batch")
+            array, first = attributes.get(column.name), [slice(None)] * len(before.split())
+            if is_of_batch and isinstance(array, np.ndarray):
+                attributes[column.name] = np.array(array[(*first, *index)])
+        body, eps = self.body, attributes.get("eps")
+        attributes["body"] = body[_place_in(body.shape, index)] if body.shape else body
+        if isinstance(eps, np.ndarray):
+            attributes["eps"] = float(eps[_place_in(eps.shape, index)])
+        return attributes
 
     @public
     def to_dataframe(self) -> pandas.DataFrame:
@@ -277,7 +276,7 @@ class States(Result):
 
         Of more than 1,000,000 dots it draws as many, chosen at random. A single orbit at one or two
         times, which are no more than dots, is drawn with a warning. A space-time picture of a
-        chain of many variables is ``ax.imshow(run.x, aspect="auto")``.
+        chain of many variables is ``ax.imshow(run.states, aspect="auto")``.
 
         Parameters
         ----------
@@ -316,10 +315,49 @@ class States(Result):
         """
         from . import drawing  # which imports Matplotlib
 
-        if len(self) < 3 and self.status.size == 1 and "map" not in vars(self):
-            warn(f"the motion has states at {len(self)} times: pass time=np.linspace(0, T, 201)")
+        count = len(self.states)
+        if count < 3 and self.status.size == 1 and "map" not in vars(self):
+            warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
         given = names or (0, 1)
         return drawing.plot_run(self._in_order(), given, lines, color, title, ax, label)
+
+    @public
+    def member(self, k: int | tuple[int, ...], /) -> Self:
+        """Return the run of one trajectory.
+
+        Parameters
+        ----------
+        k : int or tuple of int
+            The number of the trajectory, or one number for each axis of the batch.
+
+        Returns
+        -------
+        Trajectories or Motion
+            A run with the batch shape (), equal to the run of this trajectory alone.
+
+        Raises
+        ------
+        TypeError, IndexError
+            If k has not one integer for each axis, or one is out of range.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> run.member(1) == iterate(body, [0.2, -0.7], eps=0.2, steps=25)
+        True
+        """
+        index, batch = k if isinstance(k, tuple) else (k,), self.status.shape
+        if not batch:
+            raise TypeError("member: the run is that of one trajectory already")
+        if len(index) != len(batch):
+            expected = f"an integer for each axis of the batch {batch}"
+            raise wrong("k", expected, short(k), TypeError)
+        numbers = [integer("k", each, -n, f"from {-n} to {n - 1}", n - 1)
+                   for each, n in zip(index, batch, strict=True)]  # fmt: skip
+        places = tuple(number % n for number, n in zip(numbers, batch, strict=True))
+        return self._of(self._members(places))
 
     def _in_order(self) -> Any:
         """Return the run with its states in the order of time."""
@@ -354,7 +392,7 @@ class States(Result):
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
         >>> data = orbits.to_xarray(dims="start").assign_coords(start=["fast", "slow"])
-        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
+        >>> data.states.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
         from .datasets import to_xarray
@@ -396,6 +434,12 @@ def load(path: str | os.PathLike[str]) -> Any:
     from .storage import load
 
     return load(path)
+
+
+def _place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the index, into an array that broadcasts with the batch, of a trajectory."""
+    own = index[len(index) - len(shape) :]
+    return tuple(0 if n == 1 else k for k, n in zip(own, shape, strict=True))
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

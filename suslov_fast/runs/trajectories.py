@@ -25,8 +25,8 @@ class Trajectories(States):
     Attributes
     ----------
     states : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first one that does not exist. ``run.x`` for a field, or
-        ``run.omega`` for a body, and ``np.asarray(run)`` are the same array.
+        The saved states; NaN from the first one that does not exist. ``np.asarray(run)`` is the
+        same array, and ``run["x1"]`` a component.
     n, time : ndarray
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
@@ -48,10 +48,10 @@ class Trajectories(States):
 
     Notes
     -----
-    ``len(run)``, ``run[k]`` and iteration are those of `states`: k is the number of a saved state,
-    ``run[:, k]`` the array of trajectory k. ``dir(run)`` lists the quantities that the run has. Two
-    runs are equal if all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run
-    stays what was computed: change a copy, ``run.states.copy()``.
+    ``run.states[k]`` are the states saved as number k, and ``run.member(k)`` is the run of
+    trajectory k alone. ``dir(run)`` lists the quantities that the run has. Two runs are equal if
+    all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run stays what was
+    computed: change a copy, ``run.states.copy()``.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Trajectories(States):
 
     @property
     def _is_whole(self) -> bool:
-        return bool(self.n[-1] == len(self) - 1)
+        return bool(self.n[-1] == len(self.states) - 1)
 
     @property
     def _heading(self) -> tuple[str, str, int]:
@@ -124,7 +124,7 @@ class Trajectories(States):
     def __repr__(self) -> str:
         n = self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
-        states = f"{self._variable}: {self.states.shape}"
+        states = f"states: {self.states.shape}"
         return f"Trajectories({states}, n: {steps}, {in_short(self)})"
 
 

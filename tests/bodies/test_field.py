@@ -136,15 +136,15 @@ def test_names_of_variables_in_results():
     run = iterate(field, [0.5, 0.1], 0.1, 20)
     data = run.to_xarray()
     assert data.component.values.tolist() == ["theta", "v_dot"]
-    assert (vector_field(field, data.x) == vector_field(field, run.x)).all()
+    assert (vector_field(field, data.states) == vector_field(field, run.states)).all()
     ax = run.plot("v_dot", "theta")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("v_dot", r"$\theta$")
     ax.figure.canvas.draw()
     with pytest.raises(AttributeError, match=r"run\['v_dot'\]"):
         _ = run.v_dot
-    assert (run["v_dot"] == run.x[..., 1]).all()
+    assert (run["v_dot"] == run.states[..., 1]).all()
     for names in (["v_dot", "theta"], ("v_dot", "theta")):
-        assert (run[names] == run.x[..., ::-1]).all()
+        assert (run[names] == run.states[..., ::-1]).all()
     with pytest.raises(KeyError, match="theta, v_dot"):
         _ = run["theta", "v"]
 

@@ -61,7 +61,7 @@ def test_mechanisms_beside_scipy(name):
     assert abs(field.jacobian(x[0]) - slopes).max() < 1e-7 * abs(slopes).max()
     motion = flow(field, x[0], time=2.0, rtol=1e-12)
     solved = solve_ivp(rates, (0, 2), x[0], method="DOP853", rtol=1e-12, atol=1e-13)
-    assert abs(motion.x - solved.y[:, -1]).max() < 1e-9
+    assert abs(motion.states - solved.y[:, -1]).max() < 1e-9
 
 
 def test_energy_and_derivatives_of_a_double_pendulum():
@@ -70,11 +70,11 @@ def test_energy_and_derivatives_of_a_double_pendulum():
     field = Field.from_function(f, "q1 q2 v1 v2", mass=mass, g=9.81)
     x0 = [2.0, 2.5, 0.0, 0.0]
     motion = flow(field, x0, time=np.linspace(0, 20, 41), rtol=1e-12)
-    values = energy(motion.x, lengths, masses, 9.81)
+    values = energy(motion.states, lengths, masses, 9.81)
     assert np.ptp(values) < 1e-9
-    by_g = flow(field, x0, time=1.0, rtol=1e-12, derivatives=("g",)).derivative("g")
+    by_g = flow(field, x0, time=1.0, rtol=1e-12, derivatives=("g",)).derivatives["g"]
     ends = [
-        flow(field.with_parameters(g=g), x0, time=1.0, rtol=1e-13).x
+        flow(field.with_parameters(g=g), x0, time=1.0, rtol=1e-13).states
         for g in (9.81 + 1e-4, 9.81 - 1e-4)
     ]
     np.testing.assert_allclose(by_g, (ends[0] - ends[1]) / 2e-4, rtol=1e-5, atol=1e-7)

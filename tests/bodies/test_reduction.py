@@ -101,7 +101,7 @@ def test_states_of_the_reduced_body(rng, multiplicities, position):
         signed = np.where(I_wanted == 0.0, abs(x), x)
         np.testing.assert_allclose(signed, wanted, rtol=0.0, atol=1e-15 * size)
         run = sf.iterate(reduced, x, EPS, 3, method="gauss")
-        found, exact = from_reduced(run.omega, state), np.array(exact, float)
+        found, exact = from_reduced(run.states, state), np.array(exact, float)
         sizes = np.linalg.norm(exact, axis=1)
         np.testing.assert_allclose(
             found, exact, rtol=0.0, atol=1e-13 * sizes.max() ** 2 / (sizes.min() or 1.0)
@@ -160,8 +160,8 @@ def test_members_that_reduce_differently(rng):
         x = to_reduced(omega[:, some])
         back = from_reduced(x, omega[:, some])
         np.testing.assert_allclose(back, omega[:, some], rtol=0.0, atol=1e-15 * 4)
-        orbits = from_reduced(sf.iterate(reduced, x, eps, 9).omega, omega[:, some])
-        expected = sf.iterate(bodies[some], omega[:, some], eps, 9).omega
+        orbits = from_reduced(sf.iterate(reduced, x, eps, 9).states, omega[:, some])
+        expected = sf.iterate(bodies[some], omega[:, some], eps, 9).states
         np.testing.assert_allclose(orbits, expected, rtol=0.0, atol=1e-13)
         for k, body in enumerate(bodies[some]):
             alone, to_alone, _ = body.reduced()
@@ -224,7 +224,7 @@ def test_the_map_goes_on_where_two_d_are_zero():
     run = sf.iterate(reduced, to_reduced(state), 1.0, 2)
     near = [Fraction(1) + Fraction(1, 10**20), *map(Fraction, state[1:])]
     expected = np.array(orbit(J, I, 1, near, 2), float)
-    np.testing.assert_allclose(from_reduced(run.omega, state), expected, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(from_reduced(run.states, state), expected, rtol=0.0, atol=1e-14)
 
 
 def test_reports_name_the_reduction():
@@ -234,7 +234,7 @@ def test_reports_name_the_reduction():
     x = np.array([0.3, -0.7, 0.4, 0.9])
     ratio = (2 * x[0] - x[1]) / (x[0] + x[2])
     q = found.integrals[0]
-    for y in sf.iterate(body, x, 0.5, 3).omega:
+    for y in sf.iterate(body, x, 0.5, 3).states:
         assert math.isclose((2 * y[0] - y[1]) / (y[0] + y[2]), ratio, rel_tol=1e-12)
         assert math.isclose(q(y), q(x), rel_tol=1e-12)
     assert any("3 coordinates" in note for note in found.notes)

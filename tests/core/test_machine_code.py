@@ -96,9 +96,11 @@ def bits():
     )
     dense = sf.QuadraticField(np.random.default_rng(2).normal(size=(12, 12, 12)) / 80, -np.eye(12))
     run = sf.iterate(field, x0, 1.5, 9)  # with steps by `solve`
-    found = [run.x, run.status, sf.jacobian(field, x0, 0.5), sf.flow(field, x0, time=0.1).x]
-    found += [sf.lyapunov_exponents(field, x0, 0.02, 9), sf.flow(field, x0[0], time=0.1).x]
-    found += [sf.lyapunov_exponents(field, x0, 1.5, 9), sf.iterate(dense, np.ones(12), 0.1, 1).x]
+    found = [run.states, run.status, sf.jacobian(field, x0, 0.5)]
+    found += [sf.flow(field, x0, time=0.1).final]
+    found += [sf.lyapunov_exponents(field, x0, 0.02, 9), sf.flow(field, x0[0], time=0.1).final]
+    found += [sf.lyapunov_exponents(field, x0, 1.5, 9)]
+    found += [sf.iterate(dense, np.ones(12), 0.1, 1).final]
     return [np.where(np.isnan(each), 9.0, each + 0.0).tobytes().hex() for each in found]
 """
 
@@ -124,7 +126,7 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
         met |= {*run.status.tolist()}
         for k in range(len(x0)):
             alone = sf.iterate(field, x0[k], eps, 20, **given)
-            np.testing.assert_array_equal(alone.x, run.x[:, k])
+            np.testing.assert_array_equal(alone.states, run.states[:, k])
             np.testing.assert_array_equal(alone.final, run.final[k])
             assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
     assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
@@ -144,7 +146,7 @@ def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
         lattice = sf.QuadraticField.from_function(volterra, 5)
         runs.append(sf.iterate(lattice, abs(x0), 0.1, 60, **ignore))
         assert (runs[-1].status == sf.Status.PASSED_POLE).any()
-        met = [each for run in runs for each in (run.x, run.final, run.status, run.failed_at)]
+        met = [each for run in runs for each in (run.states, run.final, run.status, run.failed_at)]
         for method in ("auto", "order4"):
             system, x = sf.compiled.system(dense, 0.1, method=method), x0.copy()
             work = sf.compiled.work(system)
@@ -177,13 +179,13 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
         assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
         for k in (0, 4, 8):
             alone = sf.iterate(lattice, populations[k], 0.2, 60, **ignore)
-            np.testing.assert_array_equal(alone.x, run.x[:, k])
+            np.testing.assert_array_equal(alone.states, run.states[:, k])
             assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
         last = sf.iterate(lattice, populations, 0.2, 60, save_every=None, **ignore)
         np.testing.assert_array_equal(last.final, run.final)
         steps = np.linspace(0.01, 0.03, 9)  # each orbit has its own
-        together = sf.iterate(field, x0, steps, 30).x
-        alone = [sf.iterate(field, *each, 30).x for each in zip(x0, steps, strict=True)]
+        together = sf.iterate(field, x0, steps, 30).states
+        alone = [sf.iterate(field, *each, 30).states for each in zip(x0, steps, strict=True)]
         np.testing.assert_array_equal(together, np.stack(alone, axis=1))
         calls = [(0.02, "auto"), (0.01, "auto"), (0.01, "order4"), (0.02, "auto")]
         first, *others, again = [sf.step(field, x0[0], eps, method=m) for eps, m in calls]
@@ -194,8 +196,8 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
             run.failed_at,
             *others,
             together,
-            sf.iterate(field, x0, 0.02, 30).x,
-            sf.iterate(field, x0, 0.01, 10, method="order4").x,
+            sf.iterate(field, x0, 0.02, 30).states,
+            sf.iterate(field, x0, 0.01, 10, method="order4").states,
             sf.jacobian(field, x0, 0.02),
             sf.invariant_density(hamiltonian, x0[:, :2], 0.02),
             sf.lyapunov_exponents(field, x0, 0.02, 50),
@@ -242,7 +244,7 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
     monkeypatch.setattr(stretches, "STRETCH", 1)
     monkeypatch.setattr(derivatives, "STRETCH", 1)
     last = 9
-    assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
+    assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).states == run.states).all()
     last = 1
     found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)
     assert (found == exponents).all()
@@ -250,7 +252,7 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
     memory = sf.compiled.work(system)
     for _ in range(20):
         assert sf.compiled.step_system(system, x, x, memory) == 0
-    assert (x == run.x[20, 0]).all()
+    assert (x == run.states[20, 0]).all()
 
 
 PICKLED = """

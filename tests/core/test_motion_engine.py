@@ -198,7 +198,7 @@ def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
         ]
         slopes = sf.flow(SPRING, [1.0, 0.0], time=1.0, derivatives="x0", **options)
         runs = [each for run in runs for each in (run.states, run.status, run.steps)]
-        return states, slopes.derivative("x0"), *runs
+        return states, slopes.derivatives["x0"], *runs
 
     by_code = found()
     take_in_numpy(monkeypatch)
@@ -278,7 +278,7 @@ def test_derivatives_by_parameters_have_the_bits_of_numpy(stiff, monkeypatch):
         found = sf.flow(
             field, [1.0, 0.5, 0.0], time=[1.0, 3.0], derivatives=("x0", "b", "a"), stiff=stiff
         )
-        return [found.x, *map(found.derivative, ("x0", "a", "b"))]
+        return [found.states, *map(found.derivative, ("x0", "a", "b"))]
 
     by_code = derivatives()
     take_in_numpy(monkeypatch)

@@ -72,17 +72,17 @@ def test_families_and_kinds_of_fields(kind):
     together = flow(field, STATES, time=[3.0, 10.0])
     for k in (0, 7, 19):
         alone = flow(field[k], STATES[k], time=[3.0, 10.0])
-        np.testing.assert_array_equal(alone.x, together.x[:, k])
+        np.testing.assert_array_equal(alone.states, together.states[:, k])
 
 
 def test_order():
     """Ten: with half the steps of one length the error is 1,024 times as large."""
     field, errors = Field.from_function(rates_of_henon_heiles, 4), []
-    right = flow(field, STATES, time=12.0, rtol=1e-13).x[-1]
+    right = flow(field, STATES, time=12.0, rtol=1e-13).states[-1]
     for h in (0.8, 0.4):
         run = flow(field, STATES, time=12.0, rtol=1e-2, max_step=h)
         assert run.steps.max() <= 12.0 / h + 6
-        errors.append(np.median(abs(run.x[-1] - right).max(axis=-1)))
+        errors.append(np.median(abs(run.states[-1] - right).max(axis=-1)))
     assert 9.0 < np.log2(errors[0] / errors[1]) < 12.0
 
 
@@ -151,13 +151,15 @@ def test_errors_beside_those_of_gragg(name, columns_of_gragg):
     own = [flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)]
     assert sets(field) is not None
     columns_of_gragg()
-    right = [flow(field, x0, time=sign * times, rtol=1e-13, max_step=0.2).x for sign in (1, -1)]
+    right = [
+        flow(field, x0, time=sign * times, rtol=1e-13, max_step=0.2).states for sign in (1, -1)
+    ]
     others = [
         flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)
     ]
     for k, (a, b) in enumerate(zip(own, others, strict=True)):
-        assert (a.x != b.x).any()
-        errors = [abs(run.x - right[k % 2]).max(axis=(0, 2)) for run in (a, b)]
+        assert (a.states != b.states).any()
+        errors = [abs(run.states - right[k % 2]).max(axis=(0, 2)) for run in (a, b)]
         allowed = 10.0 * a.rtol
         assert np.median(errors[0]) < 3.0 * np.median(errors[1]) + allowed
         assert errors[0].max() < 3.0 * errors[1].max() + allowed
@@ -182,7 +184,7 @@ def test_stiffness_is_judged_alike_beside_rough_lanes(x0, w, rtol):
         lambda s, w: (s[1], -s[0] - s[0] / np.sqrt(s[0] ** 2 + w)), 2, w=[1e-8, w]
     )
     run, alone = (flow(of, x, time=20.0, rtol=rtol) for of, x in ((field, x0), (field[1], x0[1])))
-    np.testing.assert_array_equal(run.x[-1, 1], alone.x[-1])
+    np.testing.assert_array_equal(run.states[-1, 1], alone.states[-1])
 
 
 @pytest.mark.parametrize("stiff", [None, True])
@@ -191,5 +193,5 @@ def test_fast_springs(stiff):
     field = Field.from_function(lambda s: (s[2], s[3], -s[0], -1e12 * (s[1] - s[0])), "x y p q")
     assert sets(field) is not None
     run = flow(field, [1.0, 1.0, 0.0, 0.0], time=3.0, rtol=1e-6, atol=1e-6, stiff=stiff)
-    np.testing.assert_allclose(run.x[-1, :2], np.cos(3.0), atol=1e-4)
+    np.testing.assert_allclose(run.states[-1, :2], np.cos(3.0), atol=1e-4)
     assert run.steps < 20_000

@@ -200,8 +200,8 @@ def test_floats_along_a_run():
     field, eps = SYSTEMS["so(4)"]
     run = iterate(field, [0.3, -0.7, 0.5, 0.9, 0.2, -0.4], float(eps), steps=60, save_every=20)
     for each in chosen("so(4)"):
-        values = [each(x) for x in run.x]
-        assert each([F(a) for a in run.x[1]]) == values[1]
+        values = [each(x) for x in run.states]
+        assert each([F(a) for a in run.states[1]]) == values[1]
         assert max(abs(value / values[0] - 1) for value in values) < 1e-11
 
 

@@ -915,12 +915,14 @@ def test_functions_along_orbits_are_floats():
     found = report(field, degree=3)
     run = iterate(field, [[0.1, 0.2, 0.3], [0.3, 0.1, 0.2]], 1 / 8, 40)
     for f in (*found.integrals, *found.measures, *found.polynomials):
-        values = f(run.x, eps=F(1, 8))
+        values = f(run.states, eps=F(1, 8))
         assert (values.shape, values.dtype) == ((41, 2), float)
-        assert values[3, 1] == pytest.approx(float(f(run.x[3, 1].tolist(), eps=F(1, 8))), rel=1e-13)
+        assert values[3, 1] == pytest.approx(
+            float(f(run.states[3, 1].tolist(), eps=F(1, 8))), rel=1e-13
+        )
     for f in found.integrals:
-        assert np.ptp(f.subs(eps=F(1, 8))(run.x[:, 0])) < 1e-15
+        assert np.ptp(f.subs(eps=F(1, 8))(run.states[:, 0])) < 1e-15
         with pytest.raises(ValueError, match=r"shape \(\.\.\., \d\)"):
-            f(run.x[..., :2], eps=F(1, 8))
+            f(run.states[..., :2], eps=F(1, 8))
     huge = found.integrals[0] * 10**400 / 10**399
-    np.testing.assert_allclose(huge(run.x, 1), 10 * found.integrals[0](run.x, 1))
+    np.testing.assert_allclose(huge(run.states, 1), 10 * found.integrals[0](run.states, 1))

@@ -71,7 +71,7 @@ def has_real_powers(inputs):
 def of_flow(draw, inputs):
     time = adversary.index(draw, 15.95) * abs(inputs[5])
     inputs = *inputs[:5], time, *inputs[6:]
-    found = sf.flow(body_of(*inputs[:5]), inputs[6:], time=time).omega[0]
+    found = sf.flow(body_of(*inputs[:5]), inputs[6:], time=time).states[0]
     return scaled(error(found, inputs, flow_at), 32)
 
 

@@ -53,8 +53,8 @@ def test_orbits(f, start, eps, steps, tolerance):
     run = sf.iterate(of_function(f, len(start)), start, eps, steps)
     exact = naive.iterated(lambda x: naive.kahan_step(f, eps, x), start, steps)
     size = max(float(naive.mpmath.norm(x)) for x in exact)
-    assert run.ok
-    for state, x in zip(run.x, exact, strict=True):
+    assert run.ok.all()
+    for state, x in zip(run.states, exact, strict=True):
         assert naive.relative_error(state, x) * float(naive.mpmath.norm(x)) <= tolerance * size
 
 
@@ -143,7 +143,7 @@ def linear_step(A, x):
     """Return a step of x' = (1 - A) x with eps = 2, and the exact state, None at a pole."""
     field = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A)
     run = sf.iterate(field, x, 2.0, 1, on_singular="ignore")
-    if not run.ok:
+    if not run.ok.all():
         return run, None
     half = naive.mpmath.lu_solve(naive.mpmath.matrix(np.asarray(A).tolist()), list(x))
     return run, [2 * v - naive.mpf(w) for v, w in zip(half, x, strict=True)]
@@ -256,7 +256,7 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
         alone = sf.QuadraticField.from_function(of_a, 4, a=value)
         for member in (alone, family[i]):
             own = sf.iterate(member, x0[:, i], eps[i], 40, on_singular="ignore")
-            assert np.array_equal(own.x, run.x[:, :, i], equal_nan=True)
+            assert np.array_equal(own.states, run.states[:, :, i], equal_nan=True)
             assert np.array_equal(own.final, run.final[:, i], equal_nan=True)
             assert np.array_equal(own.status, run.status[:, i])
             assert np.array_equal(own.failed_at, run.failed_at[:, i])
@@ -341,8 +341,8 @@ def test_steps_of_a_linear_lattice_whose_increments_cancel_the_state(rng):
     sums = csc_array((np.ones(4 * n * n), (np.tile(cells.ravel(), 4), np.concatenate(near))))
     x = rng.uniform(1.0, 2.0, (3, n * n))
     run, half = sf.iterate(field, x, eps, 3), 0.5 * eps * c * sums
-    for before, after in zip(run.x, run.x[1:], strict=False):
+    for before, after in zip(run.states, run.states[1:], strict=False):
         exact = spsolve(csc_array(2 * np.eye(n * n)) - half, half @ before.T).T
         most = 1e-15 * abs(before).max()
         np.testing.assert_allclose(after, exact, rtol=1e-13, atol=most)
-    np.testing.assert_array_equal(sf.iterate(field, x[1], eps, 3).x, run.x[:, 1])
+    np.testing.assert_array_equal(sf.iterate(field, x[1], eps, 3).states, run.states[:, 1])

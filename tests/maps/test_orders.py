@@ -129,12 +129,12 @@ def test_steps_are_composed(name, method, rng):
     eps = np.linspace(-1, 1, 19) * time / 80
     run = sf.iterate(field, x, eps, 12, method=method)
     wanted = composed(field, x, eps, method, 12)
-    assert abs(run.x - wanted).max() < 1e-13 * abs(wanted).max()
+    assert abs(run.states - wanted).max() < 1e-13 * abs(wanted).max()
     for k in (0, 9, 18):
         alone = sf.iterate(field, x[k], eps[k], 12, method=method)
-        assert (alone.x == run.x[:, k]).all()
-    assert (run.x[:, 9] == x[9]).all()  # eps = 0
-    assert (sf.step(field, x, eps, method=method) == run.x[1]).all()
+        assert (alone.states == run.states[:, k]).all()
+    assert (run.states[:, 9] == x[9]).all()  # eps = 0
+    assert (sf.step(field, x, eps, method=method) == run.states[1]).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -168,7 +168,7 @@ def statuses(field, x, eps, method):
     x, passed = np.array(x, float), False
     for fraction in map_of(field, method).stages.fractions:
         run = sf.iterate(field, x, fraction * eps, 1, on_singular="ignore", save_every=None)
-        if not run.ok:
+        if not run.ok.all():
             return run.status
         passed |= bool(run.status == Status.PASSED_POLE)
         x = run.final
@@ -214,9 +214,9 @@ def test_a_pole_in_a_sub_step(method):
         run = sf.iterate(SQUARE, starts, 1.0, 3, method=method, on_singular="ignore")
         assert run.status[1] == Status.SINGULAR
         assert run.failed_at[1] == 1
-        assert np.isnan(run.x[1:, 1]).all()
+        assert np.isnan(run.states[1:, 1]).all()
         assert (run.status[[0, 2]] == Status.OK).all()
-        assert np.isfinite(run.x[:, [0, 2]]).all()
+        assert np.isfinite(run.states[:, [0, 2]]).all()
         for function in (sf.step, sf.jacobian):
             with pytest.warns(SingularStepWarning):
                 assert np.isnan(function(SQUARE, starts[1], 1.0, method=method)).all()

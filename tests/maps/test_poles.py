@@ -64,8 +64,8 @@ def test_statuses_of_fields_are_signs_of_determinants(rng, D):
     field, eps = random_fields(rng, D, 60)
     run = iterate(field, rng.normal(size=(60, D)), eps, 25, on_singular="ignore")
     good = run.status >= 0
-    negative = np.linalg.det(matrix(field, run.x[:-1], eps)[:, good]) < 0
-    first = beyond(negative, changed(field, run.x)[:, good])
+    negative = np.linalg.det(matrix(field, run.states[:-1], eps)[:, good]) < 0
+    first = beyond(negative, changed(field, run.states)[:, good])
     assert (run.failed_at[good] == first).all()
     assert (run.status[good] == np.where(first > 0, Status.PASSED_POLE, Status.OK)).all()
     assert len({*run.status[good]}) == 2
@@ -77,7 +77,9 @@ def test_rows_that_are_exchanged_change_no_sign(c):
     field = QuadraticField.from_function(lambda x: (x[0] + x[1], c * x[0]), 2)
     back = np.array([[2.0, 1.0], [c, 1.0]])  # A for -eps
     run, texts = told(iterate, field, [1.0, 0.5], 2.0, 3)
-    np.testing.assert_allclose(run.x[1], np.linalg.solve([[0, -1], [-c, 1]], back @ run.x[0]))
+    np.testing.assert_allclose(
+        run.states[1], np.linalg.solve([[0, -1], [-c, 1]], back @ run.states[0])
+    )
     assert (len(texts), run.first_pole) == ((1, 1) if c > 0 else (0, -1))
     exponents, texts = told(sf.lyapunov_exponents, field, [1.0, 0.5], 2.0, 3)
     assert len(texts) == (c > 0)
@@ -93,7 +95,7 @@ def test_statuses_of_bodies_are_signs_of_determinants(rng, n, method):
     given = bodies, 3 * rng.normal(size=(80, n - 1)), eps, 20
     run = iterate(*given, method=method, on_singular="ignore")
     good = run.status >= 0
-    first = beyond(np.linalg.det(matrix(bodies, run.omega[:-1], eps)[:, good]) < 0)
+    first = beyond(np.linalg.det(matrix(bodies, run.states[:-1], eps)[:, good]) < 0)
     assert (run.failed_at[good] == first).all()
     assert len({*run.status[good]}) == 2
 
@@ -129,9 +131,9 @@ def test_one_warning_for_all():
     assert told(iterate, HENON, starts, 1 / 16, 400)[1] == []
     starts[1, 1:] = ESCAPES
     run, messages = told(iterate, HENON, starts, 1 / 16, 400)
-    assert run.ok
+    assert run.ok.all()
     assert run.failed_at.tolist() == [[-1, -1, -1], [-1, 52, 52]]
-    assert not np.isnan(run.x).any()
+    assert not np.isnan(run.states).any()
     message = (
         "2 of 6 trajectories passed a pole (first: trajectory (1, 1) at step 52): "
         "the motion escapes to infinity before t = 3.3, or eps is too long"
@@ -195,8 +197,8 @@ DECAY = QuadraticField.from_function(lambda x: (-2000 * x[0],), 1)
 def first_change(run):
     """Return the number of the first state after a step from det A < 0 or a change of sign."""
     with np.errstate(all="ignore"):
-        negative = np.linalg.det(np.nan_to_num(matrix(run.body, run.x[:-1], run.eps))) < 0
-    return beyond(negative, changed(run.body, run.x))
+        negative = np.linalg.det(np.nan_to_num(matrix(run.body, run.states[:-1], run.eps))) < 0
+    return beyond(negative, changed(run.body, run.states))
 
 
 def test_a_failure_does_not_hide_the_pole_before_it():
@@ -210,7 +212,7 @@ def test_a_failure_does_not_hide_the_pole_before_it():
     assert run.failed_at.tolist() == [100] * 3
     assert run.first_pole.tolist() == [17] * 3
     assert run.valid.sum(axis=0).tolist() == [17] * 3
-    assert abs(run.x[run.valid]).max() < 60
+    assert abs(run.states[run.valid]).max() < 60
     assert repr(run).endswith("failed: 3 of 3, passed a pole: 3)")
     assert (
         iterate(PREY, [0.05, 0.05], 0.1, 1000, save_every=10, on_singular="ignore").valid.sum() == 2
@@ -233,7 +235,7 @@ def test_signs_agree_for_all_ways_to_compute(rng):
     for k in np.flatnonzero(run.first_pole >= 0)[:3]:
         one = iterate(PREY, starts[k], 0.1, 300, on_singular="ignore")
         assert (one.first_pole, one.status) == (run.first_pole[k], run.status[k])
-        assert np.array_equal(one.x, run.x[:, k], equal_nan=True)
+        assert np.array_equal(one.x, run.states[:, k], equal_nan=True)
 
 
 @pytest.mark.sampled(1)
@@ -256,7 +258,7 @@ def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, is_long):
     prey = iterate(
         PREY, rng.uniform(0.05, 4, (40, 2)), 0.25, 60, method=method, on_singular="ignore"
     )
-    first = beyond(changed(PREY, prey.x))
+    first = beyond(changed(PREY, prey.states))
     assert (prey.first_pole == first)[first >= 0].mean() > 0.9
     assert ((first == -1) | (prey.first_pole >= 0) & (prey.first_pole <= first)).all()
     assert (first >= 0).any()
@@ -269,7 +271,7 @@ def test_components_of_one_sign_are_those_of_the_member(rng):
     fields = QuadraticField.from_function(lambda x, s: (s - 9 * x[0], x[0] - x[1]), 2, s=source)
     run = iterate(fields, [1.0, 0.5], 0.5, 20)
     assert ((run.first_pole == 1) == (source == 0)).all()
-    assert (run.x[:, 1::2, 0].min(axis=0) < 0).all()
+    assert (run.states[:, 1::2, 0].min(axis=0) < 0).all()
 
 
 @quiet
@@ -304,7 +306,7 @@ def test_steps_of_users_loops_tell_changes_of_sign():
         run = iterate(PREY, [0.05, 0.05], 0.1, 30, method=method)
         out, work = np.empty(2), compiled.work(system)
         for n in range(run.failed_at):
-            code = compiled.step_system(system, run.x[n], out, work)
+            code = compiled.step_system(system, run.states[n], out, work)
             assert (code == Status.PASSED_POLE) == (n + 1 == run.first_pole), (method, n)
     system, x = compiled.system(DECAY, 0.01), np.ones(1)
     for _ in range(3):  # in place

@@ -252,7 +252,7 @@ def test_a_parabolic_orbit():
     """|k| = A exactly: both limits are the one steady state, which is met as 1 / n."""
     body = sf.SuslovGyrostat(1, 1, 1, 0, 1.0)
     omega = [0.0, 1.0]  # R = 1 / sqrt(1 + e**2) < k; for the flow A = 1
-    np.testing.assert_allclose(sf.flow(body, omega, time=1e9).omega, [[-1, 0]], atol=1e-8)
+    np.testing.assert_allclose(sf.flow(body, omega, time=1e9).states, [[-1, 0]], atol=1e-8)
 
 
 def test_a_rotor_beyond_the_range_has_no_next_state():
@@ -261,6 +261,6 @@ def test_a_rotor_beyond_the_range_has_no_next_state():
     found = run(body, [1.0, 0.5], 0.1, 3)
     assert found.status.tolist() == [NONFINITE, OK, NONFINITE]
     assert found.failed_at.tolist() == [1, -1, 1]
-    assert np.isnan(found.omega[1:, [0, 2]]).all()
-    assert np.isfinite(found.omega[:, 1]).all()
-    assert np.isfinite(found.omega[0]).all()
+    assert np.isnan(found.states[1:, [0, 2]]).all()
+    assert np.isfinite(found.states[:, 1]).all()
+    assert np.isfinite(found.states[0]).all()

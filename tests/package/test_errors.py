@@ -395,11 +395,11 @@ SECOND_TRIES = [
     (lambda: sf.Field.from_function(forced, "x"),
      r'lambda s: \(\*f\(s\[-1\], s\[:-1\]\), 1\.0\), "x t"\)',
      lambda: sf.flow(sf.Field.from_function(lambda s: (*forced(s[-1], s[:-1]), 1.0), "x t"),
-                     [0.0, 1.0], time=2.0).x[..., 0], 4.0),
+                     [0.0, 1.0], time=2.0).states[..., 0], 4.0),
     (lambda: sf.Field.from_function(lambda x, t: forced(t, x), "x"), r"pass lambda x: f\(x, 0\)",
      lambda: sf.Field.from_function(lambda x: forced(0, x), "x")([3.0]), 0.0),
     (lambda: sf.Field.from_function(lambda x, t: -x, "x", t=0.0), r'rate 1.*"x t"\).* x0',
-     lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).x, 7.0),
+     lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).states, 7.0),
     (lambda: sf.Field.from_function(decay, "x"), r"\bk=1\.0",
      lambda: sf.Field.from_function(decay, "x", k=1.0)([3.0]), -3.0),
     (lambda: sf.Field.from_function(decay, "x", kk=2.0), r"'kk', but k\b",
@@ -421,9 +421,9 @@ SECOND_TRIES = [
     (lambda: sf.Field.from_function(lambda x: np.linalg.solve(ID[:2, :2], x), 2), "mass=M",
      lambda: sf.Field.from_function(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
     (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
-     lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).x, 3 * math.exp(-1)),
+     lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).states, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"changes=Change\(times=.*, to=",
-     lambda: sf.flow(HALF, [3.0], time=2, changes=sf.Change(times=1, to=lambda x: x + 1)).x,
+     lambda: sf.flow(HALF, [3.0], time=2, changes=sf.Change(times=1, to=lambda x: x + 1)).states,
      3 * math.exp(-1) + math.exp(-0.5)),
     (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"surface=.*direction=0\)",
      lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0], direction=0).time,
@@ -432,15 +432,15 @@ SECOND_TRIES = [
      lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0]).time,
      1.5 * math.pi * 2**0.5),
     (lambda: sf.iterate(FIELD, RUN, 0.1, 1), r"states\[-1\]",
-     lambda: sf.iterate(FIELD, RUN.states[-1], 0.1, 1).x[-1]
-     - sf.iterate(FIELD, RUN.states[0], 0.1, 2).x[-1], 0.0),
+     lambda: sf.iterate(FIELD, RUN.states[-1], 0.1, 1).states[-1]
+     - sf.iterate(FIELD, RUN.states[0], 0.1, 2).states[-1], 0.0),
     (lambda: MOTION(0.5), r"flow\(system, x0, time=t\)",
-     lambda: sf.flow(HALF, [3.0], time=2.0).x, 3 * math.exp(-1)),
+     lambda: sf.flow(HALF, [3.0], time=2.0).states, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]")), r"\(time\) / np\.timedelta64",
-     lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]") / np.timedelta64(1, "s")).x,
+     lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]") / np.timedelta64(1, "s")).states,
      3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=2, derivatives=True), r"names, such as \('x0',\)",
-     lambda: sf.flow(HALF, [3.0], time=2, derivatives=("x0",)).derivative("x0"), math.exp(-1)),
+     lambda: sf.flow(HALF, [3.0], time=2, derivatives=("x0",)).derivatives["x0"], math.exp(-1)),
     (lambda: SuslovND([1.0, 2, 3, 4], [0.1, 0.2, 0.3]), r"J_i = I_ii \+ I_nn.*from_mass_tensor",
      lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2, 3, 4]))[0].J, 7.0),
     (lambda: sf.Field.from_function(lambda x, p: p[0] * x[0], "x", parameters="mu"),
@@ -466,7 +466,7 @@ def test_whole_floats_are_integers():
 def test_one_variable_needs_no_brackets():
     decay = sf.Field.from_function(lambda x: -x[0] / 2, "x")
     assert decay == HALF
-    assert (sf.flow(decay, 3.0, time=2.0).x == sf.flow(HALF, [3.0], time=2.0).x).all()
+    assert (sf.flow(decay, 3.0, time=2.0).states == sf.flow(HALF, [3.0], time=2.0).states).all()
 
 
 def test_states_by_name():

@@ -90,7 +90,7 @@ def test_runs_and_events_are_drawn_with_their_names():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$t$", "$p_{x}$")
     drawn = [line.get_xydata() for line in axes.lines]
     np.testing.assert_array_equal([each[:, 0] for each in drawn], np.tile(run.time, (3, 1)))
-    np.testing.assert_array_equal([each[:, 1] for each in drawn], run.x[..., 2].T)
+    np.testing.assert_array_equal([each[:, 1] for each in drawn], run.states[..., 2].T)
     space = run.plot(0, 1, "px", title="in space")
     assert (space.name, space.get_zlabel(), space.get_title()) == ("3d", "$p_{x}$", "in space")
     points = sf.crossings(field, starts, "x", time=25.0)

@@ -18,7 +18,7 @@ def test_against_cayley_matrices(rng, body, eps):
         run = sf.iterate(each, starts, eps, 30, attitude=True, on_singular="ignore")
         R = run.attitude
         assert (R[0] == np.eye(R.shape[-1])).all()
-        exact = naive.attitude(sf.to_matrix(each, run.omega[:, 1])[..., :-1, -1], eps)
+        exact = naive.attitude(sf.to_matrix(each, run.states[:, 1])[..., :-1, -1], eps)
         exact = [np.array(matrix.tolist(), float) for matrix in exact]
         np.testing.assert_allclose(R[:, 1], exact, rtol=0, atol=5e-15)
 

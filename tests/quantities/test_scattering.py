@@ -27,10 +27,10 @@ def test_the_discrete_angle_tends_to_it_with_order_2(parameters):
     body, angles = sf.Suslov3D(*parameters), []
     middle = sf.from_xy(body, [1.0, 0.0])
     time = 22 / abs(sf.closed_form(body, middle, 0.0).k1)
-    start = sf.flow(body, middle, time=-time).omega[0]
+    start = sf.flow(body, middle, time=-time).states[0]
     for steps in (2000, 4000):
         run = sf.iterate(body, start, 2 * time / steps, steps, attitude=True)
-        first, *_, last = sf.to_vector(body, run.omega, attitude=run.attitude)
+        first, *_, last = sf.to_vector(body, run.states, attitude=run.attitude)
         angles.append(np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last))
     expected = sf.scattering_angle(body)
     coarse, fine = np.subtract(angles, expected)

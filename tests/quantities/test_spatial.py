@@ -44,6 +44,6 @@ def test_in_space(case):
     vector = len(omega0) == 2
     cases = (sf.to_matrix, False), (sf.momentum, vector), (sf.to_vector, True)
     for function, of_vectors in cases if vector else cases[:2]:
-        v = function(body, run.omega)
+        v = function(body, run.states)
         expected = (R @ v[..., None])[..., 0] if of_vectors else R @ v @ Rt
-        np.testing.assert_allclose(function(body, run.omega, attitude=R), expected, atol=1e-13)
+        np.testing.assert_allclose(function(body, run.states, attitude=R), expected, atol=1e-13)

@@ -63,14 +63,14 @@ def test_results():
     own = PK.with_parameters(dose=[50.0, 100.0, 200.0])
     motion = flow(own, [0.0, 0.0], time=[10.0, 72.0], changes=[Change(times=[5.0]), DOSES])
     changes = motion.changes
-    assert len(changes) == 9
+    assert len(changes.states) == 9
     assert changes.trajectory.tolist() == [0] * 3 + [1] * 3 + [2] * 3
     assert changes.which.tolist() == [1, 0, 1] * 3
     assert changes.time.tolist() == [0.0, 5.0, 24.0] * 3
     assert changes.count.tolist() == [[1, 2]] * 3
     is_record = changes.which == 0
     np.testing.assert_array_equal(changes.before[is_record], changes.states[is_record])
-    np.testing.assert_array_equal(changes["gut"], changes.x[:, 0])
+    np.testing.assert_array_equal(changes["gut"], changes.states[:, 0])
     assert [each.times is None for each in changes.given] == [False, False]
     again = pickle.loads(pickle.dumps(motion))
     assert again == motion
@@ -84,10 +84,14 @@ def test_results():
 
 def test_no_trajectories_and_no_times():
     nobody = flow(PK, np.zeros((0, 2)), time=[1.0, 2.0], changes=[DOSES, Change("gut")])
-    assert nobody.x.shape == (2, 0, 2)
+    assert nobody.states.shape == (2, 0, 2)
     assert nobody.changes.count.shape == (0, 2)
     never = flow(PK, [0.0, 0.0], time=[], changes=DOSES)
-    assert (never.x.shape, len(never.changes), never.changes.count.tolist()) == ((0, 2), 0, [0])
+    assert (never.states.shape, len(never.changes.states), never.changes.count.tolist()) == (
+        (0, 2),
+        0,
+        [0],
+    )
 
 
 def test_dataset_and_plot():
@@ -96,7 +100,7 @@ def test_dataset_and_plot():
     changes = flow(own, [0.0, 0.0], time=30.0, changes=DOSES).changes
     data = changes.to_xarray()
     assert data.dose.values.tolist() == [50.0, 50.0, 100.0, 100.0]
-    np.testing.assert_array_equal(data.x, changes.states)
+    np.testing.assert_array_equal(data.states, changes.states)
     np.testing.assert_array_equal(data.before, changes.before)
     assert dict(data.sizes) == {"event": 4, "component": 2}
     pytest.importorskip("matplotlib")
@@ -109,13 +113,13 @@ def test_times_broadcast_with_the_batch():
     times = np.array([[1.0, np.nan], [1.0, 2.0], [3.0, 5.0]])
     add = {"to": lambda x: (x[0] + 1, x[1])}
     motion = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=times, **add))
-    assert motion.x.shape == (1, 3, 2)
+    assert motion.states.shape == (1, 3, 2)
     assert motion.changes.count[:, 0].tolist() == [1, 2, 1]
     columns = flow(PK, np.zeros((2, 1, 2)), time=4.0, changes=Change(times=times, **add))
-    np.testing.assert_array_equal(columns.x, np.stack([motion.x] * 2, axis=1))
+    np.testing.assert_array_equal(columns.states, np.stack([motion.states] * 2, axis=1))
     for k, own in enumerate(times):
         alone = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=own, **add))
-        np.testing.assert_array_equal(alone.x, motion.x[:, k])
+        np.testing.assert_array_equal(alone.states, motion.states[:, k])
 
 
 def test_a_change_serves_several_systems():
@@ -125,7 +129,9 @@ def test_a_change_serves_several_systems():
         still = Field.from_function(lambda x: 0 * x, dimension)
         for given in (double, [double], (double,)):
             motion = flow(still, np.ones(dimension), time=2.0, changes=given)
-            assert motion.x.tolist() == [[2.0] * dimension]
+            assert motion.states.tolist() == [[2.0] * dimension]
     body = sf.Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     motion = flow(body, [1.0, 0.5], time=1.0, changes=double)
-    np.testing.assert_allclose(motion.omega, 2 * flow(body, [1.0, 0.5], time=1.0).omega, rtol=1e-8)
+    np.testing.assert_allclose(
+        motion.states, 2 * flow(body, [1.0, 0.5], time=1.0).states, rtol=1e-8
+    )

@@ -42,7 +42,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
     public = columns.in_datasets(kind)
     assert {column.name for column in columns.in_datasets("Trajectories")} == NAMES - {"attitude"}
     for column in public:
-        values, name = getattr(run, column.name), column.name.replace("states", "x")
+        values, name = getattr(run, column.name), column.name
         dims = columns.dims_of(column, ("trajectory",))
         for others in (found[column.name], data[name].values):
             np.testing.assert_array_equal(others, values)

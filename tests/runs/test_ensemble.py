@@ -84,8 +84,8 @@ def test_a_stopped_run_goes_on(tmp_path):
     store, options = tmp_path / "run", {"eps": 0.1, "steps": 20, "chunks": 5}
     part = ensemble(BODY, X0, store, progress=lambda done, total: done < 4, **options)
     assert (part.status.values == [0] * 4 + [-128] * 6).all()
-    assert np.isnan(part.omega.values[:, 4:]).all()
-    assert not np.isnan(part.omega.values[:, :4]).any()
+    assert np.isnan(part.states.values[:, 4:]).all()
+    assert not np.isnan(part.states.values[:, :4]).any()
     counts = []
     data = ensemble(BODY, X0, store, progress=lambda *n: counts.append(n[0]), **options)
     assert counts == [4, 6, 8, 10]

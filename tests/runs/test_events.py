@@ -68,7 +68,7 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
     events = [lambda t, x, s=s: s(x) for s in surfaces]
     for event in events:
         event.terminal, event.direction = True, 1
-    assert 4 <= len(points) <= 12
+    assert 4 <= len(points.states) <= 12
     for k, start in enumerate(x0):
         found = solve_ivp(
             lambda t, x: three_bodies(x, MU), (0, 4.0), start, "DOP853", events=events, rtol=1e-12,
@@ -151,14 +151,14 @@ def test_ripples_that_a_step_does_not_see(rng):
     assert (points.count[..., 0] == exact).all()
     assert abs(points.states[:, 1]).max() < 2e-12
     circle = of_oscillator([1.0, 0.1], lambda x: x[0] ** 2 + x[1] ** 2 - 1.01 + 1e-6, time=99.0)
-    assert len(circle) == 0  # errors of points in a step are larger than the distance
+    assert len(circle.states) == 0  # errors of points in a step are larger than the distance
 
 
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
     points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 - 1e-7, time=100.0, direction=0)
-    assert len(points) == 0
+    assert len(points.states) == 0
     points = of_oscillator([0.0, 1.0], lambda x: x[..., 0] - 1.0 + 1e-4, time=100.0, max_step=0.02)
-    assert len(points) == 16  # with a step short enough
+    assert len(points.states) == 16  # with a step short enough
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -186,8 +186,8 @@ def test_a_motion_from_a_crossing_does_not_cross_again():
             direction=direction,
         )  # fmt: skip
         again = of_oscillator(points.states, lambda x: x[..., 0] - 0.1, time=0.01, direction=0)
-        assert len(points) > 40
-        assert len(again) == 0
+        assert len(points.states) > 40
+        assert len(again.states) == 0
 
 
 def test_most_ends_a_trajectory_at_that_crossing():
@@ -238,9 +238,9 @@ def test_solutions_that_end():
 def test_values_that_are_no_numbers_make_no_crossing():
     with np.errstate(invalid="ignore"):
         points = of_oscillator([0.9, 0.0], lambda x: np.log(x[..., 0]), time=10.0, direction=0)
-        assert len(points) == 0
+        assert len(points.states) == 0
     points = of_oscillator([1.0, 0.5], lambda x: 1.0 / x[..., 0], time=10.0, direction=0)
-    assert len(points) == 0  # a pole of the surface
+    assert len(points.states) == 0  # a pole of the surface
 
 
 def test_progress_ends_a_search():

@@ -17,7 +17,7 @@ def test_states_that_do_not_exist(body, unit):
         run = sf.iterate(body, [HEALTHY, [np.nan, 1.0]], 0.2, 5)
     assert run.status.tolist() == [0, sf.Status.NONFINITE]
     assert run.failed_at.tolist() == [-1, 0]
-    assert np.isnan(run.omega[:, 1]).all()
+    assert np.isnan(run.states[:, 1]).all()
     assert np.isnan(sf.step(body, [np.nan, 1.0], 0.2)).all()
     assert all(each.message for each in sf.Status)
 

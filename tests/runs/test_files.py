@@ -32,7 +32,7 @@ def test_a_file_holds_all_of_a_run(name, path):
     assert os.listdir(path.parent) == [path.name]
     run.to_xarray().to_netcdf(path.with_suffix(".nc"))
     with xarray.open_dataset(path.with_suffix(".nc")) as data:
-        np.testing.assert_array_equal(data[run.body.variable].values, run.states)
+        np.testing.assert_array_equal(data.states.values, run.states)
 
 
 def test_a_file_of_trajectories_that_fail_at_once(path):

@@ -141,6 +141,6 @@ def test_random_systems_with_cascades(first):
             assert motion.changes.which.tolist() == right[:, 1].tolist(), seed
             np.testing.assert_allclose(motion.changes.time, right[:, 0], atol=1e4 * rtol)
             allowed = 1e5 * rtol * max(1.0, abs(last).max())
-            np.testing.assert_allclose(motion.x[-1], last, atol=allowed)
+            np.testing.assert_allclose(motion.states[-1], last, atol=allowed)
         compared += right is not None
     assert compared >= 8

@@ -63,7 +63,7 @@ def test_layers_thinner_than_sub_steps(kind, stiff):
     family = field(f, names, **dict(zip("awbcd", np.transpose(parameters), strict=False)))
     for rtol in (1e-9, 1e-12):
         motion = sf.flow(family, starts, time=time, rtol=rtol, stiff=stiff)
-        np.testing.assert_allclose(motion.x[0, :, :2], ends, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(motion.states[0, :, :2], ends, rtol=0, atol=1e-5)
 
 
 def test_steps_do_not_bounce_within_a_layer():
@@ -87,7 +87,7 @@ RTOLS = [1e-2, 1e-3, 1e-6, 1e-9]
 def test_a_decay_at_many_times(rtol):
     times = np.linspace(0, 30, 1501)[1:]
     motion = sf.flow(field(lambda s: (-s[0],), "x"), [1.0], time=times, rtol=rtol)
-    assert abs(motion.x[:, 0] - np.exp(-times)).max() < rtol
+    assert abs(motion.states[:, 0] - np.exp(-times)).max() < rtol
 
 
 def test_a_time_in_the_second_half_of_a_long_step():
@@ -96,10 +96,10 @@ def test_a_time_in_the_second_half_of_a_long_step():
         "x y z",
     )
     motion = sf.flow(lorenz, [1, 1, 20], time=[0.2, 5.0], rtol=1e-3)
-    np.testing.assert_allclose(motion.x[0], [2.5235, 4.3592, 12.3682], rtol=0, atol=0.03)
+    np.testing.assert_allclose(motion.states[0], [2.5235, 4.3592, 12.3682], rtol=0, atol=0.03)
     fast = field(lambda s: (-1000 * (s[0] - s[1]), -s[1]), "x y")
     motion = sf.flow(fast, [2.0, 1.0], time=[0.0234, 10.0], rtol=1e-2)
-    np.testing.assert_allclose(motion.x[0], [0.97785, 0.97687], rtol=0, atol=0.02)
+    np.testing.assert_allclose(motion.states[0], [0.97785, 0.97687], rtol=0, atol=0.02)
 
 
 @pytest.mark.parametrize("T", np.linspace(0.1, 3, 60)[4::8])
@@ -107,10 +107,10 @@ def test_times_just_before_the_last_one(T):
     """A step goes on to the last time if that is near, also where it is taken again."""
     oscillator = field(lambda s: (s[1], 5 * (1 - s[0] ** 2) * s[1] - s[0]), "x v")
     times = T * np.array([0.95, 0.97, 0.99, 1.0])
-    right = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=1e-12).x
+    right = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=1e-12).states
     for rtol in (1e-2, 1e-3, 1e-6):
         motion = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=rtol)
-        np.testing.assert_allclose(motion.x, right, rtol=0, atol=10 * rtol)
+        np.testing.assert_allclose(motion.states, right, rtol=0, atol=10 * rtol)
 
 
 def forced(s):
@@ -145,8 +145,8 @@ def test_later_times_change_nothing(name):
     system, times = field(f, names), last * np.random.default_rng(5).uniform(size=6)
     for rtol in (1e-2, 1e-3, 1e-6, 1e-9, 1e-12):
         motion = sf.flow(system, start, time=[*times, *times[:3] * (1 + 1e-9), last], rtol=rtol)
-        for time, state in zip(times, motion.x, strict=False):
-            alone = sf.flow(system, start, time=time, rtol=rtol).x[0]
+        for time, state in zip(times, motion.states, strict=False):
+            alone = sf.flow(system, start, time=time, rtol=rtol).states[0]
             sizes = np.maximum(abs(alone), abs(np.array(start)))
             sizes = np.maximum(sizes, 1e-6 * sizes.max())
             assert (abs(alone - state) <= 10 * rtol * sizes).all(), (rtol, time)
@@ -161,5 +161,5 @@ def test_later_times_change_no_derivative():
         for k, time in enumerate(times):
             alone = sf.flow(pendulum, [1.0, 0.5], time=time, **options)
             for name in ("x0", "a"):
-                one, other = (each.derivative(name) for each in (alone, motion))
+                one, other = (each.derivatives[name] for each in (alone, motion))
                 assert abs(one[0] - other[k]).max() < 10 * rtol * abs(one).max()

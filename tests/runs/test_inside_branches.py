@@ -86,9 +86,11 @@ def test_integrals_of_rates_that_choose(name, turn):
             f = field(lambda s, rate=rate: (rate(s[1]), 1.0))
         motion = sf.flow(f, [[0.0, start]] * 3, time=time, **options)
         digits = 1e-11 if name == "CHOICES" else 2.5e-8
-        np.testing.assert_allclose(motion.x[0, :, 0], exact, digits, digits, err_msg=f"{name}[{k}]")
+        np.testing.assert_allclose(
+            motion.states[0, :, 0], exact, digits, digits, err_msg=f"{name}[{k}]"
+        )
         alone = sf.flow(f, [0.0, start], time=time, **options)
-        np.testing.assert_array_equal(motion.x, alone.x[:, np.newaxis].repeat(3, axis=1))
+        np.testing.assert_array_equal(motion.states, alone.states[:, np.newaxis].repeat(3, axis=1))
         assert motion.steps.max() < (4200 if time > 100.0 else 370)
 
 
@@ -111,7 +113,7 @@ def test_members_of_a_family_whose_factor_is_0_have_no_pole():
     f = field(lambda s, a: (a * (1 / (2 - s[1])), 1.0), a=[0.0, 1.0])
     with pytest.warns(sf.PoleWarning):
         motion = sf.flow(f, [0.0, 0.0], time=5.0)
-    np.testing.assert_array_equal(motion.x[0, 0], [0.0, 5.0])
+    np.testing.assert_array_equal(motion.states[0, 0], [0.0, 5.0])
     np.testing.assert_allclose(motion.end[1], 2.0, rtol=1e-8)
 
 
@@ -119,9 +121,9 @@ def test_derivatives_beside_a_pole_that_is_not_taken():
     f = field(lambda s, a: (np.where(s[1] < 1, -a * s[0] / (2 - s[1]), -s[0]), 1.0), a=1.0)
     motion = sf.flow(f, [1.0, 0.0], time=5.0, derivatives=("a", "x0"))
     end = np.exp(-4) / 2  # x = 1 - t/2 up to 1
-    np.testing.assert_allclose(motion.x[0, 0], end, rtol=1e-8)
-    np.testing.assert_allclose(motion.derivative("a")[0, 0], -np.log(2) * end, rtol=1e-7)
-    np.testing.assert_allclose(motion.derivative("x0")[0, 0, 0], end, rtol=1e-7)
+    np.testing.assert_allclose(motion.states[0, 0], end, rtol=1e-8)
+    np.testing.assert_allclose(motion.derivatives["a"][0, 0], -np.log(2) * end, rtol=1e-7)
+    np.testing.assert_allclose(motion.derivatives["x0"][0, 0, 0], end, rtol=1e-7)
 
 
 # ----------------------------------------------------------- branches that end at their surface
@@ -141,7 +143,7 @@ def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
     for start in starts:
         for times in ([1 - start], [1 - start, 2 - start]):
             motion = sf.flow(f, [3.0, start], time=times)
-            np.testing.assert_allclose(motion.x[0, 0], 3.0 + integral(1 - start), atol=3e-7)
+            np.testing.assert_allclose(motion.states[0, 0], 3.0 + integral(1 - start), atol=3e-7)
             assert motion.status == sf.Status.OK
 
 
@@ -219,7 +221,7 @@ def test_choices_that_change_twice_within_what_would_be_a_step():
     motion = sf.flow(f, [0.0, 2.0], time=20.0)
     v = np.sqrt(4.0 - 2 * 300 * 0.002)
     inside = 2 * 0.002 / (2.0 + v)
-    np.testing.assert_allclose(motion.x[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
+    np.testing.assert_allclose(motion.states[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
 
 
 # ------------------------------------------------------------------- many comparisons of one number
@@ -247,11 +249,11 @@ def test_pulses_as_conditions(rate, exact, sign):
     f = field(lambda s: (rate(s[1]), 1.0))
     start = [100.0, 0.0 if sign > 0 else 10.0]
     motion = sf.flow(f, [start] * 3, time=10.0 * sign)
-    np.testing.assert_allclose(motion.x[0, :, 0] - 100.0, sign * exact, rtol=1e-9)
+    np.testing.assert_allclose(motion.states[0, :, 0] - 100.0, sign * exact, rtol=1e-9)
     alone = sf.flow(f, start, time=10.0 * sign, derivatives="x0")
-    np.testing.assert_allclose(alone.x[0, 0] - 100.0, sign * exact, rtol=1e-9)
+    np.testing.assert_allclose(alone.states[0, 0] - 100.0, sign * exact, rtol=1e-9)
     by_start = rate(start[1] + 10.0 * sign) - rate(start[1])  # of the clock
-    np.testing.assert_allclose(alone.derivative("x0")[0, 0], [1.0, by_start], atol=1e-9)
+    np.testing.assert_allclose(alone.derivatives["x0"][0, 0], [1.0, by_start], atol=1e-9)
 
 
 def test_stairs_of_the_state():
@@ -260,7 +262,7 @@ def test_stairs_of_the_state():
     heights = np.diff([0.0, *BEGIN])
     time = (heights / np.arange(1.0, 41.0)).sum()
     motion = sf.flow(f, [0.0], time=[time, time + 1.0])
-    np.testing.assert_allclose(motion.x[:, 0], BEGIN[-1] + np.array([0.0, 41.0]), rtol=1e-9)
+    np.testing.assert_allclose(motion.states[:, 0], BEGIN[-1] + np.array([0.0, 41.0]), rtol=1e-9)
     falling = field(lambda s: (1.0 - 2 * (s[0] > BEGIN).sum(),), "x")
     with pytest.warns(sf.PoleWarning, match="slide"):
         assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)

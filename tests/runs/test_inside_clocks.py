@@ -39,12 +39,12 @@ def test_dates_cost_what_times_from_0_cost(name, stiff):
         rate, exact = rates(at)[name]
         motion = sf.flow(field(lambda s, r=rate: (r(s[1]), 1.0)), [2.0, at], time=5.0, stiff=stiff)
         found[at] = motion
-        assert abs(motion.x[0, 0] - 2.0 - exact) < 1e-8
-        assert motion.x[0, 1] == at + 5.0
+        assert abs(motion.states[0, 0] - 2.0 - exact) < 1e-8
+        assert motion.states[0, 1] == at + 5.0
         many = sf.flow(
             field(lambda s, r=rate: (r(s[1]), 1.0)), [[2.0, at]] * 3, time=[1.0, 5.0], stiff=stiff
         )
-        np.testing.assert_array_equal(many.x[1], [motion.x[0]] * 3)
+        np.testing.assert_array_equal(many.states[1], [motion.states[0]] * 3)
     assert max(motion.steps for motion in found.values()) <= found[0.0].steps + 10
 
 
@@ -53,7 +53,8 @@ def test_dates_of_which_only_differences_matter_give_the_same_bits():
         return np.where(s[1] - start > 1.0, 0.0, np.cos(s[1] - start)) - s[0], 1.0
 
     ends = [
-        sf.flow(field(f, start=at), [0.3, at], time=[0.5, 3.0]).x[:, 0] for at in (0.0, 2.0, DATE)
+        sf.flow(field(f, start=at), [0.3, at], time=[0.5, 3.0]).states[:, 0]
+        for at in (0.0, 2.0, DATE)
     ]
     np.testing.assert_array_equal(ends[1:], [ends[0]] * 2)
 
@@ -68,7 +69,7 @@ def test_a_clock_may_be_the_first_component(at):
 
     first = sf.flow(field(lambda s: (1.0, f(*s)), "t x"), [at, 0.2], time=[1.0, 2.0])
     last = sf.flow(field(lambda s: (f(s[1], s[0]), 1.0)), [0.2, at], time=[1.0, 2.0])
-    np.testing.assert_array_equal(first.x, last.x[:, ::-1])
+    np.testing.assert_array_equal(first.states, last.states[:, ::-1])
 
 
 def test_large_phases():
@@ -77,7 +78,7 @@ def test_large_phases():
     f = field(lambda s, w: (np.cos(w * s[1] + 1), 1.0), w=omega)
     motion = sf.flow(f, [0.0, DATE], time=10.0)
     begin, end = (np.sin(omega * (DATE + t) + 1) for t in (0.0, 10.0))
-    np.testing.assert_allclose(motion.x[0, :, 0], (end - begin) / omega, atol=1e-5)
+    np.testing.assert_allclose(motion.states[0, :, 0], (end - begin) / omega, atol=1e-5)
     assert (motion.steps < 500).all()
 
 
@@ -88,9 +89,9 @@ def test_members_and_derivatives_at_dates():
     begin, start = DATE + np.array([1.0, 1.5]), np.array([[0.0, DATE], [0.0, DATE + 1.0]])
     motion = sf.flow(field(f, begin=begin, k=0.5), start, time=3.0, derivatives=("begin", "x0"))
     left = DATE + np.array([3.0, 4.0]) - begin
-    np.testing.assert_allclose(motion.x[0, :, 0], 4.0 * -np.expm1(-left / 2), rtol=1e-9)
-    np.testing.assert_allclose(motion.derivative("begin")[0, :, 0], -2 * np.exp(-left / 2))
-    np.testing.assert_allclose(motion.derivative("x0")[0, :, 0, 1], 2 * np.exp(-left / 2))
+    np.testing.assert_allclose(motion.states[0, :, 0], 4.0 * -np.expm1(-left / 2), rtol=1e-9)
+    np.testing.assert_allclose(motion.derivatives["begin"][0, :, 0], -2 * np.exp(-left / 2))
+    np.testing.assert_allclose(motion.derivatives["x0"][0, :, 0, 1], 2 * np.exp(-left / 2))
 
 
 @pytest.mark.parametrize("at", [0.0, DATE])
@@ -100,15 +101,15 @@ def test_derivatives_by_the_lag_of_a_table(at):
     f = field(lambda s, lag: (np.interp(s[1] - at - lag, knots, heights), 1.0), lag=[0.1, 0.7])
     motion = sf.flow(f, [0.0, at + 0.9], time=[0.5, 2.5], derivatives=("lag", "x0"))
     begin, end = (np.interp(0.9 + t - f.parameters["lag"], knots, heights) for t in (0.0, 2.5))
-    np.testing.assert_allclose(motion.derivative("lag")[1, :, 0], begin - end, rtol=1e-8)
-    np.testing.assert_allclose(motion.derivative("x0")[1, :, 0, 1], end - begin, rtol=1e-8)
+    np.testing.assert_allclose(motion.derivatives["lag"][1, :, 0], begin - end, rtol=1e-8)
+    np.testing.assert_allclose(motion.derivatives["x0"][1, :, 0, 1], end - begin, rtol=1e-8)
 
 
 def test_two_clocks_and_a_rate_that_is_a_parameter():
     f = field(lambda s, r: (np.cos(s[1] - r * s[2]), r, 1.0), "x t u", r=[1.0, 2.0])
     motion = sf.flow(f, [[1.0, DATE, DATE - 1.0], [1.0, 5.0, 2.0]], time=4.0)
-    np.testing.assert_allclose(motion.x[0, :, 0], 1.0 + 4.0 * np.cos(1.0), rtol=1e-12)
-    np.testing.assert_array_equal(motion.x[0, :, 1], [DATE + 4.0, 13.0])
+    np.testing.assert_allclose(motion.states[0, :, 0], 1.0 + 4.0 * np.cos(1.0), rtol=1e-12)
+    np.testing.assert_array_equal(motion.states[0, :, 1], [DATE + 4.0, 13.0])
 
 
 @pytest.mark.parametrize("batch", [(), (3,)])
@@ -128,8 +129,8 @@ def test_changes_and_crossings_at_dates(batch):
         points = sf.crossings(
             f, x0, time=6.0, surface=lambda s: s[0] - 0.3 * np.sin(4 * (s[1] - at)), direction=0
         )
-        clocks = run.changes.states[:, 1], points.states[:, 1], run.x[..., 1]
-        return [run.x[..., 0], run.x[..., 2], run.changes.time, points.time], clocks
+        clocks = run.changes.states[:, 1], points.states[:, 1], run.states[..., 1]
+        return [run.states[..., 0], run.states[..., 2], run.changes.time, points.time], clocks
 
     (usual, clocks), (later, others) = found(0.0), found(DATE)
     assert min(map(len, usual[2:])) > 3

@@ -15,8 +15,8 @@ def test_a_component_beside_others_in_other_units(rtol, unit):
     """An oscillator of the size `unit` beside a temperature in kelvins that nothing depends on."""
     f = field(lambda s: (s[1], -s[0] - 0.1 * s[0] ** 3 / unit**2, -0.01 * s[2]), "x v T")
     alone = field(lambda s: (s[1], -s[0] - 0.1 * s[0] ** 3), "x v")
-    both = sf.flow(f, [unit, 0.0, 300.0], time=20.0, rtol=rtol).x[0]
-    exact = sf.flow(alone, [1.0, 0.0], time=20.0, rtol=1e-12).x[0]
+    both = sf.flow(f, [unit, 0.0, 300.0], time=20.0, rtol=rtol).states[0]
+    exact = sf.flow(alone, [1.0, 0.0], time=20.0, rtol=1e-12).states[0]
     np.testing.assert_allclose(both[:2] / unit, exact, atol=100 * rtol)
 
 
@@ -24,8 +24,8 @@ def test_a_component_beside_others_in_other_units(rtol, unit):
 def test_decay_at_rates_whose_squares_overflow(rate):
     f = field(lambda s: (-rate * s[0], -s[1]), "x y")
     motion = sf.flow(f, [1.0, 1.0], time=[1.0, 2.0])
-    np.testing.assert_allclose(motion.x[:, 1], np.exp([-1.0, -2.0]), rtol=1e-8)
-    assert (abs(motion.x[:, 0]) < 1e-9).all()
+    np.testing.assert_allclose(motion.states[:, 1], np.exp([-1.0, -2.0]), rtol=1e-8)
+    assert (abs(motion.states[:, 0]) < 1e-9).all()
     assert motion.steps < 2000
 
 
@@ -46,7 +46,7 @@ def test_ramps_of_any_width(stiff):
         exact = 1 - np.exp(-2.0) * np.sinh(width) / width
         for start in (0.0, 0.3, -7.0):
             motion = sf.flow(f, [0.0, start], time=3.0 - start, stiff=stiff)
-            np.testing.assert_allclose(motion.x[0, ..., 0], exact, rtol=3e-8)
+            np.testing.assert_allclose(motion.states[0, ..., 0], exact, rtol=3e-8)
             assert (motion.steps < 150).all()
 
 
@@ -65,7 +65,7 @@ def test_components_that_are_differences_of_larger_ones():
     motion = sf.flow(f, [start, start * (1 + 1e-9)], time=20.0)
     assert (motion.steps < 150).all()
     exact = sf.flow(f, start, time=20.0, rtol=1e-12)
-    np.testing.assert_allclose(motion.x[0, 0], exact.x[0], atol=1e-7)
+    np.testing.assert_allclose(motion.states[0, 0], exact.states[0], atol=1e-7)
 
 
 # ------------------------------------------------------------------------- small, and large again
@@ -128,11 +128,11 @@ def test_components_that_are_0_but_for_rounding(options):
     motion = sf.flow(TURNING, [1, 0, 0, 0], time=times[:, 0], **options)
     axes = np.sin(angles * times)[..., np.newaxis] * TURNS / angles[:, np.newaxis]
     right = np.concatenate([np.cos(angles * times)[..., np.newaxis], axes], axis=-1)
-    np.testing.assert_allclose(motion.x, right, atol=1e-8)
+    np.testing.assert_allclose(motion.states, right, atol=1e-8)
     assert (motion.steps < 200).all()
     for k in range(4):  # which look at more states than the last one, in the same line
         alone = sf.flow(TURNING[k], [1, 0, 0, 0], time=times[:, 0], **options)
-        np.testing.assert_array_equal(alone.x, motion.x[:, k])
+        np.testing.assert_array_equal(alone.states, motion.states[:, k])
 
 
 @pytest.mark.parametrize("options", [{}, {"stiff": True}])
@@ -158,7 +158,7 @@ def test_rates_that_are_rounding_alone(options):
     right = np.cos(5.0) + 0.3 * np.sin(5.0)
     np.testing.assert_allclose(motion["x"][0], right, atol=1e-7)
     assert (motion.steps < 60).all()
-    assert (abs(motion.x[..., 2:]) < 1e-14).all()
+    assert (abs(motion.states[..., 2:]) < 1e-14).all()
 
 
 @pytest.mark.parametrize("options", [{}, {"stiff": True}, {"rtol": 1e-11}])
@@ -174,8 +174,8 @@ def test_a_rate_that_is_rounding_beside_a_relaxation(options):
         k=np.linspace(1.0, 40.0, 8),
     )
     motion = sf.flow(cycles, [2.0, 0.0, 0.0], time=30.0, **options)
-    assert (abs(motion.x[..., 2]) < 2e-13).all()
+    assert (abs(motion.states[..., 2]) < 2e-13).all()
     assert (motion.steps < 4000).all()
     for k in range(8):
         alone = sf.flow(cycles[k], [2.0, 0.0, 0.0], time=30.0, **options)
-        np.testing.assert_array_equal(alone.x, motion.x[:, k])
+        np.testing.assert_array_equal(alone.states, motion.states[:, k])

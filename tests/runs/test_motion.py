@@ -34,8 +34,7 @@ FOOD_CHAIN = Field.from_function(
 
 def at(field, x, time, **options):
     """The states at a time, of all trajectories."""
-    (states,) = flow(field, x, time=time, **options)
-    return states
+    return flow(field, x, time=time, **options).states[0]
 
 
 # ---------------------------------------------------------------------------------------- accuracy
@@ -62,7 +61,7 @@ def test_a_pendulum_in_elliptic_functions():
         wanted = [float(2 * mpmath.asin(mpmath.sqrt(m) * each)) for each in sn]
     for rtol in (1e-6, 1e-9, 1e-12):
         motion = flow(PENDULUM, [q0, 0.0], time=times, rtol=rtol)
-        assert abs(motion.x[:, 0] - wanted).max() < 100 * rtol
+        assert abs(motion.states[:, 0] - wanted).max() < 100 * rtol
         assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 30 * rtol
 
 
@@ -71,7 +70,7 @@ def test_exact_solutions_of_bodies(rng):
     for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(2, 1, -0.5, -0.3, 0.1)):
         exact = flow(body, start, time=times)
         found = flow(QuadraticField.of(body), start, time=times)
-        assert abs(found.x - exact.omega).max() < 1e-8
+        assert abs(found.states - exact.states).max() < 1e-8
         assert not exact.steps.any()
         assert found.steps.all()
 
@@ -82,9 +81,9 @@ def test_bodies_without_a_closed_form_go_member_by_member():
     assert (whole.steps > 0).tolist() == [True, False]
     for k in range(2):
         own = flow(bodies[k], [1.0, 1, 1], time=[0.5, 2.0])
-        assert (own.omega == whole.omega[:, k]).all()
+        assert (own.states == whole.states[:, k]).all()
     by_field = flow(QuadraticField.of(bodies), [1.0, 1, 1], time=[0.5, 2.0])
-    assert abs(by_field.x - whole.omega).max() < 1e-8
+    assert abs(by_field.states - whole.states).max() < 1e-8
 
 
 def test_small_components_have_digits_with_atol():
@@ -111,7 +110,7 @@ def test_populations_stay_positive(rtol):
     times = np.linspace(0, 300, 61)
     starts = [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]]
     with pytest.warns(UserWarning, match="atol=0"):
-        found = flow(field, starts, time=times, rtol=rtol).x
+        found = flow(field, starts, time=times, rtol=rtol).states
     assert (found[:, :2] > 0).all()
     assert (found[:, 2] * [-1, 1] >= 0).all()  # one of them below the least number
     [exact] = np.exp(
@@ -127,7 +126,7 @@ def test_fast_decay():
     family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41))
     wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 9, 41)))
     run = flow(family, [1.0], time=[0.1, 1.0])
-    assert abs(run.x[..., 0] - wanted).max() < 2e-9
+    assert abs(run.states[..., 0] - wanted).max() < 2e-9
     assert run.steps.max() < 200
 
 
@@ -151,7 +150,7 @@ def test_max_step_finds_pulses():
         lambda s: (1.0, np.exp(-((1e3 * (s[0] - 61.7)) ** 2)) * 1e3 / np.sqrt(np.pi)), "t y"
     )
     motion = flow(pulse, [0.0, 0.0], time=100.0, max_step=1e-3)
-    assert motion.x[-1, 1] == pytest.approx(1.0, abs=1e-7)
+    assert motion.states[-1, 1] == pytest.approx(1.0, abs=1e-7)
     assert motion.max_step == 1e-3
     assert motion.steps >= 1e5
 
@@ -161,18 +160,18 @@ def test_times_in_any_order(rng):
     x = rng.normal(size=(2, 3, 4)) / 8
     times = [3.0, 1.0, 0.0, 3.0, 0.5, 2.0, 1.0]
     found = flow(HENON_HEILES, x, time=times)
-    assert found.x.shape == (7, 2, 3, 4)
+    assert found.states.shape == (7, 2, 3, 4)
     assert (found.time == times).all()
-    assert (found.x[0] == found.x[3]).all()
-    assert (found.x[1] == found.x[6]).all()
-    assert (found.x[2] == x).all()
+    assert (found.states[0] == found.states[3]).all()
+    assert (found.states[1] == found.states[6]).all()
+    assert (found.states[2] == x).all()
     ascending = flow(HENON_HEILES, x, time=np.sort(times))
-    assert (ascending.x == found.x[np.argsort(times, kind="stable")]).all()
-    for time, states in zip(times, found, strict=True):
+    assert (ascending.states == found.states[np.argsort(times, kind="stable")]).all()
+    for time, states in zip(times, found.states, strict=True):
         assert abs(at(HENON_HEILES, x, time) - states).max() < 1e-8
     back = flow(HENON_HEILES, x, time=[-2.0, 0.0, -1.0])
-    assert (back.x[1] == x).all()
-    assert abs(at(HENON_HEILES, back.x[0], 2.0) - x).max() < 1e-8
+    assert (back.states[1] == x).all()
+    assert abs(at(HENON_HEILES, back.states[0], 2.0) - x).max() < 1e-8
 
 
 def test_many_times_do_not_shorten_steps(rng):
@@ -181,16 +180,16 @@ def test_many_times_do_not_shorten_steps(rng):
     many = flow(HENON_HEILES, x, time=times)
     assert many.steps == few.steps
     exact = flow(HENON_HEILES, x, time=times, rtol=1e-13)
-    assert abs(many.x - exact.x).max() < 1e-7
+    assert abs(many.states - exact.states).max() < 1e-7
 
 
 def test_empty_and_trivial_calls():
-    assert flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[]).x.shape == (0, 4)
+    assert flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[]).states.shape == (0, 4)
     empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0])
-    assert empty.x.shape == (1, 0, 4)
-    assert empty.ok
+    assert empty.states.shape == (1, 0, 4)
+    assert empty.ok.all()
     nobody = FRICTION.with_parameters(mu=[])
-    assert flow(nobody, [1.0, 0.0], time=[1.0, 2.0]).x.shape == (2, 0, 2)
+    assert flow(nobody, [1.0, 0.0], time=[1.0, 2.0]).states.shape == (2, 0, 2)
     none = sf.crossings(HENON_HEILES, np.empty((0, 4)), surface="x1", time=1.0, most=2)
     assert (none.states.shape, none.final.shape) == ((0, 4), (0, 4))
     assert (at(LORENZ, [0.0, 0.0, 0.0], 1e300) == 0.0).all()
@@ -217,11 +216,11 @@ def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
         for part in (slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
             own = field[part] if field.shape else field
             found = flow(own, x[part], time=[0.3, 1.0])
-            np.testing.assert_array_equal(found.x, whole.x[:, part])
+            np.testing.assert_array_equal(found.states, whole.states[:, part])
         for k in (0, 1, 7):
             own = field[k] if field.shape else field
             alone = flow(own, x[k], time=[0.3, 1.0])
-            np.testing.assert_array_equal(alone.x, whole.x[:, k])
+            np.testing.assert_array_equal(alone.states, whole.states[:, k])
             assert alone.steps == whole.steps[k]
         with monkeypatch.context() as patch:
             patch.setattr(engine, "BLOCK", 8)
@@ -248,15 +247,15 @@ def test_solutions_that_end(field, start, end):
     assert len(record) == 1
     assert found.end == pytest.approx(end, abs=1e-6)
     assert (found.status, found.ok) == (Status.ENDED, False)
-    assert np.isfinite(found.x[:2]).all()
-    assert np.isnan(found.x[2:]).all()
+    assert np.isfinite(found.states[:2]).all()
+    assert np.isnan(found.states[2:]).all()
 
 
 def test_a_solution_that_passes_a_pole_by_does_not_end():
     z = 1 + 0.1j
     found = flow(SQUARES, [z.real, z.imag], time=[1.0, 2.0])
     exact = z / (1 - z * np.array([1.0, 2.0]))
-    assert abs(found.x - np.stack([exact.real, exact.imag], axis=-1)).max() < 1e-7
+    assert abs(found.states - np.stack([exact.real, exact.imag], axis=-1)).max() < 1e-7
 
 
 def test_one_warning_names_the_first():
@@ -266,12 +265,12 @@ def test_one_warning_names_the_first():
     assert len(record) == 1
     statuses = [Status.OK, Status.ENDED, Status.ENDED, Status.NONFINITE, Status.OK]
     assert found.status.tolist() == statuses
-    assert np.isnan(found.x[0, :, 0]).tolist() == [False, True, True, True, False]
+    assert np.isnan(found.states[0, :, 0]).tolist() == [False, True, True, True, False]
     assert np.isnan(found.end).tolist() == [True, False, False, False, True]
     with pytest.warns(PoleWarning, match="1 of 1 solutions have no value"):
         none = flow(LORENZ, [1e200, 1e200, 1.0], time=1.0)
     assert (none.status, none.end) == (Status.NONFINITE, 0.0)
-    assert np.isnan(none.x).all()
+    assert np.isnan(none.states).all()
 
 
 def test_times_that_look_like_values_of_a_clock():
@@ -279,7 +278,7 @@ def test_times_that_look_like_values_of_a_clock():
     times = np.linspace(5.0, 10.0, 6)
     with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
         found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)
-    np.testing.assert_allclose(found.x[:, 0, 1], times + 5.0, rtol=1e-14)
+    np.testing.assert_allclose(found.states[:, 0, 1], times + 5.0, rtol=1e-14)
     flow(field, [5.0, 0.0], time=times)  # a state, not a clock: no warning
     flow(field, [1.0, 5.0], time=times - 5.0)
 
@@ -291,8 +290,8 @@ def test_solutions_that_need_ever_shorter_steps():
         found = flow(LORENZ, [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], time=[-50.0, -1.0])
     assert found.status.tolist() == [Status.TOO_MANY_STEPS, Status.OK]
     assert -2.0 < found.end[0] < -1.0
-    assert np.isnan(found.x[0, 0]).all()
-    np.testing.assert_allclose(found.x[0, 1, 2], np.exp(8 / 3 * 50.0), rtol=1e-6)
+    assert np.isnan(found.states[0, 0]).all()
+    np.testing.assert_allclose(found.states[0, 1, 2], np.exp(8 / 3 * 50.0), rtol=1e-6)
 
 
 # ---------------------------------------------------------------------------------------- progress
@@ -304,16 +303,16 @@ def test_progress(rng, monkeypatch):
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
     assert {total for _, total in seen} == {160}
     assert seen[-1] == (160, 160)  # though a time is asked twice
-    assert found.ok
+    assert found.ok.all()
     stopped = flow(HENON_HEILES, x, time=times, progress=lambda done, total: len(seen) < 0)
     assert (stopped.status == Status.TOO_MANY_STEPS).any()
-    is_there = ~np.isnan(stopped.x)
+    is_there = ~np.isnan(stopped.states)
     assert not is_there.all()
-    assert (stopped.x[is_there] == found.x[is_there]).all()
+    assert (stopped.states[is_there] == found.states[is_there]).all()
 
 
 # -------------------------------------------------------------------------------------- the result
-def test_the_result_is_like_its_states():
+def test_the_result_is_no_sequence():
     found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=[0.0, 1.0, 2.0])
     assert (np.asarray(found) == found.states).all()
     assert found.names == ("q", "p")
@@ -323,8 +322,11 @@ def test_the_result_is_like_its_states():
     for array in (found.states, found.time, found.status, found.end, found.steps):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
-    with pytest.raises(AttributeError, match=r"run\.x"):
+    with pytest.raises(AttributeError, match=r"run\.states"):
         _ = found.omega
+    for wrong in (lambda: [*found], lambda: found[1], lambda: found[:, 0], lambda: len(found)):
+        with pytest.raises(TypeError, match=r"run\.states|has no len"):
+            wrong()
     body = sf.Suslov3D(4, 1, -0.5, -0.3)
     exact = flow(body, [1.0, 0.5], time=[0.0, 1.0, 2.0])
     assert abs(np.diff(exact.energy())).max() < 1e-14

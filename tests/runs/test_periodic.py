@@ -67,13 +67,13 @@ KNOWN = {
 def test_published_periods(name):
     field, start, about, period, digits = KNOWN[name]
     if name == "Morris-Lecar":
-        start = flow(field, start, time=500.0).x[0]
+        start = flow(field, start, time=500.0).states[0]
     orbit = periodic_orbit(field, start, about)
     assert abs(orbit.period / period - 1) < digits
     assert orbit.residual < 1e-10
     # Of a system with an integral 1 is double, and has the root of the errors.
     assert abs(orbit.multipliers - 1).min() < 5e-4
-    back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).x[0]
+    back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).states[0]
     assert abs(back - orbit.state).max() < 3e-8 * abs(orbit.state).max()
 
 
@@ -89,7 +89,7 @@ def test_published_multipliers():
 
 def test_a_family_is_followed_to_its_bifurcation():
     """Roessler's system with a = b = 0.2 doubles its period at c = 2.832445."""
-    orbit = periodic_orbit(roessler(2.5), flow(roessler(2.5), [1, 1, 0], time=300.0).x[0])
+    orbit = periodic_orbit(roessler(2.5), flow(roessler(2.5), [1, 1, 0], time=300.0).states[0])
 
     def distance(c):
         nonlocal orbit
@@ -251,7 +251,7 @@ RELAXATION = [
 def test_relaxation_cycles(of, parameter, time, level, rtol):
     """The period is that between sections; the state returned is slow."""
     field = of(parameter)
-    settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).x[0]
+    settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).states[0]
     middle = {van_der_pol: 0.0, fitzhugh_nagumo: 0.0, brusselator: 1.0}[of]
     section = sf.crossings(
         field,
@@ -271,7 +271,7 @@ def test_relaxation_cycles(of, parameter, time, level, rtol):
     orbit = periodic_orbit(field, start, rtol=rtol)
     assert orbit.period == pytest.approx(section.time[2] - section.time[1], rel=1e3 * rtol)
     assert orbit.residual < 10 * rtol
-    around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).x
+    around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).states
     speeds = abs(field(around)).max(axis=1)
     assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
 
@@ -304,8 +304,8 @@ def test_a_forced_relaxation_cycle_from_its_jump(mu, A, w, rtol):
     )
     period = 2 * np.pi / w
     times = 100 * period * np.arange(1, 5)
-    settled = flow(field, [1.0, 0.0, 0.0], time=times, rtol=1e-12).x[-1]
-    states = flow(field, settled, time=np.linspace(0, period, 2000), rtol=1e-12).x
+    settled = flow(field, [1.0, 0.0, 0.0], time=times, rtol=1e-12).states[-1]
+    states = flow(field, settled, time=np.linspace(0, period, 2000), rtol=1e-12).states
     start = states[abs(field(states)[:, :2]).max(axis=1).argmax()]
     orbit = periodic_orbit(field, start, period, rtol=rtol)
     assert (orbit.state[2], orbit.period) == (start[2], period)
@@ -331,7 +331,7 @@ def test_rest_states_of_forced_systems(name, way):
     orbit = periodic_orbit(field, [rest + way, 0.0, 0.25], period)
     np.testing.assert_allclose(orbit.state, [rest, 0.0, 0.25], atol=1e-9)
     motion = flow(field, [rest, 0.0, 0.25], time=period, rtol=1e-12, derivatives="x0")
-    expected = np.linalg.eigvals(motion.derivative("x0")[0, :2, :2])
+    expected = np.linalg.eigvals(motion.derivatives["x0"][0, :2, :2])
     np.testing.assert_allclose(sorted(abs(orbit.multipliers)), sorted(abs(expected)), rtol=1e-7)
 
 

@@ -68,7 +68,7 @@ def test_poles_in_fractions(parameters, x):
     assert naive.rational_step(*parameters, 1, omega) is None
     run = sf.iterate(body, omega, 1, 9, on_singular="ignore")
     assert (run.status, run.failed_at) == (sf.Status.SINGULAR, 1)
-    assert np.isnan(run.omega[1:]).all()
+    assert np.isnan(run.states[1:]).all()
     state = [pole[0] + Fraction(1, 10**40), pole[1]]  # state 2 is the limit from both sides
     for _ in range(2):
         state = naive.rational_step(*parameters, 1, state)
@@ -110,10 +110,10 @@ def test_solved_bodies_in_n_dimensions(rng, m):
     far = sf.exact(body, omega, eps, [-(10**9), 10**9])
     np.testing.assert_allclose(far, sf.limits(body, omega, eps), rtol=1e-11, atol=1e-12)
     assert (far[:, 5] == omega[5]).all()
-    far = [sf.flow(body, omega, time=t).omega[0] for t in (-1e9, 1e9)]
+    far = [sf.flow(body, omega, time=t).states[0] for t in (-1e9, 1e9)]
     np.testing.assert_allclose(far, sf.limits(body, omega, 0.0), rtol=1e-11, atol=1e-12)
     h = 1e-4
-    forth, along = (sf.flow(body, omega, time=t).omega[0] for t in (h, -h))
+    forth, along = (sf.flow(body, omega, time=t).states[0] for t in (h, -h))
     field = sf.vector_field(body, omega)
     np.testing.assert_allclose((forth - along) / (2 * h), field, rtol=1e-5, atol=1e-6)
     assert np.isnan(sf.exact(body, np.full(m, np.nan), eps, 3)).all()
@@ -123,7 +123,7 @@ def test_solved_bodies_in_n_dimensions(rng, m):
 def test_tiny_states_in_n_dimensions_keep_their_value(I):
     """They are too slow to move, and their squares are out of range."""
     body, omega = sf.SuslovND([2.0, 2.0, 2.0], I), 1e-165 * np.array([1.0, 0.3, -0.2])
-    for found in (sf.exact(body, omega, 0.2, 5), sf.flow(body, omega, time=0.2).omega[0]):
+    for found in (sf.exact(body, omega, 0.2, 5), sf.flow(body, omega, time=0.2).states[0]):
         np.testing.assert_allclose(found, omega, rtol=1e-14)
 
 
@@ -131,8 +131,8 @@ def test_tiny_states_in_n_dimensions_keep_their_value(I):
 def test_motion_of_states_whose_squares_are_out_of_range(body, power):
     """A unit of 2**power for the state, and its inverse for the time, change no bit."""
     unit, omega, time = 2.0**power, np.array([[1.0, 0.5], [-3.0, 0.1]]), np.array([7.0, 0.5, 90.0])
-    expected = unit * sf.flow(body, omega, time=time).omega
-    np.testing.assert_array_equal(sf.flow(body, unit * omega, time=time / unit).omega, expected)
+    expected = unit * sf.flow(body, omega, time=time).states
+    np.testing.assert_array_equal(sf.flow(body, unit * omega, time=time / unit).states, expected)
     if power < 0:
         expected = np.multiply(unit, sf.limits(body, omega, 1e-20))
         np.testing.assert_array_equal(sf.limits(body, unit * omega, 1e-20), expected)
@@ -143,14 +143,14 @@ def test_overflow_is_no_number():
     body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, [0.0, 1e60])
     with pytest.warns(RuntimeWarning, match=r"^1 of 2 orbits: beyond the range"):
         motion = sf.flow(body, [1e10, 5e9], time=1e300)
-    assert np.isnan(motion.omega[0]).all(axis=-1).tolist() == [False, True]
+    assert np.isnan(motion.states[0]).all(axis=-1).tolist() == [False, True]
     assert motion.status.tolist() == [sf.Status.OK, sf.Status.NONFINITE]
 
 
 def test_orbits_that_turn_next_to_their_steady_state():
     """Coefficients that cancel there are multiplied by n**2."""
     body, omega = sf.SuslovGyrostat(4, 1, -0.5, -0.3, k=1), [0.81967213, 1.96721311]
-    energy = sf.energy(body, sf.flow(body, omega, time=np.linspace(0, 1e5, 1001)).omega)
+    energy = sf.energy(body, sf.flow(body, omega, time=np.linspace(0, 1e5, 1001)).states)
     integral = sf.first_integral(body, sf.exact(body, omega, 0.2, np.arange(0, 100_001, 100)), 0.2)
     for conserved in (energy, integral):
         assert abs(conserved / conserved[0] - 1).max() < 1e-13
@@ -172,7 +172,7 @@ def test_units_of_neighbours(rng):
     for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.9)):
         for call in (
             lambda *given: sf.exact(*given, 1e-30, n),
-            lambda *given: sf.flow(*given, time=[3.0, 1000.0]).omega,
+            lambda *given: sf.flow(*given, time=[3.0, 1000.0]).states,
         ):
             alone = np.stack([call(body, state) for state in omega[some]], axis=1)
             np.testing.assert_array_equal(call(body, omega)[:, some], alone)

@@ -32,7 +32,7 @@ def test_tables_have_a_row_for_each_state(kind):
     for number, rows in table.groupby("trajectory") if kind != "one" else [(0, table)]:
         of_one = ... if kind == "one" else (slice(None), number)
         np.testing.assert_array_equal(rows[labels], result.states[of_one])
-        times = np.reshape(result.time, (len(result), -1))
+        times = np.reshape(result.time, (len(result.states), -1))
         np.testing.assert_array_equal(rows.time, times[:, number % times.shape[1]])
     columns = {
         "map": ["n", "time", "k", "eps"],

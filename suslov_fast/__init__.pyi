@@ -33,7 +33,7 @@ from .quantities.derivatives import (
     reaction as reaction,
     vector_field as vector_field,
 )
-from .quantities.equilibria import fixed_points as fixed_points
+from .quantities.equilibria import Equilibria as Equilibria, equilibria as equilibria
 from .runs.change import Change as Change
 from .runs.crossings import crossings as crossings
 from .runs.ensemble import ensemble as ensemble

@@ -140,7 +140,7 @@ TABLE = (
   ("maxlyapunov largestlyapunov lyapunovexponent", "",
    "suslov_fast.lyapunov_exponents(system, x0, time=T)[..., 0], the largest"),
   ("root fsolve stationarypoint criticalpoint singularpoint fixedpoint equilibria equilibrium "
-   "steadyline steadystate", "equilibria", "suslov_fast.fixed_points(system, near=x0)"),
+   "steadyline steadystate fixedpoints", "equilibria", "suslov_fast.equilibria(system, near=x0)"),
   ("frominertia frommatrix fromtensor", "from_inertia from_mass_tensor",
    "from_function(lambda x: A @ x, len(A))"),
   ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),

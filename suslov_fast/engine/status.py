@@ -23,8 +23,8 @@ class Status(IntEnum):
     :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
     `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
     at the start, and `STOPPED`, which is positive, those that a change of the state ends.
-    `DEGENERATE` and `NOT_FOUND` are for :func:`fixed_points` near states. `message` explains the
-    status.
+    `DEGENERATE`, which is positive, and `NOT_FOUND` are for :func:`equilibria`. `message` explains
+    the status.
 
     Examples
     --------
@@ -77,8 +77,7 @@ _MESSAGES = {
     Status.ACCUMULATES: "changes of the state follow one another without end",
     Status.STOPPED: "finished: a change of the state ended it",
     Status.DEGENERATE: (
-        "an equilibrium is degenerate, as at a fold, or at 0 if f is homogeneous: f' is singular "
-        "there; for a line of steady states pass the body, not its field"
+        "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"
     ),
     Status.NOT_FOUND: "no equilibrium is found from this state: pass a nearer one",
 }

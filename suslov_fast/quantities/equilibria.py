@@ -1,13 +1,15 @@
 """Equilibria near given states, of any field: Newton's method, and SciPy's where it is not enough.
 
-Steps of least norm solve f' d = -f, with rows of f' scaled to 1, so that neither the units of rates
-nor a curve of equilibria matter, and in units of the given states where f' is not singular then.
-They are accepted as long as each is much shorter than the one before, as near a regular
-equilibrium; at a fold each is half as long.
+Linear integrals c . x of f keep their values: each takes the place of an equation that follows from
+the others. Steps of least norm solve the linear equations, with rows scaled to 1, so that neither
+the units of rates nor a curve of equilibria matter, and in units of the given states where the
+matrix is not singular then. They are accepted as long as each is much shorter than the one before,
+as near a regular equilibrium; at a multiple root each is half as long.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,20 +19,22 @@ from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
+from ..core.lists.linear_terms import coefficients
 from ..engine.status import Status
 from ..keywords import public
 
-_MOST = 30  # steps of Newton's method
+_MOST, _MOST_DAMPED = 30, 60  # steps of Newton's method, and of its parts
 _SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
 _ROUNDING, _SMALL = 1e-14, 1e-8  # last steps beside the state: the end, and with nothing to gain
 _LEAST = 1e-6  # sizes of components beside the largest one, at least
-_RANK = 1e-12  # singular values of the scaled f' beside the largest one, below which they are 0
-_WHOLE = 1e-8  # and above which f' is not singular, in units of the given states
+_RANK = 1e-12  # singular values of a scaled matrix beside the largest one, below which they are 0
+_WHOLE = 1e-8  # and above which it is not singular, in units of the given states
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
+_ZERO = 1e-15  # f at a multiple root, beside the terms of f' dx at the given state
 
 
 class Equilibria(NamedTuple):
-    """Equilibria near given states, from :func:`fixed_points`.
+    """Equilibria near given states: the result of :func:`equilibria`.
 
     Attributes
     ----------
@@ -38,25 +42,30 @@ class Equilibria(NamedTuple):
         The equilibria, NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
         Eigenvalues of f', by decreasing real part; in conjugate pairs Im > 0 comes first. k is D
-        without the variables of a constant rate. An equilibrium is stable if all real parts are
-        negative, and unstable if one is positive.
+        without the variables of a constant rate.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
+    stable : ndarray(bool, shape=(...))
+        True where the status is `OK` and all eigenvalues have negative real parts, except the zeros
+        that belong to linear integrals. If one has a positive real part, the equilibrium is
+        unstable; otherwise the eigenvalues decide nothing.
     """
 
     states: FloatArray
     eigenvalues: NDArray[np.complex128]
     status: NDArray[np.int8]
+    stable: NDArray[np.bool_]
 
 
 @public
-def fixed_points(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
-    """Equilibria near given states.
+def equilibria(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
+    """Find equilibria near given states.
 
-    They are found by Newton's method for f(x) = 0 with the exact f', from all states at
-    once; members of a family may go to different equilibria: to follow one, pass the last one found
-    as `near` of the next. A body without a rotor has a line of them, of which it is the nearest
-    one. The fixed points of Kahan's map are the same for every step size, because
+    Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
+    f, such as the totals that a reaction conserves, keep the values that they have in `near`.
+    Members of a family may go to different equilibria: to follow one, pass the last one found as
+    `near` of the next. A body without a rotor has a line of them, of which the nearest one is
+    returned. The fixed points of Kahan's map are the same for every step size, because
     (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
 
     Parameters
@@ -69,82 +78,94 @@ def fixed_points(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
     Returns
     -------
     Equilibria
-        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k) by decreasing
-        real part, and `status` (...), a :class:`Status`: the equilibrium of each state. Variables
-        with a constant rate, such as time, keep the value that they have in `near`, and count
-        neither in the condition nor in the eigenvalues. On a curve of equilibria a point near the
-        given one is found. If Newton's method does not converge at once, shorter steps begin, and
-        then ``scipy.optimize.root``, by its methods "hybr" and "lm"; what they find may be far.
-        NaN, with a negative status, for a state from which none is found, and where one is
-        degenerate, as at a fold.
+        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status` (...) and
+        `stable` (...). Variables with a constant rate, such as time, keep the value that they have
+        in `near`, and count neither in the condition nor in the eigenvalues. If Newton's method
+        does not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its
+        methods "hybr" and "lm"; what they find may be far. States are NaN, with a negative status,
+        where no equilibrium is found. The status is `DEGENERATE` where f' is singular in floats: at
+        a multiple root, whose states have 7 digits, and on a family of equilibria, of which one
+        near the given state is returned.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or is infinite.
 
     Warns
     -----
     UserWarning
-        Once for all states without an equilibrium.
+        Once for all states without an equilibrium, once for those that are degenerate, and once if
+        the equations depend on a variable of a constant rate.
 
     Examples
     --------
     A pendulum with friction and a torque, for three torques:
 
     >>> import numpy as np
-    >>> from suslov_fast import Field, fixed_points
+    >>> from suslov_fast import Field, equilibria
     >>> pendulum = Field.from_function(
     ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
     ... )
-    >>> found = fixed_points(pendulum, near=[0.1, 0.0])
-    >>> found.states[:, 0].round(6)
-    array([0.      , 0.304693, 0.643501])
-    >>> found.eigenvalues.real.max(axis=-1).round(6)
-    array([-0.05, -0.05, -0.05])
+    >>> found = equilibria(pendulum, near=[0.1, 0.0])
+    >>> found.states[:, 0].round(6), found.stable
+    (array([0.      , 0.304693, 0.643501]), array([ True,  True,  True]))
+
+    A substrate S that an enzyme E turns into P: the total amounts are kept.
+
+    >>> enzyme = Field.from_function(
+    ...     lambda x: (x[2] - x[0] * x[1], 2 * x[2] - x[0] * x[1], x[0] * x[1] - 2 * x[2], x[2]),
+    ...     "S E SE P",
+    ... )
+    >>> equilibria(enzyme, near=[10, 1, 0, 0]).states.round(9) + 0.0
+    array([ 0.,  1.,  0., 10.])
     """
     instance("system", system, Body)
     given = states("near", near, system.labels)
     field = system if isinstance(system, FieldOfFunction) else system.field()
-    D, batch = field.dimension, common_shape({"system": field.shape, "near": given.shape[:-1]})
-    steady = [np.isin(np.arange(D), f.steady) for _, f, _ in field.listed_right_hand_sides]
-    own = ~np.logical_and.reduce(steady) if steady else np.ones(D, bool)
-    members = np.broadcast_to(np.arange(int(np.prod(field.shape))).reshape(field.shape), batch)
-    x = np.array(np.broadcast_to(given, (*batch, D)))
-
-    def member(index: Any) -> Any:
-        return field[np.unravel_index(members[index], field.shape)] if field.shape else field
-
+    batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
+    x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
-        if has_line := system.steady_line is not None:
+        if system.steady_line is not None:
             x = _on_line(system.steady_line, x)
+        equations = _Equations(field, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
-        sizes = _sizes_of(x)
-        units = np.where(x == 0.0, sizes, abs(x))
-        found, is_found = (x, has_value) if has_line else _newton(field, x, own, sizes, units)
-        if not is_found.all():
-            closer = _damped(
-                field, np.where(is_found[..., np.newaxis], np.nan, x), own, sizes, units
-            )
-            others, too = _newton(field, closer, own, sizes, units)
-            found = np.where(too[..., np.newaxis], others, found)
-            is_found = np.array(is_found | too)
-        for index in map(tuple, np.argwhere(has_value & ~is_found)):
-            found[index], is_found[index] = _by_scipy(
-                member(index), x[index], own, sizes[index], units[index]
-            )
-        is_regular = np.array(
-            is_found if has_line else is_found & _leads_back(field, found, own, sizes, units)
-        )
-        is_degenerate = (is_found | _is_small(field, found, own, units)) & ~is_regular
-        slopes = field.jacobian(np.where(is_regular[..., np.newaxis], found, np.nan))
+        if system.steady_line is None:
+            y, is_found, is_degenerate, is_family = _found(equations, has_value)
+        else:
+            y, is_found = equations.start, has_value
+            is_degenerate = is_family = np.zeros(batch, bool)
+        x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
+        slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
+        values = _eigenvalues(slopes)
+        is_stable = _eigenvalues(equations.without_totals(slopes)).real < 0.0
     status = np.select(
-        [is_regular, ~has_value, is_degenerate],
-        [Status.OK, Status.NONFINITE, Status.DEGENERATE],
+        [is_found & ~is_degenerate, is_found, ~has_value],
+        [Status.OK, Status.DEGENERATE, Status.NONFINITE],
         Status.NOT_FOUND,
     ).astype(np.int8)
-    if (failed := (status < 0) & ~np.isnan(x).any(axis=-1)).any():
-        index = first_index(failed)
-        where = f" (first: start {spell(index)}{_named(field, members[index])})" if batch else ""
-        why = Status(status[index]).message
-        warn(f"fixed_points: {failed.sum()} of {failed.size} starts have no result{where}: {why}")
-    values = _eigenvalues(slopes[..., own, :][..., own])
-    return Equilibria(np.where(is_regular[..., np.newaxis], found, np.nan), values, status)
+    members = np.broadcast_to(np.arange(int(np.prod(field.shape))).reshape(field.shape), batch)
+
+    def tell(which: Any, what: str) -> None:
+        if which.any():
+            index = first_index(which)
+            where = f" (first: {spell(index)}{_named(field, members[index])})" if batch else ""
+            warn(f"equilibria: {which.sum()} of {which.size} starts {what}{where}")
+
+    failed = (status < 0) & ~np.isnan(given).any(axis=-1)
+    tell(failed, "have no result: f has no value there, or a nearer start is needed")
+    tell(is_family, "lead to a family of equilibria, of which a near one is returned")
+    tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
+    _warn_of_clocks(field)
+    return Equilibria(x, values, status, is_stable.all(axis=-1) & (status == Status.OK))
+
+
+def _warn_of_clocks(field: Any) -> None:
+    clocks = {clock for _, f, _ in field.listed_right_hand_sides for clock in f.clocks}
+    if clocks:
+        name = field.labels[min(clocks)]
+        how = f"which has a constant rate: {name} was held at its start"
+        warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
@@ -163,141 +184,224 @@ def _named(field: Any, member: Any) -> str:
     return str(field.of_member(index if len(index) > 1 else index[0])) if index else ""
 
 
-def _sizes_of(x: FloatArray) -> FloatArray:
-    """Return the sizes of the components of states, no one far smaller than the largest."""
-    largest = abs(x).max(axis=-1, keepdims=True)
-    return np.maximum(abs(x), np.where(largest > 0, _LEAST * largest, 1.0))
+class _Equations:
+    """The equations of a field for its k variables without those of constant rates.
 
-
-def _step(field: Any, x: FloatArray, own: Any, units: FloatArray) -> tuple[Any, Any, Any, Any]:
-    """Return the step (..., D) of Newton's method, f (..., k) by its scale, and the step's matrix.
-
-    The matrix (..., k, k) times f is the step. `units` are sizes of the components. The last result
-    is whether f' is not singular in these units.
+    own      True for these variables (D,)
+    start    their given values (..., k)
+    totals   (..., k, k): a row c in place of each equation that follows from others; else 0
+    is_total True for these rows (..., k)
+    sizes    of the components (..., k), no one far smaller than the largest
+    units    sizes of the components (..., k), however small
     """
-    f, slopes = field(x)[..., own], field.jacobian(x)[..., own, :][..., own]
-    sizes = abs(slopes).max(axis=-1, initial=0.0)
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    known = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
-    scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
-    units = units[..., np.newaxis, own]
-    inner = scaled * units
-    inner = np.where(np.isfinite(inner), inner, 0.0)
-    rows = abs(inner).max(axis=-1, keepdims=True, initial=0.0)
-    values = np.linalg.svd(inner / np.where(rows > 0, rows, 1.0), compute_uv=False)
-    is_whole = values.min(axis=-1, initial=np.inf) > _WHOLE * values.max(axis=-1, initial=0.0)
-    is_whole &= (rows > 0).all(axis=(-2, -1))
-    kept = is_whole[..., np.newaxis, np.newaxis]
-    units, rows = np.where(kept, units, 1.0), np.where(kept, rows, 1.0)
-    inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
-    inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
-    step = _whole(inverse, np.where(known[..., np.newaxis], f, np.nan), own)
-    return step, f / sizes, inverse, is_whole
+
+    def __init__(self, field: Any, x: FloatArray, totals: Any = None) -> None:
+        self.field, self.x = field, x
+        lists = field.listed_right_hand_sides
+        steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
+        self.own = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
+        self.start = x[..., self.own]
+        self.totals = self._all_totals() if totals is None else totals
+        self.is_total = self.totals.any(axis=-1)
+        moduli = abs(self.start)
+        largest = moduli.max(axis=-1, keepdims=True, initial=0.0)
+        self.sizes = np.maximum(moduli, np.where(largest > 0, _LEAST * largest, 1.0))
+        self.units = np.where(moduli == 0.0, self.sizes, moduli)
+
+    def _all_totals(self) -> FloatArray:
+        """Return the rows of totals of all members; one matrix if they have the same."""
+        k, shape = int(self.own.sum()), self.field.shape
+        found, known = np.zeros((int(np.prod(shape)), k, k)), {}
+        for members, f, table in self.field.listed_right_hand_sides:
+            for member, C in zip(members, coefficients(f, table)[:, self.own], strict=True):
+                key = C.round(12).tobytes()
+                if key not in known:
+                    known[key] = _totals(C)
+                found[member] = known[key]
+        return found[0] if len(known) == 1 else found.reshape(*shape, k, k)
+
+    def member(self, index: tuple[int, ...]) -> _Equations:
+        """Return the equations of one state."""
+        own, totals = self.field, self.totals
+        if own.shape:
+            place = index[len(index) - len(own.shape) :]
+            place = tuple(0 if n == 1 else i for i, n in zip(place, own.shape, strict=True))
+            own, totals = own[place], totals[place] if totals.ndim > 2 else totals
+        return _Equations(own, self.x[index], totals)
+
+    def whole(self, y: FloatArray) -> FloatArray:
+        """Return states (..., D)."""
+        x = self.x.copy()
+        x[..., self.own] = y
+        return x
+
+    def value(self, y: FloatArray) -> FloatArray:
+        """Return what is to be 0 (..., k)."""
+        away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
+        return np.where(self.is_total, away, self.field(self.whole(y))[..., self.own])
+
+    def slopes(self, y: FloatArray) -> FloatArray:
+        """Return the derivative of `value` (..., k, k)."""
+        slopes = self.field.jacobian(self.whole(y))[..., self.own, :][..., self.own]
+        return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
+
+    def without_totals(self, slopes: FloatArray) -> FloatArray:
+        """Return f' with negative eigenvalues in place of the zeros that belong to totals."""
+        one = np.eye(slopes.shape[-1])
+        along = one - np.linalg.pinv(self.totals) @ self.totals
+        size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
+        return along @ slopes @ along - size * (one - along)
+
+    @cached_property
+    def terms(self) -> FloatArray:
+        """The sizes of the terms of f' dx at the given states."""
+        units = self.units[..., np.newaxis]
+        terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
+        return terms
+
+    def is_zero(self, y: FloatArray) -> Any:
+        """Return whether f is 0 but for rounding, as near multiple roots."""
+        return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
+
+    def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
+        """Return the step (..., k) of Newton's method, f by its scale, and the step's matrix.
+
+        The matrix (..., k, k) times f is the step. The last result is the smallest singular value
+        beside the largest, in units of the components.
+        """
+        f, slopes = self.value(y), self.slopes(y)
+        sizes = abs(slopes).max(axis=-1, initial=0.0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        known = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
+        scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
+        units = self.units[..., np.newaxis, :]
+        inner = scaled * units
+        inner = np.where(np.isfinite(inner), inner, 0.0)
+        rows = abs(inner).max(axis=-1, keepdims=True, initial=0.0)
+        values = np.linalg.svd(inner / np.where(rows > 0, rows, 1.0), compute_uv=False)
+        largest = values.max(axis=-1, initial=0.0)
+        least = values.min(axis=-1, initial=np.inf) / np.where(largest > 0.0, largest, 1.0)
+        least = np.where((rows > 0).all(axis=(-2, -1)), least, 0.0)
+        kept = (least > _WHOLE)[..., np.newaxis, np.newaxis]
+        units, rows = np.where(kept, units, 1.0), np.where(kept, rows, 1.0)
+        inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
+        inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
+        step = (inverse @ np.where(known[..., np.newaxis], f, np.nan)[..., np.newaxis])[..., 0]
+        return step, f / sizes, inverse, least
+
+    def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
+        """Return states to which Newton's method converges at once, and where it does.
+
+        Steps are measured beside the sizes of components.
+        """
+        sizes, y = self.sizes if sizes is None else sizes, y.copy()
+        before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
+        is_found = np.zeros(y.shape[:-1], bool)
+        for _ in range(_MOST):
+            step, f, *_ = self.step(y)
+            scale = np.maximum(sizes, abs(y))
+            length, size = _length(step, scale), scale.max(axis=-1, keepdims=True, initial=0.0)
+            solved = (abs(f) <= _SMALL * size).all(axis=-1)
+            going &= length <= _FARTHEST
+            is_last = (length <= _ROUNDING) | ((before <= _SMALL) & (length > _SHORTER * before))
+            is_found |= going & is_last & solved
+            going &= ~is_last & (length <= _SHORTER * before)
+            moves = going | (is_found & (length <= before))
+            y = np.where(moves[..., np.newaxis], y + step, y)
+            before = length
+            if not going.any():
+                break
+        return y, is_found
+
+    def damped(self, y: FloatArray) -> FloatArray:
+        """Return states after parts of Newton's steps that make the next one shorter."""
+        part = np.ones(y.shape[:-1])
+        for _ in range(_MOST_DAMPED):
+            step, _, inverse, _ = self.step(y)
+            scale = np.maximum(self.sizes, abs(y))
+            length = _length(step, scale)
+            part = np.minimum(part, _FARTHEST / length)
+            moved = y + part[..., np.newaxis] * step
+            after = _length((inverse @ self.value(moved)[..., np.newaxis])[..., 0], scale)
+            is_shorter = after <= (1.0 - part / 4) * length
+            is_shorter &= ~self.is_zero(y)
+            y = np.where(is_shorter[..., np.newaxis], moved, y)
+            part = np.where(is_shorter, np.minimum(1.0, 2.0 * part), part / 4)
+        return y
+
+    def by_scipy(self) -> tuple[FloatArray, bool]:
+        """Return the equilibrium that SciPy finds of a single field, and whether it is one."""
+        from scipy.optimize import root  # here, because the import takes time
+
+        for method in ("hybr", "lm"):
+            options = {"factor": 1}  # the first step is no longer than the state
+            last = root(self.value, self.start, jac=self.slopes, method=method, options=options).x
+            found, is_found = self.newton(last)
+            if is_found:
+                return found, True
+        return last, bool(self.is_zero(last))
+
+    def beside(self, y: FloatArray) -> tuple[Any, Any]:
+        """Return whether Newton's method leads back from beside each state, and not to a family.
+
+        A component far smaller than others may be one of digits, or rounding: then none of them
+        lead.
+        """
+        scale = np.maximum(self.sizes, abs(y))
+        away = _PROBE * np.cos(np.arange(y.shape[-1]))
+        back, leads = self.newton(y + scale * away)
+        is_family = leads & (_length(back - y, scale) > _SMALL)
+        if not leads.all():
+            small = np.where(y == 0.0, self.sizes, abs(y))
+            leads = leads | self.newton(y + small * away, small)[1]
+        return leads, is_family & (self.step(y)[3] <= _WHOLE)
 
 
-def _whole(inverse: FloatArray, f: FloatArray, own: Any) -> FloatArray:
-    """Return the product of a matrix and f, with 0 for variables that stay."""
-    step = np.zeros((*f.shape[:-1], len(own)))
-    step[..., own] = (inverse @ f[..., np.newaxis])[..., 0]
-    return step
+def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
+    """Return states, where they are equilibria, and which of these are degenerate, or a family."""
+    y, is_found = equations.newton(equations.start)
+    if not is_found.all():
+        start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
+        closer = equations.damped(start)
+        others, too = equations.newton(closer)
+        is_zero = ~too & ~is_found & equations.is_zero(closer)
+        y = np.where(too[..., np.newaxis], others, y)
+        y = np.where(is_zero[..., np.newaxis], closer, y)
+        is_found = np.array(is_found | too | is_zero)
+    for index in map(tuple, np.argwhere(has_value & ~is_found)):
+        y[index], is_found[index] = equations.member(index).by_scipy()
+    leads, is_family = equations.beside(y)
+    if (is_multiple := is_found & ~leads).any():  # whose small components may have no digits yet
+        closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
+        y = np.where(is_multiple[..., np.newaxis], closer, y)
+        is_found = is_found & (leads | equations.is_zero(y))
+    return y, is_found, is_found & (~leads | is_family), is_found & is_family
+
+
+def _totals(C: FloatArray) -> FloatArray:
+    """Return linear integrals as rows (k, k), each in a row that its equation follows from others.
+
+    `C` (k, terms) are the coefficients of the terms of f.
+    """
+    k = len(C)
+    totals = np.zeros((k, k))
+    if not C.any():
+        return np.eye(k)
+    _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
+    free = rows[int((values > _RANK * values[0]).sum()) :]
+    pivots = []
+    for i in range(len(free)):  # in echelon form, so that totals of other sizes do not mix
+        pivots.append(int(abs(free[i]).argmax()))
+        free[i] /= free[i, pivots[i]]
+        others = np.arange(len(free)) != i
+        free[others] -= free[others, pivots[i], np.newaxis] * free[i]
+    totals[pivots] = np.where(abs(free) < _RANK, 0.0, free)
+    return totals
 
 
 def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
-    length: FloatArray = abs(step / scale).max(axis=-1)
+    length: FloatArray = abs(step / scale).max(axis=-1, initial=0.0)
     return length
-
-
-def _newton(
-    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
-) -> tuple[Any, Any]:
-    """Return states to which Newton's method converges at once, and where it does.
-
-    `sizes` are those of the components, beside which steps are measured.
-    """
-    x = x.copy()
-    before, going = np.full(x.shape[:-1], np.inf), np.isfinite(x).all(axis=-1)
-    is_found = np.zeros(x.shape[:-1], bool)
-    for _ in range(_MOST):
-        step, f, *_ = _step(field, x, own, units)
-        scale = np.maximum(sizes, abs(x))
-        length, size = _length(step, scale), scale.max(axis=-1, keepdims=True)
-        solved = (abs(f) <= _SMALL * size).all(axis=-1)
-        going &= length <= _FARTHEST
-        is_last = (length <= _ROUNDING) | ((before <= _SMALL) & (length > _SHORTER * before))
-        is_found |= going & is_last & solved
-        going &= ~is_last & (length <= _SHORTER * before)
-        moves = going | (is_found & (length <= before))
-        x = np.where(moves[..., np.newaxis], x + step, x)
-        before = length
-        if not going.any():
-            break
-    return x, is_found
-
-
-def _damped(
-    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
-) -> FloatArray:
-    """Return states after parts of Newton's steps that make the next one shorter."""
-    part = np.ones(x.shape[:-1])
-    for _ in range(_MOST):
-        step, _, inverse, _ = _step(field, x, own, units)
-        scale = np.maximum(sizes, abs(x))
-        length = _length(step, scale)
-        part = np.minimum(part, _FARTHEST / length)
-        moved = x + part[..., np.newaxis] * step
-        after = _length(_whole(inverse, field(moved)[..., own], own), scale)
-        is_shorter = after <= (1.0 - part / 4) * length
-        x = np.where(is_shorter[..., np.newaxis], moved, x)
-        part = np.where(is_shorter, np.minimum(1.0, 2.0 * part), part / 4)
-    return x
-
-
-def _by_scipy(
-    field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray
-) -> tuple[FloatArray, Any]:
-    """Return the equilibrium that SciPy finds of a single field, and whether it is one."""
-    from scipy.optimize import root  # here, because the import takes time
-
-    def whole(y: Any) -> FloatArray:
-        state = x.copy()
-        state[own] = y
-        return state
-
-    last = x
-    for method in ("hybr", "lm"):
-        last = whole(
-            root(
-                lambda y: field(whole(y))[own],
-                x[own],
-                jac=lambda y: field.jacobian(whole(y))[own][:, own],
-                method=method,
-                options={"factor": 1},  # the first step is no longer than the state
-            ).x
-        )
-        found, is_found = _newton(field, last, own, sizes, units)
-        if is_found:
-            return found, True
-    return last, False
-
-
-def _leads_back(field: Any, x: FloatArray, own: Any, sizes: FloatArray, units: FloatArray) -> Any:
-    """Return whether Newton's method leads back from beside each state.
-
-    A component far smaller than others may be one of digits, or rounding: then none of them lead.
-    """
-    beside = _PROBE * np.cos(np.arange(x.shape[-1])) * own
-    leads = _newton(field, x + np.maximum(sizes, abs(x)) * beside, own, sizes, units)[1]
-    if not leads.all():
-        small = np.where(x == 0.0, sizes, abs(x))
-        leads = leads | _newton(field, x + small * beside, own, small, small)[1]
-    return leads
-
-
-def _is_small(field: Any, x: FloatArray, own: Any, units: FloatArray) -> Any:
-    """Return whether f is nearly 0 beside what it is where x is moved in its largest component."""
-    _, f, *_ = _step(field, x, own, units)
-    size = abs(x).max(axis=-1, keepdims=True)
-    return (abs(f) <= 1e-6 * np.where(size > 0, size, 1.0)).all(axis=-1)
 
 
 def _eigenvalues(slopes: FloatArray) -> Any:

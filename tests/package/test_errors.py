@@ -42,7 +42,7 @@ RUN, POINTS = (
 )
 MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
 CHANGES = sf.flow(SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change("x1")).changes
-EQUILIBRIA = sf.fixed_points(SMOOTH, near=[0.1, 0.0])
+EQUILIBRIA = sf.equilibria(SMOOTH, near=[0.1, 0.0])
 COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
 
 

@@ -35,7 +35,7 @@ OTHERS = {
         "- odeint(lambda x, t: f(x, 27.999), x0, [0, T], **tight)[1]) / 0.002",
         1e-4,
     ),
-    "fixed_points(quadratic, near=[9, 9, 27]).states": ([72**0.5] * 2 + [27], 1e-12),
+    "equilibria(quadratic, near=[9, 9, 27]).states": ([72**0.5] * 2 + [27], 1e-12),
     'iterate(quadratic, x0, eps=1 / 64, steps=128, method="order8").final': (
         "solve_ivp(g, (0, T), x0, **tight).y[:, -1]",
         1e-6,

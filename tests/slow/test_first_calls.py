@@ -118,7 +118,7 @@ sf.flow(henon, x(4), time=5.0, changes=kick), sf.flow(henon, x(1000, 4), time=5.
 sf.crossings(henon, x(4), surface="x1", time=9.0), \
 sf.crossings(henon, x(1000, 4), surface="x1", time=9.0)
 sf.periodic_orbit(of(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2), [1.0, 2.0], 6.6).state
-sf.fixed_points(field, x(3))
+sf.equilibria(field, x(3))
 sf.integrability.report(of(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3), degree=2)""",
     "many variables": """
 run(sf.QuadraticField(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), 36, .02, 3)

@@ -34,7 +34,7 @@ _MOST_CHANGES = 16  # lists of changes, whose right-hand sides a field keeps
 NO_MAP = (
     "a Field has a motion, flow(field, x0, time=T), whose functions take time=T in place of eps "
     "and steps, and no map: for Kahan's map of equations of degree 2 use "
-    "QuadraticField.from_function(f, names), and for equilibria fixed_points(field, near=x0)"
+    "QuadraticField.from_function(f, names), and equilibria(field, near=x0)"
 )
 
 

@@ -12,8 +12,8 @@ TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
 ACCUMULATES = -6  # changes of the state follow one another without end
 STOPPED = 3  # finished; a change of the state ended it
 # Of equilibria:
-DEGENERATE = -7  # f' is singular, as at a fold
-NOT_FOUND = -8
+DEGENERATE = 4  # found, but f' is singular, as at a fold
+NOT_FOUND = -7
 
 # In integers that tell of lanes, one bit each: the place of the bits of those in which a component
 # changed its sign, after the bits of those with det A < 0.

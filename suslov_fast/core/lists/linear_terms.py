@@ -1,0 +1,74 @@
+"""Terms of right-hand sides: f = C m(x), with functions m of the state that no f_i has alone.
+
+Left null vectors c of C are linear integrals: c . f = 0 for all x. A product of sums is expanded,
+and quotients and other functions stay as they are.
+"""
+
+import numpy as np
+
+from .right_hand_side import depending
+
+_MOST_TERMS, _MOST_FACTORS = 4096, 8  # above which a product is not expanded
+_ROUNDING = 1e-14  # of coefficients, beside the numbers of which they are sums
+
+
+def coefficients(f, table):
+    """Return C (members, D, terms) of a `RightHandSide`, for the tables (members, n) of members.
+
+    Each column is divided by its largest entry. Choices, which are fixed within a step, stay.
+    """
+    kinds = () if f.conditions is None else f.conditions.kinds
+    choices = depending(f.fixed, range(f.D + f.P - len(kinds), f.D + f.P))
+    columns = dict(zip(f.table, table.T, strict=True))
+    # Of each value the factors of its terms, and their coefficients and the sizes of these.
+    terms = {a: {(): np.stack([c, abs(c)])} for a, c in columns.items() if a not in choices}
+
+    def of(a):
+        if isinstance(a, float):
+            return {(): np.array([[a], [abs(a)]])}
+        return terms.setdefault(a, {(a,): np.ones((2, 1))})
+
+    for name, number, operands in f.f.operations:
+        parts = [of(a) for a in operands]
+        if name in ("fadd", "sum"):
+            terms[number] = _sum(parts)
+        elif name == "fsub":
+            minus = np.array([[-1.0], [1.0]])
+            terms[number] = _sum([parts[0], {key: c * minus for key, c in parts[1].items()}])
+        elif name == "fmul" and _may_expand(*parts):
+            terms[number] = _product(*parts)
+        elif name == "fdiv" and parts[1].keys() == {()}:
+            terms[number] = {key: c / parts[1][()] for key, c in parts[0].items()}
+        elif name == "fdiv":
+            terms[number] = _product(parts[0], {((operands[1], "inverse"),): np.ones((2, 1))})
+    rows = [of(a) for a in f.f.results]
+    keys = [*dict.fromkeys(key for row in rows for key in row)]
+    both = np.zeros((2, len(table), f.D, len(keys)))
+    for i, row in enumerate(rows):
+        for key, c in row.items():
+            both[:, :, i, keys.index(key)] = c
+    C = np.where(abs(both[0]) <= _ROUNDING * both[1], 0.0, both[0])
+    largest = abs(C).max(axis=1, keepdims=True, initial=0.0)
+    return C / np.where(largest > 0.0, largest, 1.0)
+
+
+def _sum(parts):
+    found = {}
+    for part in parts:
+        for key, c in part.items():
+            found[key] = found[key] + c if key in found else c
+    return found
+
+
+def _may_expand(a, b):
+    degree = sum(max(map(len, part), default=0) for part in (a, b))
+    return len(a) * len(b) <= _MOST_TERMS and degree <= _MOST_FACTORS
+
+
+def _product(a, b):
+    found = {}
+    for first, c in a.items():
+        for second, d in b.items():
+            key = (*sorted((*first, *second), key=str),)
+            found[key] = found[key] + c * d if key in found else c * d
+    return found

@@ -1,0 +1,229 @@
+"""Equilibria of fields, against closed forms and the limits of motions."""
+
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import suslov_fast as sf
+from suslov_fast import Field, QuadraticField, equilibria
+
+
+def _near(f, near, **parameters):
+    return equilibria(sf.Field.from_function(f, np.shape(near)[-1], **parameters), near=near)
+
+
+TORQUES = np.array([0.0, 0.3, 0.6, 1.0, 1.2])
+
+
+def test_equilibria_of_families_and_folds():
+    """Of a pendulum with a torque; at torque 1 two of them meet."""
+    with pytest.warns(UserWarning, match="2 of 10 starts") as told:
+        found = _near(
+            lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), [[[0.1, 0]], [[0.2, 0]]], m=TORQUES
+        )
+    texts = [str(each.message) for each in told]
+    assert len(texts) == 2
+    for text, where in zip(
+        texts, ("(0, 4) of member 4 (m=1.2)", "(0, 3) of member 3"), strict=True
+    ):
+        assert "2 of 10" in text
+        assert where in text
+    q = np.arcsin(TORQUES[:3])
+    np.testing.assert_allclose(found.states[:, :3, 0], [q, q], atol=1e-14)
+    np.testing.assert_allclose(found.states[:, 3, 0], np.pi / 2, atol=1e-7)
+    np.testing.assert_allclose(found.states[:, :4, 1], 0.0, atol=1e-14)
+    roots = -0.05 + np.sqrt(0.0025 - np.cos(q) + 0j)
+    np.testing.assert_allclose(found.eigenvalues[1, :3, 0], roots, rtol=1e-12)
+    assert np.isnan(found.states[:, 4]).all()
+    assert np.isnan(found.eigenvalues[:, 4]).all()
+    S = sf.Status
+    assert found.status.tolist() == [[S.OK, S.OK, S.OK, S.DEGENERATE, S.NOT_FOUND]] * 2
+    assert found.stable.tolist() == [[True, True, True, False, False]] * 2
+
+
+@pytest.mark.parametrize(
+    ("f", "near", "right", "digits"),
+    [
+        (lambda x: (x[0] ** 2,), [0.1], [0.0], 1e-7),
+        (lambda x: (x[0] ** 2,), [0.0], [0.0], 0.0),
+        (lambda x: ((x[0] - 1) ** 2, -x[1]), [0.1, 0.2], [1.0, 0.0], 1e-7),
+        (lambda x: (-(x[0] ** 3),), [0.1], [0.0], 1e-5),
+        (lambda x: (x[0] - 1, (1e14 * x[1] - 1) ** 2), [1.1, 1.2e-14], [1.0, 1e-14], 1e-21),
+        (lambda s: (-s[0] * s[1] / 2,) * 2 + (s[0] * s[1] / 2,), [2, 2, 2], [0, 0, 4], 1e-7),
+    ],
+)
+def test_multiple_roots(f, near, right, digits):
+    with pytest.warns(UserWarning, match="multiple root") as told:
+        found = _near(f, near)
+    assert len(told) == 1
+    assert found.status == sf.Status.DEGENERATE
+    assert not found.stable
+    assert (abs(found.states - right)[-1:] <= digits).all()
+    assert abs(found.states - right).max() <= max(digits, 1e-7)
+
+
+@pytest.mark.parametrize(
+    ("f", "near", "status"),
+    [
+        (lambda x: (x[0] ** 2 + 1, -x[1]), [0.1, 0.2], sf.Status.NOT_FOUND),
+        (lambda x: (x[1], x[1] + 1), [0.1, 0.2], sf.Status.NOT_FOUND),
+        (lambda x: (np.log(x[0]),), [-1.0], sf.Status.NONFINITE),
+    ],
+)
+def test_states_without_an_equilibrium(f, near, status):
+    with pytest.warns(UserWarning, match="1 of 1 starts"):
+        found = _near(f, near)
+    assert found.status == status
+    assert np.isnan(found.states).all()
+
+
+def test_totals_are_kept():
+    enzyme = _near(
+        lambda x: (
+            -x[0] * x[1] + x[2],
+            -x[0] * x[1] + 2 * x[2],
+            x[0] * x[1] - 2 * x[2],
+            x[2],
+        ),
+        [10, 1, 0, 0],
+    )
+    np.testing.assert_allclose(enzyme.states, [0, 1, 0, 10], atol=1e-12)
+    assert enzyme.stable
+    a = np.array([1.0, 2.0, 4.0])  # of a family, by parameters: a x1 + 2 x2 is constant
+    pair = _near(lambda x, a: (-2 * x[0] + 4 * x[1], a * x[0] - 2 * a * x[1]), [1, 0], a=a)
+    right = np.stack([2 * a / (2 * a + 2), a / (2 * a + 2)], axis=-1)
+    np.testing.assert_allclose(pair.states, right, rtol=1e-13)
+    assert pair.stable.all()
+    # A product of sums, a quotient twice, and a switch.
+    x = _near(
+        lambda x: (
+            -x[0] * (2 + x[1]) + x[2] / (1 + x[2]),
+            2 * x[0] + x[0] * x[1] - x[2] / (1 + x[2]) - x[1] + np.maximum(x[0], 0.1),
+            x[1] - np.maximum(x[0], 0.1),
+        ),
+        [1.0, 0.5, 0.2],
+    ).states
+    assert abs(x[0] * (2 + x[1]) - x[2] / (1 + x[2])) < 1e-14
+    np.testing.assert_allclose([x[1] - max(x[0], 0.1), x.sum()], [0.0, 1.7], atol=1e-14)
+
+
+def _network(rng):
+    """Return the rates, as numbers of a function, and the totals of a reversible network."""
+    n = int(rng.integers(3, 7))
+    atoms = rng.integers(0, 3, (n, 2))
+    atoms[atoms.sum(axis=1) == 0] = 1
+    sides = [(i,) for i in range(n)] + [(i, j) for i in range(n) for j in range(i, n)]
+    holds = [tuple(atoms[[*side]].sum(axis=0)) for side in sides]
+    pairs = [
+        (a, b)
+        for i, a in enumerate(sides)
+        for j, b in enumerate(sides)
+        if i < j and holds[i] == holds[j] and not {*a} & {*b}
+    ]
+    some = [pairs[k] for k in rng.permutation(len(pairs))[: 2 * n]]
+    some = [each for a, b in some for each in ((a, b), (b, a))]
+    rates, stoichiometry = 10 ** rng.uniform(-2, 2, len(some)), np.zeros((n, len(some)))
+    for k, (a, b) in enumerate(some):
+        np.add.at(stoichiometry[:, k], [*a], -1)
+        np.add.at(stoichiometry[:, k], [*b], 1)
+
+    def f(x):
+        fluxes = [k * np.prod([x[i] for i in a]) for k, (a, _) in zip(rates, some, strict=True)]
+        return [
+            sum((float(c) * r for c, r in zip(row, fluxes, strict=True) if c), 0.0 * x[0])
+            for row in stoichiometry
+        ]
+
+    return n, f, stoichiometry, rng.uniform(0.1, 2.0, n)
+
+
+@pytest.mark.filterwarnings("ignore:equilibria")
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("seeds", [range(5 * k, 5 * k + 5) for k in range(16)], ids=str)
+def test_random_networks_keep_their_totals(seeds):
+    """The stable equilibrium that is found is the limit of the motion from the same state."""
+    stable = 0
+    for seed in seeds:
+        n, f, stoichiometry, x0 = _network(np.random.default_rng(seed))
+        found = equilibria(Field.from_function(f, n), near=x0)
+        left = np.linalg.svd(stoichiometry.T)[2][np.linalg.matrix_rank(stoichiometry) :]
+        assert abs(left @ (found.states - x0)).max(initial=0.0) < 1e-12, seed
+        assert abs(np.array(f(found.states))).max() < 1e-12, seed
+        if found.stable and found.states.min() >= -1e-12:
+            stable += 1
+            end = solve_ivp(lambda t, x, f=f: f(x), (0, 1e7), x0, "LSODA", rtol=1e-10, atol=1e-13)
+            np.testing.assert_allclose(found.states, end.y[:, -1], atol=1e-7, err_msg=str(seed))
+    assert stable >= 3
+
+
+def test_equilibria_that_newton_reaches_from_afar():
+    found = _near(lambda x: (np.exp(x[0]) - 1,), [[0.1], [0.0], [5.0], [-3.0], [np.nan]])
+    np.testing.assert_allclose(found.states[:, 0], [0, 0, 0, 0, np.nan], atol=1e-15)
+    assert found.status.tolist() == [0, 0, 0, 0, sf.Status.NONFINITE]
+    assert _near(lambda x: (np.log(x[0]),), [20.0]).states.tolist() == [1.0]
+    lorenz = QuadraticField.from_function(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]), 3
+    )
+    starts = np.random.default_rng(0).normal(size=(30, 3)) * 20
+    found = equilibria(lorenz, near=starts)
+    points = np.array([[0, 0, 0], *([s * 72**0.5, s * 72**0.5, 27] for s in (1, -1))])
+    far = abs(found.states[:, np.newaxis] - points).max(axis=-1).min(axis=-1)
+    assert far.max() < 1e-12
+    assert not found.status.any()
+
+
+def test_equilibria_of_components_of_different_sizes():
+    """A radical, whose rates k r are as large as others: the last ones were 0.2 to 2 % off."""
+    k = np.array([1.0, 1e6, 1e12, 1e15])
+    found = _near(
+        lambda x, k: (1 - x[0] - k * x[1] * x[0] + x[2] / 2,
+                      x[2] / 1000 - k * x[1] * (x[0] + 0.1) / 10,
+                      x[0] - 0.9 * x[2] + k * x[1] / 10),
+        np.stack([2.24 + 0 * k, 0.0108 / k, 2.4 + 0 * k], axis=-1), k=k,
+    )  # fmt: skip
+    states = found.states * np.stack([1 + 0 * k, k, 1 + 0 * k], axis=-1)
+    np.testing.assert_allclose(states, states[:1] * np.ones((4, 1)), rtol=1e-12)
+
+
+def test_clocks_keep_their_values():
+    with pytest.warns(UserWarning, match="x3, which has a constant rate: x3 was held") as told:
+        found = _near(
+            lambda s: (s[1], -np.sin(s[0]) - 0.1 * s[1] + np.sin(s[2]), 1.0), [0.1, 0.0, 0.5]
+        )
+    assert len(told) == 1
+    np.testing.assert_allclose(found.states, [0.5, 0.0, 0.5], atol=1e-14)
+    assert found.eigenvalues.shape == (2,)
+    found = _near(lambda x: (1.0,), [3.0])  # a clock that nothing reads
+    assert (found.states.tolist(), found.eigenvalues.shape) == ([3.0], (0,))
+
+
+def test_families_of_equilibria():
+    bound = _near(lambda x: (x[2] - 3 * x[0] * x[1],) * 2 + (3 * x[0] * x[1] - x[2],), [1, 1.1, 1])
+    a, b, c = bound.states
+    assert abs(c - 3 * a * b) < 1e-14
+    np.testing.assert_allclose([b - a, a + c], [0.1, 2.0], rtol=1e-14)
+    with pytest.warns(UserWarning, match="a family of equilibria") as told:
+        plane = _near(lambda x: [-x[0] * (1 + a * a) for a in x], [0.1, 0, 1.28, 0, 0])
+    assert len(told) == 1
+    assert (plane.status, abs(plane.states[0]) < 1e-14) == (sf.Status.DEGENERATE, True)
+    with pytest.warns(UserWarning, match="a family of equilibria"):
+        circle = _near(lambda x: [a * (1 - x[0] ** 2 - x[1] ** 2) for a in x], [3.0, 1.0])
+    np.testing.assert_allclose(circle.states, np.array([3.0, 1.0]) / 10**0.5, rtol=1e-13)
+
+
+def test_steady_states_near_those_of_bodies():
+    bodies = sf.Suslov3D([4, 3], 1, -0.5, [-0.3, -0.25])
+    found = equilibria(bodies, near=[[[1.0, 0.5]], [[0.3, -0.2]]])
+    assert abs(sf.vector_field(bodies, found.states)).max() < 1e-16
+    np.testing.assert_allclose(found.states[0, 0], -0.05 / 0.34 * np.array([-0.3, 0.5]))
+    body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+    assert abs(sf.vector_field(body, equilibria(body, near=[1, 0.5, 0.2]).states)).max() < 1e-15
+    still = equilibria(sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0), near=[1.0, 0.5])
+    of_body = equilibria(sf.Suslov3D(4, 1, -0.5, -0.3), near=[1.0, 0.5])
+    np.testing.assert_array_equal(still.states, of_body.states)
+    rotor = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 1)
+    with pytest.warns(UserWarning, match="a family of equilibria"):
+        found = equilibria(rotor, near=[1.0, 0.5])
+    assert abs(sf.vector_field(rotor, found.states)).max() < 1e-15

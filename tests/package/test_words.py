@@ -77,7 +77,7 @@ ROWS = [
     ("RUN.dt", "eps"),
     ("RUN.x0", r"states\[0\]"),
     ("RUN.w", r"run\[.w.\]"),
-    ("RUN.omega | RUN.y", r"run\.states"),
+    ("RUN.omega | RUN.x", r"run\.states"),
     ("RUN.finl", "final"),
     ("RUN.extend(3)", r"run\.final"),
     ("RUN.lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),

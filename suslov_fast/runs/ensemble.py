@@ -108,7 +108,7 @@ def ensemble(
     ...     data = ensemble(well, starts, f"{folder}/well.zarr", time=[50, 100], chunks=4)
     ...     q = data.states.sel(time=100, component="q")
     ...     print(dict(data.states.sizes), int((q > 0).sum()))
-    {'time': 2, 'trajectory': 400, 'component': 2} 195
+    {'time': 2, 'trajectory': 400, 'component': 2} 207
     """
     xarray, _, zarr = (extra(name, "large") for name in ("xarray", "dask.array", "zarr"))
     checks.instance("system", system, Body)

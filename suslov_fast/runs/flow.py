@@ -120,8 +120,8 @@ def flow(
     ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
     ... )
     >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
-    >>> motion.states.shape, motion.ok.all()
-    ((2, 3, 2), np.True_)
+    >>> motion.states.shape, bool(motion.ok.all())
+    ((2, 3, 2), True)
 
     The motion of a body, which is exact:
 

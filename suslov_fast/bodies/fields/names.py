@@ -18,7 +18,7 @@ _TAKEN = {
     **dict.fromkeys(TIME, "time, which is a variable"),
     "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
-    "x": "the name of the states",
+    **dict.fromkeys(("x", "states"), "the name of the states"),
     **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (

@@ -78,7 +78,7 @@ def plot_run(
 
 
 def plot_events(points: Any, components: Any, color: Any, title: Any, ax: Any, label: Any) -> Any:
-    """Draw crossings, and return the axes; see `Crossings.plot`."""
+    """Draw crossings, and return the axes; see `Events.plot`."""
     chosen = _components(points, components or _varying(points))
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     of_points = {name: getattr(points, name) for name in points.coordinates}

@@ -15,9 +15,11 @@ from systems import lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
+from suslov_fast.core.compiling import codes
 from suslov_fast.core.fields import steps as steps_field
 from suslov_fast.core.fields.careful import careful
 from suslov_fast.core.lists import step as plans
+from suslov_fast.maps.methods import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -346,3 +348,81 @@ def test_steps_of_a_linear_lattice_whose_increments_cancel_the_state(rng):
         most = 1e-15 * abs(before).max()
         np.testing.assert_allclose(after, exact, rtol=1e-13, atol=most)
     np.testing.assert_array_equal(sf.iterate(field, x[1], eps, 3).states, run.states[:, 1])
+
+
+def test_members_of_a_family_of_dense_fields(rng):
+    """Of 40 variables: bit for bit the member alone, also of order 4 and after poles."""
+    D = 40
+    tables = rng.normal(size=(6, D, D, D)) / D, rng.normal(size=(D, D)) / D, rng.normal(size=D)
+    family = sf.QuadraticField(*tables)
+    cases = (0.3, 0.1, "auto"), (0.3, 0.1, "order4"), (3.0, 0.6, "auto"), (3.0, 0.6, "order6")
+    for size, eps, method in cases:
+        x0 = size * rng.normal(size=(6, D))
+        options = {"method": method, "on_singular": "ignore", "save_every": 2}
+        run = sf.iterate(family, x0, eps, 4, **options)
+        assert (run.status != 0).any() == (size > 1.0)
+        for k in (2, 5):
+            own = sf.iterate(family[k], x0[k], eps, 4, **options)
+            assert np.array_equal(own.states, run.states[:, k], equal_nan=True)
+            assert (own.status, own.failed_at) == (run.status[k], run.failed_at[k])
+    x = 0.3 * rng.normal(size=(6, D))
+    for k, after in enumerate(sf.step(family, x, 0.1)):
+        A = np.eye(D) - 0.05 * family[k].jacobian(x[k])
+        wanted = x[k] + 0.1 * np.linalg.solve(A, sf.vector_field(family[k], x[k]))
+        np.testing.assert_allclose(after, wanted, rtol=1e-12, atol=1e-12)
+
+
+def populations(rng, n=20):
+    """Return a family of 2 lattices n x n of populations, which keep their signs."""
+    cells = np.arange(n * n).reshape(n, n)
+    near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+    weights = rng.uniform(0.1, 0.3, size=(4, n * n))
+
+    def rates(u, r):
+        return u * (r - u - sum(w * u[at] for w, at in zip(weights, near, strict=True)))
+
+    return of_function(rates, n * n, r=np.array([0.5, 3.0]))
+
+
+def test_poles_and_signs_in_large_lattices(rng):
+    """SuperLU's steps tell of det A < 0, beside NumPy's determinant, and of signs that change."""
+    family, D = populations(rng), 400
+    assert not steps_field.scheme_of(family.terms[0], D).step.usual
+    fractions = {"auto": [1.0], "order4": COMPOSITIONS[4].fractions}
+    for method, parts in fractions.items():
+        for eps in (0.2, 6.0):
+            x0 = rng.uniform(0.2, 1.0, size=(2, D))
+            run = sf.iterate(family, x0, eps, 3, method=method, on_singular="ignore")
+            for k in range(2):
+                own = sf.iterate(family[k], x0[k], eps, 3, method=method, on_singular="ignore")
+                assert np.array_equal(own.states, run.states[:, k], equal_nan=True)
+                assert (own.status, own.failed_at) == (run.status[k], run.failed_at[k])
+                x, first = x0[k], -1
+                for n in (1, 2, 3):
+                    before, told = x, False
+                    for part in parts:
+                        A = np.eye(D) - 0.5 * part * eps * family[k].jacobian(x)
+                        told |= np.linalg.slogdet(A)[0] < 0
+                        x = x + part * eps * np.linalg.solve(A, sf.vector_field(family[k], x))
+                    told |= (before * x < 0.0).any()
+                    first = n if told and first < 0 else first
+                assert run.failed_at[k] == first
+                if first < 0:
+                    np.testing.assert_allclose(run.states[-1, k], x, rtol=1e-8, atol=1e-10)
+    assert (run.status != 0).any()
+
+
+def test_large_lattices_on_poles_and_out_of_range(rng):
+    """Without a next state a trajectory ends, and the others go on."""
+    n = 20
+    cells = np.arange(n * n).reshape(n, n)
+    near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+    field = of_function(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
+    assert not steps_field.scheme_of(field.terms[0], n * n).step.usual
+    x = np.zeros((3, n * n))
+    x[0, 7], x[1] = 1.0, 1e-3 * rng.normal(size=n * n)
+    x[2, 7] = 1e308
+    run = sf.iterate(field, x, 1.0, 2, on_singular="ignore")
+    assert [*run.status] == [codes.SINGULAR, codes.OK, codes.NONFINITE]
+    assert [*run.failed_at] == [1, -1, 1]
+    assert np.isfinite(run.final).all(axis=1).tolist() == [False, True, False]

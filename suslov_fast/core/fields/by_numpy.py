@@ -64,6 +64,8 @@ class _Sparse:
         (i, j, k), y, D = self.indices, np.append(x, 1.0), self.D
         parts = half[self.of_j] * y[k[self.of_j]], half[self.of_k] * y[j[self.of_k]]
         entries = np.concatenate([-parts[0], -parts[1], np.ones(D)])
+        if not np.isfinite(entries).all():
+            return np.full(D, np.nan), 1
         A = sparse.csc_matrix((entries, (self.rows, self.columns)), (D, D))
         try:
             factors = splu(A, permc_spec="MMD_AT_PLUS_A")

@@ -1,25 +1,27 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
 Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `careful`) without row exchanges. A(x) is
-filled by columns, so that each coefficient is read once. Lanes that lose digits take the step as
-those of `careful` do.
+filled by columns, so that each coefficient is read once. A lane that loses digits takes its step by
+`careful.solve_lane`.
 """
 
 import functools
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
+from ..compiling.arrays import array_at, constant, uncounted
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.elimination import simd_max, simd_min
-from ..compiling.llvm import lesser
-from ..compiling.numba import function, kernel, pick, share
+from ..compiling.llvm import call_code, lesser
+from ..compiling.numba import c_function, function, kernel, share
 from ..lists.planned_elimination import LEAST_PIVOT
 from ..lists.step import of_one_sign
 from .careful import crosses_0, solve_lane
 from .lines import note_undefined
 
-LANES = np.int64(8)  # that read the same coefficients
+LANES = 8  # that read the same coefficients
 
 
 class Dense(NamedTuple):
@@ -35,6 +37,19 @@ class Dense(NamedTuple):
     fractions: Any  # (stages,), of eps
     values: Any  # (1 or B, T)
     eps: Any  # (1 or B,)
+    solve_at: int  # the address of `solve_at`, 0 as long as no lane has needed it
+    needs: Any  # (1,), set to 1 by a lane that needs it
+
+
+class Memory(NamedTuple):
+    """The memory of each part of the work, for its lanes."""
+
+    a: Any  # (parts, lanes, D, D + 1)
+    columns: Any  # (parts, lanes, D + 1, D)
+    bases: Any  # (parts, lanes, D), the states before a step
+    halves: Any  # (parts, stages, 1 or lanes, T), h v of the terms
+    coefficients: Any  # the same in the order of spans
+    of_one: Any  # (parts, D (D + 3)), for `solve_at`
 
 
 @functools.lru_cache(8)
@@ -49,8 +64,11 @@ def _spans_of(step):
     return spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
 
 
-def dense_steps_of(arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Return the arguments of `take_dense_steps` for those of `suslov.steps.steps`."""
+def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
+    """Take steps on so many threads, with the arguments of `suslov.steps.steps`.
+
+    `solve_at` takes seconds to compile, and few runs need it: then they begin again.
+    """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
     if start == 0:
@@ -60,8 +78,27 @@ def dense_steps_of(arguments, omega0, carry, span, saved, final, status, failed_
         if every:
             saved[row, own] = final[own]
             row += 1
-    field = Dense(*_spans_of(scheme.step), np.array(scheme.stages.fractions), *parameters)
-    return field, carry, (begin, end, start, stop, every, row), saved, final, status, failed_at
+    D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
+    W = min(LANES, end - begin)
+    for_each = threads, len(fractions), W if max(map(len, parameters)) > 1 else 1, T
+    shapes = (W, D, D + 1), (W, D + 1, D), (W, D)
+    memory = Memory(
+        *(np.empty((threads, *shape)) for shape in shapes),
+        np.empty(for_each), np.empty(for_each), np.empty((threads, D * (D + 3))),
+    )  # fmt: skip
+    address, needs = solve_at.address if solve_at.is_compiled else 0, np.zeros(1, np.int64)
+    field = Dense(*_spans_of(scheme.step), fractions, *parameters, address, needs)
+    changed = carry, final, status, failed_at
+    before = [] if address else [array.copy() for array in changed]
+    others = memory, (begin, end, start, stop, every, row), carry, saved, final, status, failed_at
+    call = take_dense_steps.serial
+    if threads > 1:
+        call = functools.partial(take_dense_steps.parallel, threads)
+    call(field, *others)
+    if needs[0] and not address:
+        for array, copy in zip(changed, before, strict=True):
+            array[:] = copy
+        call(field._replace(solve_at=solve_at.address), *others)
 
 
 @function
@@ -72,7 +109,7 @@ def fill(spans, coefficients, states, columns, a):
     to N_ik, where column D of N is the right side less x. Lanes take turns, because coefficients,
     the most of all memory, then are read once.
     """
-    W, D, _ = a.shape
+    W, D = states.shape
     for l in range(W):
         for j in range(D + 1):
             for i in range(D):
@@ -82,7 +119,7 @@ def fill(spans, coefficients, states, columns, a):
         for l in range(W):
             values = coefficients[l % len(coefficients), at : at + n]
             one, other = columns[l, j, begin : begin + n], columns[l, k, begin : begin + n]
-            x_j, x_k = states[l, j], states[l, k]
+            x_j, x_k = states[l, j] if j < D else 1.0, states[l, k] if k < D else 1.0
             for c in range(n):
                 one[c] += values[c] * x_k
                 other[c] += values[c] * x_j
@@ -94,28 +131,27 @@ def fill(spans, coefficients, states, columns, a):
 
 
 @function
-def solve_rows(a, most):
+def solve_rows(a):
     """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
 
     A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
-    digits, as `elimination.keeps_digits` (a pivot of `most` counts, too), and det A < 0. One row
-    after the other is eliminated, because a row stays in the first cache.
+    digits, as `elimination.keeps_digits`, and det A < 0. One row after the other is eliminated,
+    because a row stays in the first cache. Loops over a row are SIMD because j has no sign.
     """
-    D, least, largest, negative = len(a), most, 1.0, False
+    D, least, largest, negative = len(a), np.inf, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)
     for i in range(D):
         for k in range(0, i - 1, 2):
             first = a[i, k] * a[k, k]
             second = (a[i, k + 1] - first * a[k, k + 1]) * a[k + 1, k + 1]
-            row, upper, lower = a[i, k + 2 :], a[k, k + 2 :], a[k + 1, k + 2 :]
-            for j in range(D - k - 1):
-                row[j] = row[j] - first * upper[j] - second * lower[j]
+            for j in range(np.uint64(k + 2), np.uint64(D + 1)):
+                a[i, j] = a[i, j] - first * a[k, j] - second * a[k + 1, j]
             a[i, k], a[i, k + 1] = first, second
         if i % 2:
-            first, row, upper = a[i, i - 1] * a[i - 1, i - 1], a[i, i:], a[i - 1, i:]
-            for j in range(D + 1 - i):
-                row[j] -= first * upper[j]
+            first = a[i, i - 1] * a[i - 1, i - 1]
+            for j in range(np.uint64(i), np.uint64(D + 1)):
+                a[i, j] -= first * a[i - 1, j]
             a[i, i - 1] = first
         pivot = a[i, i]
         least, largest = simd_min(abs(pivot), least), simd_max(abs(pivot), largest)
@@ -128,76 +164,76 @@ def solve_rows(a, most):
     return least > LEAST_PIVOT * largest, negative
 
 
-@function
-def step_lane(indices, half, a, x, system, units):
-    """Replace x (D,) by the next state, where `fill` has filled a; return status, and det A < 0."""
-    D, undefined = len(x), 0.0
-    is_good, negative = solve_rows(a, np.inf)
-    for i in range(D):
-        undefined += 0.0 * a[i, D]
-    if not is_good or undefined != 0.0:
-        return solve_lane(indices, half, x, system, units)
-    for i in range(D):
-        x[i] = a[i, D]
-    return OK, negative
+@c_function(types.int64(*[types.int64] * 6))
+def solve_at(indices, half, x, memory, D, T):
+    """Take the step of a lane by `solve_lane`, from addresses; return -status + 256 (det A < 0)."""
+    status, negative = solve_lane(
+        constant(array_at(indices, (3, T), np.int64)),
+        array_at(half, (T,), np.float64),
+        array_at(x, (D,), np.float64),
+        array_at(memory, (D, D + 1), np.float64),
+        array_at(memory + 8 * D * (D + 1), (2, D), np.float64),
+    )
+    return np.int64(256 if negative else 0) - status
 
 
 @function
 def prepare(field, i, l, halves, coefficients):
     """Write h v of the terms of trajectory i, lane l, for each stage, in both orders."""
-    values, eps = field.values[i if len(field.values) > 1 else 0], pick(field.eps, i)
+    values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
-            halves[s, l, t] = field.fractions[s] * (0.5 * eps * values[t])
-        for t in range(len(values)):
-            coefficients[s, l, t] = halves[s, l, field.terms[t]]
+            halves[s, l, t] = field.fractions[s] * (half * values[t])
+            coefficients[s, l, t] = field.fractions[s] * (half * values[field.terms[t]])
 
 
 @kernel
-def take_dense_steps(part, parts, field, carry, span, saved, final, status, failed_at):
+def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
     """Iterate the trajectories of a part from the states in `final`; see `suslov.steps.steps`."""
+    field, memory, carry, saved = uncounted((field, memory, carry, saved))
+    final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span
-    D, T, stages = final.shape[1], len(field.terms), len(field.fractions)
-    for_each, abreast = len(field.values) > 1 or len(field.eps) > 1, lesser(LANES, end - begin)
-    own = abreast if for_each else np.int64(1)
-    halves, coefficients = np.empty((stages, own, T)), np.empty((stages, own, T))
-    states, bases = np.empty((abreast, D + 1)), np.empty((abreast, D))
-    columns, a = np.empty((abreast, D + 1, D)), np.empty((abreast, D, D + 1))
-    system, units = np.empty((D, D + 1)), np.empty((2, D))
-    first, last = share((end - begin + abreast - 1) // abreast, part, parts)
-    if first < last and not for_each:
-        prepare(field, 0, 0, halves, coefficients)
-    for lo in range(begin + first * abreast, lesser(begin + last * abreast, end), abreast):
-        W, at = lesser(abreast, end - lo), row
-        for l in range(W):
-            states[l, D] = 1.0
-            for k in range(D):
-                states[l, k] = final[lo + l, k]
-            if for_each:
-                prepare(field, lo + l, l, halves, coefficients)
+    a, columns, bases = memory.a[part], memory.columns[part], memory.bases[part]
+    halves, coefficients = memory.halves[part], memory.coefficients[part]
+    W, D, own, T = len(a), final.shape[1], halves.shape[1], len(field.terms)
+    first, last = share((end - begin + W - 1) // W, part, parts)
+    for lo in range(begin + first * W, lesser(begin + last * W, end), W):
+        x, place = final[lo : lesser(lo + W, end)], row
+        for l in range(lesser(len(x), own)):
+            prepare(field, lo + l, l, halves, coefficients)
         for n in range(start + 1, stop + 1):
-            for l in range(W):
+            for l in range(len(x)):
                 for k in range(D):
-                    bases[l, k] = states[l, k]
-            for s in range(stages):
-                fill(field.spans, coefficients[s], states[:W], columns, a[:W])
-                for l in range(W):
-                    i, x = lo + l, states[l, :D]
+                    bases[l, k] = x[l, k]
+            for s in range(len(field.fractions)):
+                fill(field.spans, coefficients[s], x, columns, a)
+                for l in range(len(x)):
+                    i, negative, undefined = lo + l, False, 0.0
                     if status[i] >= 0:
-                        half = halves[s, l % own]
-                        new, beyond = step_lane(field.indices, half, a[l], x, system, units)
-                        if new != OK:
-                            status[i], failed_at[i] = new, n
-                        elif beyond and carry[0, i] == 0.0:
-                            carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
-            for l in range(W):
+                        is_good, negative = solve_rows(a[l])
+                        for k in range(D):
+                            undefined += 0.0 * a[l, k, D]
+                        if is_good and undefined == 0.0:
+                            for k in range(D):
+                                x[l, k] = a[l, k, D]
+                        elif field.solve_at == 0:
+                            field.needs[0] = 1
+                            return
+                        else:
+                            half = halves.ctypes.data + 8 * T * (s * own + l % own)
+                            places = field.indices.ctypes.data, half, x.ctypes.data + 8 * l * D
+                            memory_of_one = memory.of_one[part].ctypes.data
+                            bits = call_code(field.solve_at, (*places, memory_of_one, D, T))
+                            negative = bits >= 256
+                            if bits & 255 != OK:
+                                status[i], failed_at[i] = -(bits & 255), n
+                    if negative and carry[0, i] == 0.0 and status[i] >= 0:
+                        carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
+            for l in range(len(x)):
                 i = lo + l
                 for k in range(D if status[i] >= 0 and carry[0, i] == 0.0 else 0):
-                    if field.of_one_sign[k] and crosses_0(bases[l, k], states[l, k]):
+                    if field.of_one_sign[k] and crosses_0(bases[l, k], x[l, k]):
                         carry[0, i], status[i], failed_at[i] = -n, PASSED_POLE, n
                 for k in range(D if every and n % every == 0 else 0):
-                    saved[at, i, k] = states[l, k]
-            at += every > 0 and n % every == 0
-        for l in range(W):
-            for k in range(D):
-                final[lo + l, k] = states[l, k]
+                    saved[place, i, k] = x[l, k]
+            place += every > 0 and n % every == 0

@@ -27,7 +27,7 @@ class DriverArguments(NamedTuple):
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # of all stages
     # Address of two numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
-    # (lines, n, W), or of h v (lines, T, W) of a whole step, or of what a called stage takes; and
+    # (lines, n, W), or of h v (lines, T, W) of a whole step; and
     # its fraction.
     plan: int
     stages: int

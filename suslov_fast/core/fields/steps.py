@@ -27,7 +27,7 @@ from ..compiling.numba import STREAM_FROM, Kernel, calling_python
 from ..compiling.threads import in_parts
 from ..lists.step import Step, of_one_sign
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful
-from .dense import dense_steps_of, take_dense_steps
+from .dense import take_dense
 from .driver import NOT_READY, OF_HALVES, SLOT, DriverArguments, text_of_steps
 from .few_orbits import lanes_of, take_few
 from .lines import (
@@ -214,7 +214,7 @@ class FieldSteps(Kernel):
 
     def serial(self, arguments, *others):
         if _is_dense(arguments[0].step):
-            take_dense_steps.serial(*dense_steps_of(arguments, *others))
+            take_dense(1, arguments, *others)
         else:
             self(0, 1, arguments, *others)
 
@@ -229,7 +229,7 @@ class FieldSteps(Kernel):
 
     def parallel(self, threads, arguments, *others):
         if _is_dense(arguments[0].step):
-            take_dense_steps.parallel(threads, *dense_steps_of(arguments, *others))
+            take_dense(threads, arguments, *others)
             return
         abandoned = []
 

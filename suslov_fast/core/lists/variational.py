@@ -16,10 +16,10 @@ _OF_X = (
 class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
-    A column has D components. The last ones are derivatives by the parameters of `of.by`, times
-    scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace` says whether
-    u and s are there; u is a size that columns have, because they and s should count as much as x
-    in the error. It is a list as any other one, whose parameters are the table of f.
+    A column has D components. The last ones are derivatives by the parameters that f names in
+    `by`, times scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace`
+    says whether u and s are there; u is a size that columns have, because they and s should count
+    as much as x in the error. It is a list as any other one, whose parameters are the table of f.
 
     of       the right-hand side of x
     columns  their number, the last q of them by parameters

@@ -1,9 +1,9 @@
 """Functions of rows, of which the steps of the motion are made: f, f', elimination, products.
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
-writes rows at another. Short lists of operations are straight-line code, long ones are runs
-(`code.runs`), and dense matrices have loops. `numbers(table)` are the `reads` numbers that it reads
-after the table of f, and `scratch` the rows that it needs for itself.
+writes rows at another. Lists of operations are straight-line code, long ones in blocks, and dense
+matrices have loops. `numbers(table)` are the `reads` numbers that it reads after the table of f,
+and `scratch` the rows that it needs for itself.
 """
 
 from collections import defaultdict

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.fields.names import latex
-from ..checks import FloatArray, extra, integer, real_array, short, wrong
+from ..checks import FloatArray, extra, integer, kind_of, real_array, short, wrong
 from .datasets import varying_numbers
 
 try:
@@ -22,7 +22,8 @@ except ImportError:
 __all__ = ["COLOURS", "axes_for", "plot_events", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
-_MOST_JOINED = 100_000  # states joined by lines by default
+_MANY = 100_000  # states: above, they are not joined by default, and pixels in PDF files
+_ALONE = 64  # orbits with a line of their own
 _IN_LEGEND = 8  # orbits, or components, with an entry of their own
 _TIME = -1  # in place of the index of a component
 
@@ -30,6 +31,9 @@ _TIME = -1  # in place of the index of a component
 def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
     """Return the user's axes, or those of a new figure, for so many components."""
     if ax is not None:
+        if not hasattr(ax, "zaxis" if count == 3 else "plot"):
+            how = "figure.add_subplot(projection='3d')" if count == 3 else "figure.add_subplot()"
+            raise wrong("ax", f"axes for {count} components", f"{kind_of(ax)}: {how}", TypeError)
         return ax
     projection = {"projection": "3d"} if count == 3 else {}
     return plt.figure(figsize=size, layout="constrained").add_subplot(**projection)
@@ -48,33 +52,50 @@ def plot_run(
         case _:
             several = []
     if several:  # each in a colour of its own
-        for name in several:
-            ax = plot_run(run, ("time", name), lines, color, None, ax, label or _symbol(name))
+        for k, name in enumerate(several):
+            own = f"C{k % 10}" if color is None else color
+            ax = plot_run(run, ("time", name), lines, own, None, ax, label or _symbol(name))
         ax.set_ylabel("")
         return _finished(ax, title)
     chosen, B = _components(run, components), math.prod(run.status.shape)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    states = _drawn(run, run.states, chosen).reshape(-1, B, len(chosen))
+    states = _drawn(run, run.states, chosen).reshape(len(run.states), B, len(chosen))
     if lines is None:
-        lines = run._is_whole and len(states) * B <= _MOST_JOINED and _are_near(states, chosen)
+        lines = run._is_whole and len(states) * B <= _MANY and _are_near(states, chosen)
     numbers, name, fixed = _colours(run, color, run.status.shape)
     norm = None if numbers is None else Normalize(np.nanmin(numbers), np.nanmax(numbers))
-    for k in range(B):
-        shade = {"color": fixed} if fixed is not None else {}
-        if numbers is not None:
-            shade = {"color": COLOURS(norm(numbers[k]))}
+    style = {"linewidth": 0.7} if lines else {"linestyle": "none", "marker": ".", "ms": 2}
+    gaps = np.full((1, B, len(chosen)), np.nan)  # between orbits of one colour
+    joined = np.concatenate([states, gaps]).swapaxes(0, 1)
+    for k, (shade, members) in enumerate(_by_colour(B, numbers, norm, fixed)):
         own = label if k == 0 else None
-        if label is None and 1 < B <= _IN_LEGEND:
+        if label is None and fixed is None and 1 < B <= _IN_LEGEND:
             own = f"trajectory {k}" if numbers is None else f"{name} = {numbers[k]:g}"
-        style = {"linewidth": 0.7} if lines else {"linestyle": "none", "marker": ".", "ms": 2}
-        style["rasterized"] = len(states) > _MOST_JOINED
-        axes.plot(*states[:, k].T, label=own, **style, **shade)
+        points = joined[members].reshape(-1, len(chosen))[:-1]
+        axes.plot(*points.T, label=own, color=shade, rasterized=states.size > _MANY, **style)
     if numbers is not None and B > _IN_LEGEND:
         mappable = plt.cm.ScalarMappable(norm, COLOURS)
         axes.figure.colorbar(mappable, ax=axes, label=name, shrink=0.8)
     _label(axes, run, chosen)
     what, reach, _ = run._heading
     return _finished(axes, f"{what}\n{B:,} orbits {reach}" if title is True else title)
+
+
+def _by_colour(B: int, numbers: Any, norm: Any, fixed: Any) -> list[tuple[Any, Any]]:
+    """Return colours, each with the orbits that a line of Matplotlib draws in it.
+
+    Many orbits of one colour are one line, because thousands of lines take minutes.
+    """
+    shades = [fixed] * B if numbers is None else [*COLOURS(norm(numbers))]
+    if B <= _ALONE:
+        return [(shade, [k]) for k, shade in enumerate(shades)]
+    if fixed is not None:
+        return [(fixed, slice(None))]
+    if numbers is None:  # the next colours of the axes
+        return [(None, slice(k, None, 10)) for k in range(10)]
+    levels = np.floor(63.99 * np.ma.filled(norm(numbers), np.nan))
+    present = np.unique(levels[np.isfinite(levels)])
+    return [(COLOURS((level + 0.5) / 64), levels == level) for level in present]
 
 
 def plot_events(points: Any, components: Any, color: Any, title: Any, ax: Any, label: Any) -> Any:
@@ -88,7 +109,7 @@ def plot_events(points: Any, components: Any, color: Any, title: Any, ax: Any, l
     size = min(max(8000.0 / max(count, 1), 0.4), 14.0)
     drawn = axes.scatter(
         *_drawn(points, points.states, chosen).T, s=size, linewidths=0, label=label,
-        rasterized=count > _MOST_JOINED, **shade,
+        rasterized=count > _MANY, **shade,
     )  # fmt: skip
     if numbers is not None:
         axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
@@ -102,7 +123,9 @@ def _finished(axes: Any, title: Any) -> Any:
     if title:
         axes.set_title(title, fontsize="small", wrap=True)
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(fontsize="small")
+        # The best place takes seconds to find among many points.
+        is_large = sum(len(line.get_xdata()) for line in axes.get_lines()) > _MANY
+        axes.legend(fontsize="small", loc="upper right" if is_large else "best")
     return axes
 
 

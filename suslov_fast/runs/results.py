@@ -274,9 +274,8 @@ class States(Result):
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
-        Of more than 1,000,000 dots it draws as many, chosen at random. A single orbit at one or two
-        times, which are no more than dots, is drawn with a warning. A space-time picture of a
-        chain of many variables is ``ax.imshow(run.states, aspect="auto")``.
+        A single orbit at one or two times, which are no more than dots, is drawn with a warning. A
+        space-time picture of a chain of many variables is ``ax.imshow(run.states, aspect="auto")``.
 
         Parameters
         ----------
@@ -290,11 +289,11 @@ class States(Result):
             if all states of a run are saved, at most 100,000, and they lie close together.
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
-            default the parameter of a family, or else a colour for each start, with a legend of up
-            to 8; ``color=run.energy()[0]`` shows levels.
+            default the parameter of a family, or else the colours of Matplotlib one after another,
+            with a legend of up to 8 orbits; several components over time have a colour each.
+            ``color=run.energy()[0]`` shows levels.
         title : str or bool, optional
-            True: the map, the number of orbits and how many states are drawn. By default none,
-            unless states are left out.
+            True: the map, or the tolerance, and the number of orbits. By default none.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default those of a new figure.
         label : str, optional

@@ -98,3 +98,38 @@ def test_runs_and_events_are_drawn_with_their_names():
     np.testing.assert_array_equal(np.asarray(dots)[:, 0], points.time)
     with pytest.raises(ValueError, match="z"):
         run.plot("z")
+
+
+def test_orbits_of_large_batches_share_lines():
+    """All orbits are drawn, in few lines, in the colours of their numbers."""
+    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 2))
+    run = sf.iterate(BODY, starts, 0.2, 4)
+    for options in ({}, {"color": "red"}, {"color": np.arange(300.0)}):
+        axes = run.plot(**options)
+        assert len(axes.lines) <= 64
+        drawn = np.concatenate([line.get_xydata() for line in axes.lines])
+        drawn = drawn[np.isfinite(drawn[:, 0])]
+        expected = run.states.reshape(-1, 2)
+        np.testing.assert_array_equal(*(x[np.lexsort(x.T)] for x in (drawn, expected)))
+        for line in axes.lines:  # no orbit is joined to the next one
+            orbits = np.split(line.get_xydata(), np.flatnonzero(np.isnan(line.get_xdata())))
+            assert {np.isfinite(each).all(axis=1).sum() for each in orbits} == {5}
+    assert len({line.get_color() for line in axes.lines}) == 64
+
+
+def test_components_over_time_have_a_colour_each():
+    run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
+    axes = run.plot("time")
+    colours = [line.get_color() for line in axes.lines]
+    assert colours == ["C0", "C0", "C1", "C1"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        r"$\Omega_{1}$", r"$\Omega_{2}$",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("names", [(0, 1), ("time", "Omega1", "Omega2")])
+def test_what_is_no_axes_is_refused(names):
+    run = sf.iterate(BODY, [1.0, 0.5], 0.2, 9)
+    flat = Figure() if len(names) == 2 else Figure().add_subplot()
+    with pytest.raises(TypeError, match="add_subplot"):
+        run.plot(*names, ax=flat)

@@ -327,7 +327,7 @@ def test_frames(with_columns):
     D, W = 4 if with_columns else 8, 8
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
     step = steps_field.scheme_of(np.transpose(indices), D).step
-    options = False, 64, False
+    options = False, True, False
     if with_columns:
         step = growth.tangent_of(step, True)
     binding.initialize_all_targets()

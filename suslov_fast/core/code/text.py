@@ -286,7 +286,7 @@ class Code:
             # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
             # stack, registers saved there may lie across cache lines, in one process or another.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
-            '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}",
+            '!0 = !{!"branch_weights", i32 1000000, i32 1}',
             '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
         ])  # fmt: skip
 
@@ -311,9 +311,9 @@ class Code:
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
 
-    def store(self, kind, value, address, align=8, mark="", how=""):
+    def store(self, kind, value, address, how=""):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
-        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
+        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align 8")
 
     def store_chosen(self, value, address):
         """Store W numbers that are a choice between those at the address and others.

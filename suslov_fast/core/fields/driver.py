@@ -53,23 +53,23 @@ class DriverArguments(NamedTuple):
 SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the array
 
 
-def text_of_steps(step, name, W, for_each, align, tells_signs):
+def text_of_steps(step, name, W, for_each, saves, tells_signs):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
 
     It returns DONE; or NOT_READY at a step that needs `careful` while that is not. The table is
-    common to all lanes, or `for_each` of them, or made of their h v at each stage. Saved states
-    begin at multiples of `align` bytes, and go past the caches if that is more than 8; 0 means that
-    none are saved. Signs are told if they are compared over whole steps of several stages.
+    common to all lanes, or `for_each` of them, or made of their h v at each stage. Signs are
+    told if they are compared over whole steps of several stages.
     """
-    return _Inlined(step, name, W, for_each, align, tells_signs).finished()
+    return _Driver(step, name, W, for_each, saves, tells_signs).finished()
 
 
 class _Driver:
-    """The text of a driver; classes below add the stage, and what depends on D."""
+    """The text of a driver, with straight-line code of a stage."""
 
-    def __init__(self, D, name, W, align, tells_signs):
-        self.text, self.D, self.name = Code(W), D, name
-        self.align, self.tells_signs, self.all_lanes = align, tells_signs, (1 << W) - 1
+    def __init__(self, step, name, W, for_each, saves, tells_signs):
+        self.text, self.step, self.D, self.name = Code(W), step, step.D, name
+        self.for_each, self.saves, self.tells_signs = for_each, saves, tells_signs
+        self.all_lanes = (1 << W) - 1
 
     def finished(self):
         """Return the whole text."""
@@ -77,16 +77,12 @@ class _Driver:
         text.begin(self.name, "arguments")
         self.slots = Integers(text, "%arguments")
         self.of = of = DriverArguments(*(self.slots[k] for k in SLOT))
-        self.begin()
         at = Carried(lo=of.line, n=of.n, stage=of.stage, until=of.until, row=of.row)
         for _ in text.rounds(at):
             self.block(at)
         self.slots[SLOT.line] = at.lo
         text.add(f"  ret i64 {DONE}")
         return text.finished()
-
-    def begin(self):
-        """Add what comes before all lines."""
 
     def leave_at(self, result, **at):
         """Return; the next call goes on at this place."""
@@ -119,8 +115,8 @@ class _Driver:
             final = self.take_stage(state, line, n)
             if self.tells_signs:
                 with text.when(is_last):
-                    self.tell_changes(of.bases + offset, state, line, n, final)
-            if self.align:
+                    self.tell_changes(of.bases + offset, line, n, final)
+            if self.saves:
                 with text.when(saves):
                     self.save(line, row, state, final)
             at.line = line + 1
@@ -160,7 +156,7 @@ class _Driver:
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     # --------------------------------------------------------------------------------- whole steps
-    def tell_changes(self, bases, state, line, n, final):
+    def tell_changes(self, bases, line, n, final):
         """Tell `careful` of lanes in which a component changed its sign over a whole step.
 
         These are components that keep their signs along the motion.
@@ -175,38 +171,18 @@ class _Driver:
             rises = (base < 0.0) & (after > SIGNIFICANT)
             return rises | (base > 0.0) & (after < -SIGNIFICANT)
 
-        text = self.text
-        bases, state = text.array(bases), text.array(state)
-        is_kept = self.over_signs(operator.and_, keeps, bases, state, final).all()
+        text, bases = self.text, self.text.array(bases)
+        is_kept = self.over_signs(operator.and_, keeps, bases, final).all()
         with text.when(~is_kept, likely=False):
             # Lanes that have passed a pole have nothing more to tell.
-            changed = self.over_signs(operator.or_, changes, bases, state, final).bits()
+            changed = self.over_signs(operator.or_, changes, bases, final).bits()
             changed = changed & self.others(0, line, self.of.passed)
             with text.when(changed.differs(0)):
                 self.call_careful(line, 0, changed << CHANGED, n)
-        self.keep_bases(bases, state, final)
+        for k in sorted(self.step.of_one_sign):
+            bases[k] = final[k]
 
-    # -------------------------------------------------------------------------------------- saving
-    def save_by_lane(self, line, row, state):
-        """Write the states of the trajectories of a line to the row, number by number."""
-        text, one = self.text, self.text.lanes(1)
-        first = line * text.W
-        for l in range(text.W):
-            number = first + l
-            with text.when(number < self.of.trajectories):
-                place = Shared(one, row + number * self.D * 8)
-                x = one.array(state + 8 * l)
-                for k in text.each(self.D, most=WRITTEN_OUT):
-                    place[k] = x[k]
-
-
-class _Inlined(_Driver):
-    """A driver with straight-line code of a stage."""
-
-    def __init__(self, step, name, W, for_each, align, tells_signs):
-        super().__init__(step.D, name, W, align, tells_signs)
-        self.step, self.for_each = step, for_each
-
+    # -------------------------------------------------------------------------------------- stages
     def begin_stage(self, plan):
         plan = Integers(self.text, plan)
         self.table, self.fraction = plan[0], None
@@ -250,14 +226,23 @@ class _Inlined(_Driver):
 
         return text.otherwise((bad | told).equals(0), after, carefully)
 
-    def over_signs(self, how, truth_of, bases, state, final):
+    def over_signs(self, how, truth_of, bases, final):
         """Return truth_of(base, after) of all components that keep their signs, joined."""
         truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
         return functools.reduce(how, truths)
 
-    def keep_bases(self, bases, state, final):
-        for k in sorted(self.step.of_one_sign):
-            bases[k] = final[k]
+    # -------------------------------------------------------------------------------------- saving
+    def save_by_lane(self, line, row, state):
+        """Write the states of the trajectories of a line to the row, number by number."""
+        text, one = self.text, self.text.lanes(1)
+        first = line * text.W
+        for l in range(text.W):
+            number = first + l
+            with text.when(number < self.of.trajectories):
+                place = Shared(one, row + number * self.D * 8)
+                x = one.array(state + 8 * l)
+                for k in text.each(self.D, most=WRITTEN_OUT):
+                    place[k] = x[k]
 
     def save(self, line, row, state, final):
         """Write the states of a line to the row, one trajectory after the other.
@@ -271,7 +256,6 @@ class _Inlined(_Driver):
                 text.store("double", final[k], place + 8 * k)
             return
         is_whole = (line + 1) * W <= self.of.trajectories
-        mark = ", !nontemporal !1" if self.align > 8 else ""
         with text.when(is_whole, likely=True):
             for first in range(0, W * D, W):
                 vector, sources = "undef", [divmod(n, D) for n in range(first, first + W)]
@@ -281,6 +265,6 @@ class _Inlined(_Driver):
                         for n, (lane, component) in enumerate(sources)
                     ]
                     vector = text.shuffled(vector, final[k], order)
-                text.store(text.V, vector, place + 8 * first, self.align, mark)
+                text.store(text.V, vector, place + 8 * first)
         with text.when(~is_whole):
             self.save_by_lane(line, row, state)

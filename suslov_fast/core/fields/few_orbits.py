@@ -21,7 +21,7 @@ def _prepared(step, stages, eps, values, B, saves):
     `eps` and `values` are bytes of numbers.
     """
     W, compares = lanes_of(B), compares_signs(step)
-    address = code_of(text_of_steps, step, W, False, 8 if saves else 0, compares)
+    address = code_of(text_of_steps, step, W, False, saves, compares)
     table = common_table(step, stages, eps, values)[1]
     plan, lines = plan_of(stages, table), -(-B // W)
     numbers = dict.fromkeys(DriverArguments._fields, 0) | {

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..code.compiler import address_of
 from ..compiling.codes import NONFINITE
-from .driver import WIDTH
 from .stages import distinct
 
 PLANS = 32  # of fields, whose tables are kept
@@ -94,16 +93,6 @@ def tables_of(scheme, values, eps, W):
 def packed(truths):
     """Return truth values (lines, W) as bits, a number for each line."""
     return np.packbits(truths, axis=1, bitorder="little")[:, 0]
-
-
-def alignment(saved, W, is_large):
-    """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
-    if not saved.size:
-        return 0
-    if not is_large or W < WIDTH:
-        return 8
-    bits = saved.ctypes.data | saved.strides[0]
-    return next(size for size in (64, 16, 8) if bits % size == 0)
 
 
 def note_undefined(states, notes):

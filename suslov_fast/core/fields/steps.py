@@ -23,7 +23,7 @@ import numpy as np
 from numba import config
 
 from ..code.compiler import call, code_of
-from ..compiling.numba import STREAM_FROM, Kernel, calling_python
+from ..compiling.numba import Kernel, calling_python
 from ..compiling.threads import in_parts
 from ..lists.step import Step, of_one_sign
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful
@@ -32,7 +32,6 @@ from .driver import NOT_READY, OF_HALVES, SLOT, DriverArguments, text_of_steps
 from .few_orbits import lanes_of, take_few
 from .lines import (
     PLANS,
-    alignment,
     compares_signs,
     halves_of,
     in_lines,
@@ -123,7 +122,7 @@ class _Lines:
         """Return the states (B, D)."""
         return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
-    def take(self, start, stop, saved, every, is_large, abandoned, seconds=None):
+    def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
         Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
@@ -133,9 +132,8 @@ class _Lines:
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
-        step, align = self.scheme.step, alignment(saved, self.W, is_large)
-        tells_signs = self.bases is not None
-        address = code_of(text_of_steps, step, self.W, self.for_each, align, tells_signs)
+        options = self.W, self.for_each, saved.size > 0, self.bases is not None
+        address = code_of(text_of_steps, self.scheme.step, *options)
         is_short = self.count * (stop - start) <= SHORT_RUN
         address_of_careful = 0
         if seconds is not None or (careful.is_compiled and not is_short):
@@ -252,7 +250,6 @@ def _iterate_part(
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)
-    is_large = saved.size >= STREAM_FROM
     for low in range(first, last, CHUNK):
         chunk = slice(low, min(low + CHUNK, last))
         own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
@@ -266,11 +263,11 @@ def _iterate_part(
             final[chunk] = by_numpy.take(own, states, steps, saved[:, chunk], notes, abandoned)
             continue
         lines = _Lines(own, states, notes, W)
-        _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+        _take_steps(lines, states, steps, saved[:, chunk], abandoned)
         final[chunk] = lines.states()
 
 
-def _take_steps(lines, states, steps, saved, is_large, abandoned):
+def _take_steps(lines, states, steps, saved, abandoned):
     """Take the steps of a run from these states, and save states."""
     start, stop, every, row = steps
     if every and start == 0:
@@ -278,7 +275,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
         row += 1
     if stop == start:
         return
-    arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
+    arguments = start, stop, saved[row:] if every else saved[:0], every, abandoned
     if not lines.take(*arguments):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)

@@ -29,6 +29,7 @@ _ENDS = {
     Cause.ESCAPE: "end: they escape to infinity",
     Cause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
     Cause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
+    Cause.NO_STATE: "end at a change whose new state, `to`, has no value: it is NaN",
 }
 # What solutions do that stop.
 _CAUSES = {
@@ -38,8 +39,8 @@ _CAUSES = {
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
     ),
     Status.TOO_MANY_STEPS: (
-        f"take more than {MOST_STEPS:,} steps from one time to the next (pass more times, or a "
-        "larger rtol)"
+        f"take more than {MOST_STEPS:,} steps, or as many changes, from one time to the next (pass "
+        "more times, or a larger rtol)"
     ),
     Status.ACCUMULATES: (
         "have changes that follow one another without end, as a ball that comes to rest "

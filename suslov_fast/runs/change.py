@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from types import CellType, CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -53,8 +55,8 @@ class Change:
     those of :meth:`Field.from_function`, and carried out as machine code; besides the state they
     may take parameters of the system by name.
 
-    Functions are called when a change first meets the names of a system: a number from outside is
-    a constant from then on, and a parameter of the system is not.
+    When a change is made, the values of the names that its functions use are kept with it: a number
+    from outside is a constant from then on, also in a loop. A parameter of the system is none.
 
     Parameters
     ----------
@@ -116,6 +118,7 @@ class Change:
     most: int | None = None
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
     _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
+    _kept: dict[str, Any] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if (self.surface is None) == (self.times is None):
@@ -144,6 +147,7 @@ class Change:
             how = "left out beside ends=True, at the first: most=3 alone ends at the third"
             raise wrong("most", how)
         vars(self).update(to=to, direction=direction, most=most, ends=bool(self.ends))
+        self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
             times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
             vars(self)["times"] = read_only(np.array(times, ndmin=1))
@@ -210,7 +214,7 @@ class Change:
         return *own, dict(self._definitions)
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"_traced": {}}
+        return vars(self) | {"_traced": {}, "_kept": {}}
 
     def __setstate__(self, attributes: dict[str, Any]) -> None:
         vars(self).update(attributes)
@@ -243,6 +247,42 @@ def traced(change: Change, system: Any) -> Traced:
             known.clear()
         known[key] = Traced(change, *key)
     return known[key]
+
+
+def _with_values(f: Any, known: dict[int, Any]) -> Any:
+    """Return a function with the values that its names have now; what is none is returned as is.
+
+    Functions of the same file that it calls are among these; `known` are those done.
+    """
+    f = getattr(f, "py_func", f)  # if Numba compiled f
+    if not isinstance(f, FunctionType):
+        return f
+    if id(f) in known:
+        return known[id(f)]
+    cells = tuple(CellType() for _ in f.__closure__ or ())
+    values: dict[str, Any] = {"__builtins__": builtins}
+    found = FunctionType(f.__code__, values, f.__name__, f.__defaults__, cells)
+    found.__kwdefaults__ = f.__kwdefaults__ and dict(f.__kwdefaults__)
+    known[id(f)] = found
+
+    def kept(value: Any) -> Any:
+        is_near = isinstance(value, FunctionType) and value.__globals__ is f.__globals__
+        return _with_values(value, known) if is_near else value
+
+    names = _names_in(f.__code__)
+    values.update((name, kept(f.__globals__[name])) for name in names if name in f.__globals__)
+    for cell, own in zip(cells, f.__closure__ or (), strict=True):
+        try:
+            cell.cell_contents = kept(own.cell_contents)
+        except ValueError:  # it has no value yet
+            continue
+    return found
+
+
+def _names_in(code: CodeType) -> set[str]:
+    """Return the names that the code of a function, and of functions within it, may look up."""
+    inner = (each for each in code.co_consts if isinstance(each, CodeType))
+    return {*code.co_names}.union(*map(_names_in, inner))
 
 
 def _shown(function: Any) -> str:
@@ -285,8 +325,9 @@ class Traced:
 
     def __init__(self, change: Change, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
         self.change, self.names, self.tracer = change, names, Tracer(names, parameters)
-        self.surface = None if change.surface is None else self._surface(change.surface)
-        self.to = None if change.to is None else self._results("to", change.to)
+        kept = {"surface": change.surface, "to": change.to} | change._kept
+        self.surface = None if change.surface is None else self._surface(kept["surface"])
+        self.to = None if change.to is None else self._results("to", kept["to"])
         if self.to is not None and len(self.to) != len(names):
             raise wrong("to", f"{len(names)} texts, one for each component", f"{len(self.to)}")
         most = math.inf if change.most is None else float(change.most)

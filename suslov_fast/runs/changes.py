@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import common_shape, kind_of, short, wrong
+from ..checks import common_shape, kind_of, short, warn, wrong
 from ..core.lists.changes import Act, in_order_of_code
 from ..core.motion.engine import NO_STOPS, Stops
 from ..engine.status import Status
@@ -77,6 +77,20 @@ def _new_stops(changes: tuple[Change, ...], sign: int, batch: tuple[int, ...]) -
     both = np.concatenate(times, axis=1)
     order = np.argsort(both, axis=1, kind="stable")
     return Stops(np.take_along_axis(both, order, 1), np.array(which)[order])
+
+
+def warn_of_times_that_never_come(
+    changes: tuple[Change, ...], sign: int, last: float, count: int
+) -> None:
+    """Warn of each change whose times are all before x0 or after the last time asked, `last`."""
+    for k, change in enumerate(changes if count else ()):
+        times = None if change.times is None else change.times[np.isfinite(change.times)]
+        if times is None or not times.size or ((times * sign >= 0.0) & (abs(times) <= last)).any():
+            continue
+        warn(
+            f"changes: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
+            f"from x0 as those of the motion do, which ends at {sign * last:g}"
+        )
 
 
 def changes_of_records(records: Any, changes: tuple[Change, ...], motion: Any) -> Events:

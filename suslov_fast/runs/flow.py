@@ -34,7 +34,14 @@ from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
 from .change import Change, field_of
-from .changes import acts_of, batch_of, changes_of_records, checked_changes, stops_of
+from .changes import (
+    acts_of,
+    batch_of,
+    changes_of_records,
+    checked_changes,
+    stops_of,
+    warn_of_times_that_never_come,
+)
 from .motion import Motion
 from .solution import states_at
 
@@ -144,6 +151,7 @@ def flow(
         warn_of_times(system, x, times)
     if acting:
         stops = stops_of(acting, sign, batch)
+        warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         asked = Asked(times, sign, settings, thread_count(threads), report, stops)

@@ -135,3 +135,31 @@ def test_a_change_serves_several_systems():
     np.testing.assert_allclose(
         motion.states, 2 * flow(body, [1.0, 0.5], time=1.0).states, rtol=1e-8
     )
+
+
+RATE = 3.0
+
+
+def tripled(c):
+    return RATE * c
+
+
+def test_functions_have_the_values_of_names_when_the_change_was_made():
+    """In comprehensions, in loops, and in functions that they call."""
+    body = Field.from_function(lambda c: (-0.1 * c[0],), "c")
+    pairs = [*zip([0, 8, 16], [100, 50, 70], strict=True)]
+    doses = [Change(times=[t], to=lambda c: c + a) for t, a in pairs]  # noqa: B023
+    right = sum(a * np.exp(-0.1 * (24 - t)) for t, a in pairs)
+    np.testing.assert_allclose(flow(body, [0.0], time=24.0, changes=doses).states, [[right]])
+    names = {"Change": Change, "pairs": pairs}
+    exec("d = []\nfor t, a in pairs:\n    d.append(Change(times=[t], to=lambda c: c + a))", names)
+    found = flow(body, [0.0], time=24.0, changes=names["d"])
+    np.testing.assert_allclose(found.states, [[right]], rtol=1e-9)
+    assert Change("c", to=tripled) == Change("c", to=tripled)
+
+
+def test_names_of_a_surface_and_of_what_it_calls(monkeypatch):
+    clock = Field.from_function(lambda x: (1.0,), "t")
+    change = Change(lambda x: tripled(x[0]) - 6, direction=1)
+    monkeypatch.setitem(globals(), "RATE", 1.0)
+    np.testing.assert_allclose(flow(clock, [0.0], time=9.0, changes=change).changes.time, [2.0])

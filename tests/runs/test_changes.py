@@ -62,7 +62,7 @@ ADD = [Change(times=[1], to=lambda x: (x[0] + 12,)), Change(times=[1], to=lambda
         (ADD, [0, 120]),
         (ADD[::-1], [0, 12]),
         (Change(times=[0], to=lambda x: (x[0] + 1,)), [1, np.exp(-1)]),
-        (Change(times=[np.nan, -1, 2, np.inf], to=lambda x: (x[0] + 1,)), [0, 0]),
+        (Change(times=[np.nan, -1, 2, 0, np.inf], to=lambda x: (x[0] + 1,)), [1, np.exp(-1)]),
     ],
 )
 def test_order_and_times(changes, right):

@@ -271,6 +271,7 @@ class Field(FieldOfFunction):
     def _by_function(cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: Any) -> Field:
         tracer, rows = operands_of_function("f", f, names, values)
         rows = rows if M is None else rates(tracer, M, rows)
+        _check_equalities(tracer.values, names, rows)
         equations = Equations(names, [*values], tracer.values, rows)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
 
@@ -338,6 +339,18 @@ class Field(FieldOfFunction):
             matrix = structure_matrix(K, len(names))
             shared = of_hamiltonian(tracer, names, [*values], operands[0], matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: shared})
+
+
+def _check_equalities(values: Any, names: Sequence[str], rows: Sequence[Any]) -> None:
+    """Raise ValueError where f asks whether a clock equals a number: a step meets no such time."""
+    clocks = {i for i, rate in enumerate(rows) if isinstance(rate, float) and rate != 0.0}
+    for name, _, operands in values.operations:
+        for a, b in (operands, operands[::-1]) if name == "oeq" else ():
+            if type(a) is int and a in clocks and isinstance(b, float) and b != 0.0:
+                raise ValueError(
+                    f"f: {names[a]} == {b:g} holds at no step of the motion, whatever f is then: "
+                    f"what happens at that time is Change(times=[{b:g}], to=...)"
+                )
 
 
 @lru_cache(64)

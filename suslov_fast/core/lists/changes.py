@@ -16,9 +16,12 @@ from math import inf
 from typing import NamedTuple
 
 from .derivative import gradients
+from .hidden import sizes_of
+from .numbers import operand_of
 from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 from .step import dot
 
+OF_SURFACE = 4  # a value, its rate, and the sums of the moduli of the terms of both
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
 
 
@@ -91,7 +94,7 @@ class Changes(NamedTuple):
     P            number of parameters
 
     The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
-    the state and f there: each surface and its rate; and for columns, where they are wanted,
+    the state and f there: `OF_SURFACE` of each surface; and for columns, where they are wanted,
     `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
     tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
     `column{k}_{q}`, which read the scale of the column, too.
@@ -149,13 +152,21 @@ def changes_of(acts, D, P, by=(), with_columns=False):
 
 
 def _toward(acts, D, P):
-    """Return the `Part` of all surfaces and their rates, one after the other."""
+    """Return the `Part` of `OF_SURFACE` of all surfaces, one after the other."""
     values = Expressions(D + P, range(D, D + P))
-    of_surfaces = [a for act in acts for a in emitted(values, act.surface)]
+    known = [{i: i for i in range(D + P)} for _ in acts]
+    of_surfaces = [
+        a for act, own in zip(acts, known, strict=True) for a in emitted(values, act.surface, own)
+    ]
     slopes = gradients(values, [*values.operations], of_surfaces, D)
     rates, results = [values.given() for _ in range(D)], []
-    for a, row in zip(of_surfaces, slopes, strict=True):
+    moduli = {j: operand_of(abs(values.number(a))) for j, a in enumerate(rates)}
+    for act, own, a, row in zip(acts, known, of_surfaces, slopes, strict=True):
+        [s] = act.surface.results
+        size = sizes_of(values, act.surface.operations, own)[s]
+        steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
         results += [a, _product(values.emit, row, dict(enumerate(rates)))]
+        results += [operand_of(size), _product(values.emit, steep, moduli)]
     given = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
     given |= {a: D + j for j, a in enumerate(rates)}
     return Part(renumbered(List(needed_for(values.operations, results), results), given), 2 * D)

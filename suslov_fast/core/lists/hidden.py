@@ -61,7 +61,7 @@ def _list_of(f, own, by_states, kinks):
     values = Values(rtol + 1 + len(f.table), ())
     state = {i: middle + i for i in range(f.D)} | of_table
     emitted(values, f.watched, state)
-    sizes, largest, some = _sizes(values, f.watched.operations, state), 0.0, 0.0
+    sizes, largest, some = sizes_of(values, f.watched.operations, state), 0.0, 0.0
     for k, a, kind, choice in own:
         points = [values.number(n * count + k) for n in range(len(_ENDS))]
         surfaces = [points]
@@ -108,7 +108,7 @@ def _told(points, rounding, tells_nothing):
     return (agree | (inside >= 0.0)).select(ratio, 0.0), agree.select(twice, 0.0)
 
 
-def _sizes(values, operations, state):
+def sizes_of(values, operations, state):
     """Return what values are the sums of, by modulus, at a state; of others their moduli."""
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -117,6 +117,12 @@ def _sizes(values, operations, state):
             sizes[number] = a + b
         elif name == "fmul":
             sizes[number] = a * b
+        elif name == "fdiv" and not isinstance(operands[1], float):
+            sizes[number] = a / abs(values.number(state[operands[1]]))
+        elif name == "fdiv":
+            sizes[number] = a / b
+        elif name == "fabs":
+            sizes[number] = a
     return sizes
 
 

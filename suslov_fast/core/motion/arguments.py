@@ -15,7 +15,7 @@ class Arguments(NamedTuple):
     table_bytes: int  # from trajectory to trajectory
     work: int  # address of the rows of `Work`
     numbers: int  # address of `Numbers`
-    components: int  # address of the rows of `Component` (4, D)
+    components: int  # address of the rows of `Component` (5, D)
     times: int = 0  # address of the moduli of times, ascending, and two infinite ones
     states: int = 0  # address of the states at these times (count, trajectories, D)
     state_bytes: int = 0  # of one time
@@ -31,6 +31,7 @@ class Component(NamedTuple):
 
     extra: float  # what is added to the allowed error: atol, infinity for clocks
     counts: float  # 1, for clocks 0
+    steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
     seeds: float  # what is added to the vector of the power iteration
 

@@ -13,41 +13,43 @@ import numpy as np
 from ..code.text import Carried, Integers, Shared
 from ..lists.numbers import larger, smaller
 from . import choosing, surfaces
-from .lengths import AT_FIRST, BEGIN_COMPONENT
+from .lengths import AT_FIRST, BEGIN_COMPONENT, first_length
 from .records import record
 from .rows import OF_CHANGES, State
-from .rules import AT_ONCE, TINY, rule
+from .rules import AT_ONCE, NEARLY, TINY, rule
 from .scope import Lines
 
-# A trajectory ends where a change acts again within AT_ONCE of the time so often in a row, or where
-# so many act at one instant beside one at each surface.
-CHANGES_AT_ONCE, MOST_AT_ONCE, ROUNDING = 4.0, 64.0, 2.0**-50
+# A trajectory ends where a change acts again at once so often in a row, or where so many act at
+# one instant beside one at each surface.
+CHANGES_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
+ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
 SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
+MOMENT = 2.0**-16  # part of the last step, after which rates tell how they change
+STAYS = 0.25  # in place of a side
 FASTER = 4.0  # rate after changes, beside that where the step before them began
 
 
-def _level(value, rate, is_above):
-    """Return 0, or more below a surface on which a state rests, which counts as above otherwise."""
-    rests = value.equals(0.0) & rate.equals(0.0)
-    return rests.select(is_above.select(0.0, TINY), 0.0)
+def _side(value, rate, size, rate_size, near, sign):
+    """Return the side of a state, and a level, of which it is on that side within this instant.
 
-
-def _beyond(value):
-    """Return a level that is more than the value of a surface, by rounding."""
-    return value + (ROUNDING * abs(value) + TINY)
+    A state as `near` the surface as that, or within rounding, is on it: its side is that to which
+    the rate leads. One whose rate is rounding stays on the surface, which it cannot cross.
+    """
+    rounding = ROUNDING * size + TINY
+    is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
+    goes_up = sign * rate > 0.0
+    level = goes_up.select(smaller(value, 0.0), larger(value, 0.0) + rounding)
+    side = stays.select(STAYS, goes_up.select(1.0, 0.0))
+    return {
+        "side": is_on.select(side, (value >= 0.0).select(1.0, 0.0)),
+        "level": is_on.select(stays.select(inf, level), 0.0),
+    }
 
 
 @rule
-def FIRST_SIDE(value, rate, sign):
-    """On which side of a surface a trajectory starts, on the surface that to which it goes."""
-    is_above = (value > 0.0) | (value.equals(0.0) & (sign * rate > 0.0))
-    return {"side": is_above.select(1.0, 0.0), "level": _level(value, rate, is_above)}
-
-
-@rule
-def LEVEL(value, rate, side):
-    """The level of a surface after an instant in which its change has acted."""
-    return {"level": _level(value, rate, side > 0.5)}
+def FIRST_SIDE(value, rate, size, rate_size, sign):
+    """On which side of a surface a trajectory starts."""
+    return _side(value, rate, size, rate_size, 0.0, sign)
 
 
 def _is_on(value, rate, last, jumps):
@@ -56,57 +58,77 @@ def _is_on(value, rate, last, jumps):
 
 
 @rule
-def CROSSED(value, rate, side, level, is_here, by_motion, jumps, t, last, sign):
+def CROSSED(
+    value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
+    at_surface,
+):  # fmt: skip
     """Whether a state is on another side of a surface, up or down.
 
-    A change may leave the state beyond the surface by rounding, on its way back. A step ends there,
-    too, but a crossing by the motion whose rate contradicts it is none: then the surface lies where
-    the state is, until its next change, and just beyond where the state does not move any more. Nor
-    is it one where a motion begins that rests on the surface at first.
+    So is one at which the step arrives, see `surfaces.CUT`. A change may leave the state
+    beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
+    motion whose rate contradicts it is none: then the surface lies just beyond the state, until
+    its next change. Nor is it one where a state leaves a surface on which it has stayed.
     """
-    is_above = value >= level
-    differs = (is_here > 0.0) & (is_above ^ (side > 0.5))
+    shift = sign * rate * (NEARLY * t)
+    is_above = (at_surface > 1.0).select(value + shift, value) >= level
+    stays = side.equals(STAYS)
+    differs = (is_here > 0.0) & (is_above ^ (side > 0.5)) & ~stays
     ahead = is_above.select(sign * rate, -(sign * rate))
     is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
     is_back = is_back & _is_on(value - level, rate, last, jumps)
-    stays = is_above & value.equals(level)
+    beyond = is_above.select(value + (ROUNDING * abs(value) + TINY), value)
     crosses = differs & ~is_back
-    begins = level.equals(TINY) & (by_motion > 0.0) & (t <= AT_ONCE * last)
+    own, leaves = _side(value, rate, size, rate_size, LOW * size, sign), stays & (accepted > 0.0)
     return {
-        "side": crosses.select(is_above.select(1.0, 0.0), side),
-        "level": is_back.select(stays.select(_beyond(value), value), level),
-        "up": crosses & is_above & ~begins,
+        "side": leaves.select(own["side"], crosses.select(is_above.select(1.0, 0.0), side)),
+        "level": leaves.select(own["level"], is_back.select(beyond, level)),
+        "up": crosses & is_above,
         "down": crosses & ~is_above,
     }
 
 
 @rule
-def AFTER_OWN(value, rate, before, rate_before, up, by_motion, jumps, last, sign):
-    """The side and the level of a surface after its own change; `before` is its value before.
-
-    A state that lies as near the surface as the crossing left it is on it: its side is that to
-    which the rate leads, and within this instant the level is where it is not crossed again.
-    """
-    is_near = (by_motion > 0.0) & (abs(before) + abs(before) >= abs(value))
-    is_near = is_near & _is_on(before, rate_before, last, jumps)
-    is_on = value.equals(0.0) | is_near
-    ahead = sign * rate
-    goes_up = ahead.equals(0.0).select(1.0 - up, (ahead > 0.0).select(1.0, 0.0))
-    level = (goes_up > 0.5).select(smaller(value, 0.0), _beyond(larger(value, 0.0)))
-    return {
-        "side": is_on.select(goes_up, (value >= 0.0).select(1.0, 0.0)),
-        "level": is_on.select(level, 0.0),
-    }
+def NEAR(value, rate, by_motion, jumps, last):
+    """How near a surface a state counts as on it after a change: the crossing was half as near."""
+    is_near = (by_motion > 0.0) & _is_on(value, rate, last, jumps)
+    return {"near": is_near.select(abs(value) + abs(value), 0.0)}
 
 
 @rule
-def AGAIN(fired, t, acted, pause, own, limit):
-    """How much later than before a change acts, and the limit of such times, as by Aitken."""
-    gap, is_fired = t - acted, fired > 0.0
-    ends = t + (pause > gap).select(gap * gap / (pause - gap), 0.0)
+def AFTER_OWN(value, rate, size, rate_size, near, rate_before, sign):
+    """The side and the level of a surface after its own change."""
+    return _side(value, rate, size, rate_size + abs(rate_before), near, sign)
+
+
+@rule
+def AGAIN(
+    fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
+    more, limit, sign,
+):  # fmt: skip
+    """Whether a change acts again at once, how often that counts, and when such times end.
+
+    A state that a change turns back, and that comes back along a parabola, is away for 2 |r / a|
+    with the rate r and its derivative a, and rises by r**2 / (2 |a|). If that is at once, or LOW,
+    and the change has made r smaller by the factor q, it is at rest after 2 |r / a| / (1 - q). For
+    others the time since the change before counts, and the limit is Aitken's.
+    """
+    is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
+    is_on = abs(value) <= near + (ROUNDING * size + TINY)
+    stays = abs(rate) <= ROUNDING * (rate_size + abs(rate_before))
+    turn, change = -(fired * sign), later - rate
+    bends = (abs(change) > ROUNDING * rate_size) & (turn * change < 0.0)
+    comes_back = is_on & bends & (stays | (turn * rate > 0.0)) & (abs(rate) < abs(rate_before))
+    parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
+    away = comes_back.select(parabola, gap)
+    of_terms = LOW * (size + rate_size * now)  # which are those of a state within rounding of now
+    is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
+    is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
+    counts = is_at_once.select(comes_back.select(CHANGES_AT_ONCE, 1.0), 0.0)
+    of_gaps = (pause > gap).select(gap * gap / (pause - gap), 0.0)
+    of_rates = parabola / (1.0 - abs(rate / rate_before))
     return {
-        "own": is_fired.select(smaller(gap, own), own),
-        "limit": is_fired.select(smaller(ends, limit), limit),
+        "more": larger(counts, more),
+        "limit": is_at_once.select(smaller(t + comes_back.select(of_rates, of_gaps), limit), limit),
         "acted": is_fired.select(t, acted),
         "pause": is_fired.select(gap, pause),
     }
@@ -114,8 +136,8 @@ def AGAIN(fired, t, acted, pause, own, limit):
 
 @rule
 def CHANGED_STATE(
-    size, rate, total, largest, rate_before, number, endless, own, limit, t, wanted, longer, state,
-    stiff, easy, tries, at, often, since, part, last, longest,
+    size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
+    stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
     """The next length after changes of the state.
 
@@ -123,21 +145,20 @@ def CHANGED_STATE(
     last step began, as after a dose, it is at most that of a first step of a state as large as the
     largest so far.
 
-    Changes accumulate where one acts again at once, `own` after its last time; many others may act
-    in between. A surface that has been crossed for longer, as far as its rate tells, shows that its
-    value is rounding by now.
+    Changes accumulate where one acts again at once, see `AGAIN`, so often in a row.
     """
     is_changed = number > 0.0
-    guess = (size > 0.0).select(part * (size / rate), 0.0)
-    of_largest = part * (larger(size, largest) / rate)
+    guess = first_length(size, rate, part, last)
+    of_largest = first_length(larger(size, largest), rate, part, last)
     least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
     guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
-    now = larger(t, wanted)
-    is_at_once = (own <= AT_ONCE * now) | ((since > own) & (own <= SOON * now))
-    often_now = is_at_once.select(often + 1.0, 0.0)
-    piles_up = ((often_now >= CHANGES_AT_ONCE) & (state < State.DONE)) | (endless > 0.0)
-    after = piles_up.select(float(State.ACCUMULATES), state)
+    often_now = (more > 0.0).select(often + more, 0.0)
+    piles_up = (often_now >= CHANGES_AT_ONCE) | (endless > 0.0)
+    too_many = (actions > most).select(float(State.TOO_MANY), state)
+    after = piles_up.select(float(State.ACCUMULATES), too_many)
+    after = (state < State.DONE).select(after, state)
     after = (total < inf).select(after, float(State.ENDED))
+    end = (limit < inf).select(smaller(limit, last), t)
     return {
         "wanted": is_changed.select(guess, wanted),
         "longer": is_changed.select(AT_FIRST, longer),
@@ -145,7 +166,7 @@ def CHANGED_STATE(
         "stiff": is_changed.select(0.0, stiff),
         "easy": is_changed.select(0.0, easy),
         "tries": is_changed.select(0.0, tries),
-        "at": is_changed.select(piles_up.select(smaller(limit, last), t), at),
+        "at": is_changed.select(after.equals(float(State.ACCUMULATES)).select(end, t), at),
         "often": is_changed.select(often_now, often),
     }
 
@@ -163,7 +184,10 @@ def add_change(text, half, name, for_each):
 def change(lines):
     """Let changes act on the next states of lanes whose step is taken."""
     if lines.half.changes:
-        with lines.text.when(_is_there(lines).any(), likely=False):
+        is_there = _is_there(lines)
+        if lines.half.changes.surfaces:  # a state that stays on a surface may leave it
+            is_there = is_there | (lines.of_changes.resting[0] * lines.work.accepted[0] > 0.0)
+        with lines.text.when(is_there.any(), likely=False):
             lines.text.invoke(f"{lines.name}_change", lines.arguments)
 
 
@@ -171,14 +195,15 @@ def find_sides(lines, begins):
     """Find on which sides of surfaces the trajectories of these lanes begin."""
     if not lines.half.changes.surfaces:
         return
-    toward, side = lines.work.toward, lines.line.side
+    side, resting = lines.line.side, Carried(resting=0.0)
     _look(lines)
-    for k in lines.text.each(lines.half.changes.surfaces):
-        values = {"value": toward[k * 2], "rate": toward.after(1)[k * 2]}
-        found = lines.apply(FIRST_SIDE, **values)
+    for k in lines.text.each(lines.half.changes.surfaces, resting):
+        found = lines.apply(FIRST_SIDE, **_at_surface(lines, k))
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
         lines.line.acted.choose(begins, k * 2, -inf)
+        resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
+    lines.of_changes.resting.choose(begins, 0, resting.resting)
 
 
 def _is_at_stop(lines):
@@ -197,8 +222,13 @@ def _is_there(lines):
 
 
 def _look(lines):
-    """Find the values of surfaces at the new state, and their rates."""
+    """Find `OF_SURFACE` of surfaces at the new state."""
     surfaces.look_at_changes(lines, lines.work.new, lines.work.f_new, lines.work.toward)
+
+
+def _at_surface(lines, k):
+    """Return what `_look` has found of surface k, by name."""
+    return surfaces.of_surface(lines.work.toward, k, "value", "rate", "size", "rate_size")
 
 
 def _change(lines):
@@ -212,7 +242,7 @@ def _change(lines):
     if changes.at_times:
         with text.when(is_at_stop.any()):
             _act_at_times(lines)
-    again = Carried(own=inf, limit=inf)
+    again = Carried(more=0.0, limit=inf)
     if changes.surfaces:
         by_motion = is_there & ~is_at_stop
         _act_at_surfaces(lines, is_there, by_motion, again)
@@ -245,7 +275,7 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
     """
     text, work, changes = lines.text, lines.work, lines.half.changes
     for k in text.each(changes.surfaces):
-        work.fired[k] = 0.0
+        work.fired[k * 3] = 0.0
     _look(lines)
     if changes.count == 1:
         _cross(lines, 0, is_there, by_motion)
@@ -256,52 +286,67 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
             for k in range(changes.surfaces):
                 _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
             now.goes_on = (work.noted[0] > noted).any()
+    again.resting = 0.0
+    _look_a_moment_later(lines)
     for k in text.each(changes.surfaces, again):
-        side, acted, place = lines.line.side, lines.line.acted, k * 2
-        values = {"value": work.toward[place], "rate": work.toward.after(1)[place]}
-        level = lines.apply(LEVEL, side=side[place], **values)["level"]
-        side.after(1).choose(work.fired[k] > 0.0, place, level)
-        own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": work.fired[k]}
-        found = lines.apply(AGAIN, **own, **vars(again))
+        side, acted, place, fired = lines.line.side, lines.line.acted, k * 2, work.fired[k * 3]
+        stays = side[place].equals(STAYS)
+        level = side.after(1)
+        level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
+        own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
+        own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
+        own |= _at_surface(lines, k) | surfaces.of_surface(work.ahead.after(1), k, "later")
+        found = lines.apply(AGAIN, **own, more=again.more, limit=again.limit)
         acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
-        again.update(found)
+        again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
+    lines.of_changes.resting[0] = vars(again).pop("resting")
+
+
+def _look_a_moment_later(lines):
+    """Find `OF_SURFACE` of surfaces MOMENT after the new state, in `ahead`."""
+    work = lines.work
+    signed = lines.number("sign") * (MOMENT * work.taken[0])
+    for i in lines.text.each(lines.D):
+        work.start[i] = work.new[i] + signed * work.f_new[i]
+    lines.call("f", work.start, lines.table, work.f)
+    surfaces.look_at_changes(lines, work.start, work.f, work.ahead)
 
 
 def _cross(lines, k, is_there, by_motion):
     """Let the change at surface k act in lanes whose state is on another side of it now."""
     text, work, line, half = lines.text, lines.work, lines.line, lines.half
-    place, value = 2 * k, work.toward[2 * k]
-    by_motion = by_motion.select(1.0, 0.0)
-    inputs = {"value": value, "rate": work.toward[place + 1], "by_motion": by_motion}
-    inputs |= {"side": line.side[place], "level": line.side[place + 1]}
-    inputs["jumps"] = jumps = text.value(float(half.changes.jumps[k]))
+    place, own = 2 * k, _at_surface(lines, k)
+    given = {"by_motion": by_motion.select(1.0, 0.0)}
+    given["jumps"] = text.value(float(half.changes.jumps[k]))
+    inputs = {"side": line.side[place], "level": line.side[place + 1]} | own | given
     found = lines.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
     up, direction = found["up"], half.changes.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
     if half.changes.only_records(k):
-        _note(lines, k, fires, up | found["down"])
+        _note(lines, k, fires, up | found["down"], by_motion)
         return
     with text.when(fires.any()):
-        work.fired.choose(fires, k, 1.0)
+        near = lines.apply(NEAR, value=own["value"], rate=own["rate"], **given)["near"]
+        for n, value in enumerate((up.select(1.0, -1.0), near, own["rate"])):
+            work.fired.choose(fires, 3 * k + n, value)
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
-        _act(lines, k, fires, by_motion)
+        _act(lines, k, fires, given["by_motion"])
         if half.changes.components[k]:
             _look(lines)
-            after = {"value": work.toward[place], "rate": work.toward[place + 1]}
-            after |= {"before": value, "rate_before": inputs["rate"], "by_motion": by_motion}
-            after |= {"up": up.select(1.0, 0.0), "jumps": jumps}
-            own = lines.apply(AFTER_OWN, **after)
-            line.side.choose(fires, place, own["side"])
-            line.side.choose(fires, place + 1, own["level"])
+            after = {"near": near, "rate_before": own["rate"]} | _at_surface(lines, k)
+            found = lines.apply(AFTER_OWN, **after)
+            line.side.choose(fires, place, found["side"])
+            line.side.choose(fires, place + 1, found["level"])
 
 
-def _note(lines, k, truth, crosses):
+def _note(lines, k, truth, crosses, by_motion):
     """Record a crossing where nothing changes; a trajectory with enough of them stops."""
     line, work, of = lines.line, lines.work, lines.of_changes
-    t, acted = line.t[0], line.acted[2 * k]  # where a solution slides it crosses again at once
-    counts = truth & (t > lines.number("since")) & (t - acted > AT_ONCE * t)
+    t, acted = line.t[0], line.acted[2 * k]
+    slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
+    counts = truth & (t > lines.number("since")) & ~slides
     line.acted.choose(crosses, 2 * k, t)
     with lines.text.when(counts.any()):
         record(lines, counts, k, line.t, work.new, work.new)
@@ -332,6 +377,8 @@ def _act(lines, k, truth, by_motion=None):
             lines.call("f", work.new, lines.table, work.f_new)
     counts = lines.line.counts[k] + truth.select(1.0, 0.0)
     lines.line.counts[k] = counts
+    actions = lines.of_changes.actions
+    actions[0] = actions[0] + truth.select(1.0, 0.0)
     if half.changes.most[k] < np.inf:
         is_over = truth & (counts >= float(half.changes.most[k]))
         lines.line.state.choose(is_over, 0, float(State.STOPPED))
@@ -393,7 +440,7 @@ def _go_on(lines, is_at_stop, again):
         before.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
     endless = (work.noted[0] >= _most(lines.half.changes)).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
-    inputs |= {"since": work.aim[1], "largest": before.size, "rate_before": before.rate}
+    inputs |= {"largest": before.size, "rate_before": before.rate}
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
         work.jumped.choose(is_changed, 0, 1.0)

@@ -41,12 +41,13 @@ class Settings(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, atol):
-    """Return `Arguments.components` (4, D): the rows extra, counts, keeps and seeds."""
+    """Return `Arguments.components` (5, D)."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
     found[COMPONENT.extra] = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
     found[COMPONENT.counts] = ~is_clock
+    found[COMPONENT.steady, [*f.steady]] = 1.0
     found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
     found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
     return found
@@ -288,7 +289,8 @@ class Motion:
             doubles = (growth * (_AT_ONCE * t) >= x**2) & (growth > 0.0)
         escapes = doubles.any(axis=0) | ~np.isfinite(rates).all(axis=0)
         of_others = np.where(escapes, Cause.ESCAPE, Cause.POLE)
-        return np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
+        of_f = np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
+        return np.where(np.isnan(x).any(axis=0), Cause.NO_STATE, of_f)
 
     def _table(self, half, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""

@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 
-from ..lists.changes import read_by
+from ..lists.changes import OF_SURFACE, read_by
 from ..lists.elimination import Elimination, operations_of
 from ..lists.hidden import POINTS
 from ..lists.planned_elimination import elimination_order, filled
@@ -121,8 +121,9 @@ class Half:
             "end": 2 * (watched + surfaces), "aim": 5,
             "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
             "changed": changes * D, "before": changes * D, "f_before": changes * D,
-            "pair": changes * (4 * block.D + 1), "toward": 2 * surfaces, "ahead": 2 * surfaces,
-            "fired": surfaces, "noted": changes, "chooses": chooses,
+            "pair": changes * (4 * block.D + 1), "toward": OF_SURFACE * surfaces,
+            "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": changes,
+            "chooses": chooses,
             "chosen": len(block.choices.results) if chooses else 0,
             "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
             "slopes": len(block.slope_places) if jumps else 0,

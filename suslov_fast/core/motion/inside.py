@@ -21,8 +21,8 @@ from ..lists.numbers import larger
 from .columns import EXPLICIT, weights
 from .errors import LARGER_RATIO
 from .lengths import AFTER_REFUSED
-from .rows import State
-from .rules import rule
+from .rows import OF_CHANGES, State
+from .rules import NEARLY, rule
 from .scope import weighted
 
 # The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
@@ -133,17 +133,30 @@ def save_states(lines):
 
 
 def save_at_end(lines):
-    """Save the states at times at which the step ends, after changes there."""
-    ends = _passed(lines, Value.equals)
-    with lines.text.when(ends.any(), likely=False):
-        save(lines, ends.bits(), lines.work.new)
+    """Save the states at times at which the step ends, or NEARLY, after changes there."""
+    text = lines.text
+    with text.when(_reached(lines).any(), likely=False):
+        for now in text.rounds(Carried()):
+            save(lines, _reached(lines).bits(), lines.work.new)
+            now.goes_on = _reached(lines).any()
 
 
 def _passed(lines, how):
-    """Return which lanes have passed their next time."""
-    next_, after = lines.line.next[0], lines.line.t[0]
-    accepted = lines.work.accepted[0] > 0.0
-    return accepted & how(after, next_)
+    """Return which lanes have passed their next time within the step."""
+    return (lines.work.accepted[0] > 0.0) & how(_until(lines), lines.line.next[0])
+
+
+def _reached(lines):
+    """Return which lanes have reached their next time."""
+    return (lines.work.accepted[0] > 0.0) & (lines.line.t[0] >= lines.line.next[0])
+
+
+def _until(lines):
+    """Return the time before which states are those inside the step, and not after changes."""
+    t = lines.line.t[0]
+    if not lines.half.changes:
+        return t
+    return (lines.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
 
 
 def _of_step(lines):
@@ -154,7 +167,7 @@ def _of_step(lines):
 def _find_nodes(lines):
     """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
     text, line, work, D = lines.text, lines.line, lines.work, lines.D
-    lines.keep(work, lines.apply(QUARTER, after=line.t[0], **_of_step(lines)))
+    lines.keep(work, lines.apply(QUARTER, after=_until(lines), **_of_step(lines)))
     few, more = WEIGHTS
     of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
     for i in text.each(D, largest):
@@ -256,3 +269,5 @@ def save(lines, bits, states):
         times = Shared(one, of.times)
         line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0
+        if lines.of_changes:
+            one.arrays(line.of_changes.at(), OF_CHANGES).actions[0] = 0.0

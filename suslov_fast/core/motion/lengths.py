@@ -71,15 +71,16 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
 
+def first_length(size, rate, part, last):
+    """Return the length in which |x| changes by a part of itself, or for a part of it from 0."""
+    guess = larger(size / rate, FIRST_OF_TIME * last)
+    return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
+
+
 @rule
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Of the first step: |x| changes by a part of itself, or x at rest by a part of the time.
-
-    Other rows are 0, as they were made.
-    """
-    relative = size / rate
-    guess = (size > 0.0).select(larger(relative, FIRST_OF_TIME * last), FIRST_AT_REST * last)
-    wanted = (rate > 0.0).select(part * guess, last)
+    """The first step; other rows are 0, as they were made."""
+    wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
         "wanted": smaller(smaller(wanted, last), longest),

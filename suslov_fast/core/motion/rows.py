@@ -33,6 +33,7 @@ class Cause(IntEnum):
     ESCAPE = 1  # a component would double at once, and again
     POLE = 2  # f becomes infinite
     NO_VALUE = 3  # f has none ahead
+    NO_STATE = 4  # the new state of a change has none
 
 
 BEGINS = -1.0  # in place of a `State` before the first step
@@ -49,8 +50,10 @@ class Rows(NamedTuple):
     far: int  # the state after a step of length `outer` (watched)
     chosen_at: int  # time at which choices of f changed last (1 if f chooses)
     chosen_often: int  # how often in a row they changed at once (1 if f chooses)
-    side: int  # of surfaces of changes: 1 where the state is at the level or above, else 0, and
-    #            the level, which is 0 but for rounding (2 surfaces)
+    side: (
+        int  # of surfaces of changes: 1 where the state is at the level or above, 0 below, between
+    )
+    #            both where it stays on it, and the level, 0 but for rounding (2 surfaces)
     counts: int  # how often each change has acted (changes)
     acted: int  # when each change at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
@@ -88,6 +91,8 @@ class OfChanges(NamedTuple):
     at: int  # time of the last change; of changes that accumulate their limit
     recorded: int  # crossings of surfaces where nothing changes
     often: int  # how often in a row a change has acted again at once
+    resting: int  # number of surfaces on which the state stays
+    actions: int  # of changes since the last time that was asked for
 
 
 OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
@@ -129,7 +134,7 @@ class Work(NamedTuple):
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
     fallen: int  # 1 where a component may be low, see `errors.LOW`
-    at_surface: int  # 1 where the step ends on a surface, else 0
+    at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
     points: int  # surfaces at the beginning of a step and at POINTS of it, and what `hidden` needs
     point: int  # the state at such a point (watched)
@@ -144,9 +149,12 @@ class Work(NamedTuple):
     before: int  # the state before a change (D)
     f_before: int  # f there (D)
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
-    toward: int  # surfaces of changes at that state, and their rates (2 surfaces)
-    ahead: int  # the same at the end of a part of a step (2 surfaces)
-    fired: int  # 1 where the change at a surface acts at this instant (surfaces)
+    toward: int  # `OF_SURFACE` of surfaces of changes at that state (4 surfaces)
+    ahead: int  # the same at the end of a part of a step, or a moment later (4 surfaces)
+    fired: (
+        int  # 1 where a change acts that was crossed upward at this instant, -1 downward, else 0,
+    )
+    #             and before it how near the surface was, and its rate (3 surfaces)
     noted: int  # number of changes at surfaces at this instant, if there are changes
     chooses: int  # 1 where choices are made anew
     chosen: int  # what `choices` returns (2 + surfaces of f)

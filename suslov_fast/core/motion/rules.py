@@ -12,6 +12,7 @@ from ..lists.step import Values
 
 TINY = 2.0**-1000  # in place of 0
 AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
+NEARLY = 2.0**-45  # part of the time, before which what happens does so at this time
 
 
 class Rule(NamedTuple):

@@ -34,9 +34,9 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 
 @rule
-def CLOCK(x, new, f, signed, counts):
-    """A component at the end of a step; of a clock x + h x', which columns round more often."""
-    return {"new": (counts > 0.0).select(new, x + signed * f)}
+def CLOCK(x, new, f, signed, steady):
+    """A component at the end of a step; of a constant rate x + h x', which columns round more."""
+    return {"new": (steady > 0.0).select(x + signed * f, new)}
 
 
 @rule
@@ -109,7 +109,7 @@ def _next_states(lines, own, of_error):
             i = i + first
             x, ends = line.x[i], lines.of_columns(work.ends, i)
             new = x + weighted(own, ends)
-            if lines.f.clocks:
+            if lines.f.steady:
                 signed = {"f": line.f[i], "signed": work.signed[0]}
                 new = lines.apply(CLOCK, i, x=x, new=new, **signed)["new"]
             if lines.f.of_one_sign:

@@ -26,11 +26,12 @@ from math import inf
 import numpy as np
 
 from ..code.text import Carried
+from ..lists.changes import OF_SURFACE
 from ..lists.hidden import MIDDLE, POINTS
 from ..lists.numbers import larger, smaller
 from .lengths import AFTER_REFUSED, SAFETY
 from .rows import State
-from .rules import rule
+from .rules import NEARLY, rule
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
@@ -103,7 +104,7 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
     crosses, jumps, starts, hidden, twice, known, whole_part, part, inner, outer, weight, rounds,
-    whole, longer, mode, most, last, goal, aim, since,
+    whole, longer, mode, most, last, goal, aim, since, left, next,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
@@ -113,7 +114,8 @@ def CUT(
     may be just before a surface. At a `goal` steps end.
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
-    the state at `outer` at `part`. A step aside on the way to a surface counts as all others. Once
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others, and
+    so does one that ends on it, or NEARLY, but for the time `left` to a surface of a change. Once
     a step has ended near a surface `aim` is the length of that which ends there, and `since` the
     longest time since which one is crossed, see `lists.aim`.
     """
@@ -125,15 +127,17 @@ def CUT(
     cut = seen & ~is_last
     is_long = taken > HIDDEN_FROM * last
     is_right = accepted + served > 0.0
-    again = (hidden >= 1.0) & is_long & is_right & ~cut
-    is_right = is_right & ~(seen | again)
+    arrives = is_right & ~seen & (left <= 0.5 * NEARLY * (before + taken))
+    is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
+    again = (hidden >= 1.0) & is_long & is_right & ~(cut | arrives)
+    is_right = is_right & ~(seen | again | arrives)
     holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
     told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
     forgets = ~searches & (taken > 0.0)
     searches = searches | again
-    moved = ~searches & (accepted > 0.0)
+    moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0)
     first = (crossed > 0.0).select(end, 1.0) * taken
     outer_now = cut.select(first, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
@@ -159,9 +163,9 @@ def CUT(
     after = jumped.select(running, state)
     return {
         "accepted": moved.select(1.0, 0.0),
-        "served": (cut | again).select(0.0, served),
-        "t": searches.select(before, t),
-        "steps": searches.select(steps - accepted, steps),
+        "served": (cut | again | is_aside).select(0.0, served),
+        "t": searches.select(before, is_aside.select(next, t)),
+        "steps": searches.select(steps - accepted, steps + is_aside.select(1.0, 0.0)),
         "state": searches.select(stopped, after),
         "wanted": again.select(told, searches.select(guess, after_this)),
         "longer": again.select(AFTER_REFUSED, longer),
@@ -171,7 +175,7 @@ def CUT(
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
         "beyond": (cut & is_near).select(1.0, 0.0),
-        "at_surface": (moved & seen).select(1.0, 0.0),
+        "at_surface": (moved & (seen | arrives)).select(arrives.select(2.0, 1.0), 0.0),
         "jumped": jumped.select(1.0, 0.0),
     }
 
@@ -256,23 +260,34 @@ def cut(lines, before, total):
 
 
 def look_at_changes(lines, x, f, to):
-    """Find the values of surfaces of changes at a state, and their rates."""
+    """Find `OF_SURFACE` of surfaces of changes at a state with this f."""
     pair, D = lines.work.pair, lines.half.block.D
     lines.text.copy(x, pair, D)
     lines.text.copy(f, pair.after(D), D)
     lines.call("toward", pair, lines.table, to)
 
 
+def of_surface(rows, k, *names):
+    """Return `OF_SURFACE` of surface k in these rows, by the names."""
+    return {name: rows.after(n)[k * OF_SURFACE] for n, name in enumerate(names)}
+
+
 def _aim(lines, inputs, is_far):
-    """Return `aim` and `since` of `CUT`, and where `START` finds a surface.
+    """Return `aim`, `since` and `left` of `CUT`, and where `START` finds a surface.
 
     `is_far` is true in lanes that were not looking for a surface before this step.
     """
     text, line, work, D = lines.text, lines.line, lines.work, lines.half.block.D
     changes, found = lines.half.changes, work.aim.after(3)
-    for k, value in enumerate((np.inf, 0.0, inputs["place"])):
+    for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
         work.aim.put_chosen(k, value)
-    with text.when((~is_far).any(), likely=False):
+    looks = ~is_far
+    if changes and changes.surfaces:
+        t, is_over = line.t[0], work.accepted[0] > 0.0
+        is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
+        is_asked = is_asked | (work.served[0] > 0.0)
+        looks = looks | is_asked
+    with text.when(looks.any(), likely=False):
         sign = lines.number("sign")
         text.copy(work.new, work.end, D)
         for i in text.each(D):
@@ -286,7 +301,9 @@ def _aim(lines, inputs, is_far):
         is_first = is_far & (inputs["crossed"] > 0.0)
         with text.when(is_first.any(), likely=False):
             _start(lines, is_first, inputs)
-    return dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
+    found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
+    has_left = changes and changes.surfaces
+    return found | {"left": is_asked.select(work.aim[3], np.inf) if has_left else np.inf}
 
 
 def _start(lines, is_first, inputs):
@@ -296,9 +313,9 @@ def _start(lines, is_first, inputs):
     look_at_changes(lines, line.far, line.f, work.ahead)
     sums = Carried(first=np.inf)
     for k in lines.text.each(lines.half.changes.surfaces, sums):
-        own = {"value": work.toward[2 * k], "rate": work.toward.after(1)[2 * k]}
+        own = of_surface(work.toward, k, "value", "rate")
         own |= {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
-        own |= {"ahead": work.ahead[2 * k], "end": inputs["end"], "taken": inputs["taken"]}
+        own |= {"ahead": work.ahead[k * OF_SURFACE], "end": inputs["end"], "taken": inputs["taken"]}
         sums.update(lines.apply(START, **own, **vars(sums)))
     work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
 

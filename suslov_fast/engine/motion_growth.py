@@ -40,6 +40,7 @@ _ROOM = 8.0  # of the first segment: its length times the size of f'
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # part of all directions in each of the first columns
 _DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment has no digits
+_NO_DIGITS = 2.0**-48  # of a column of length 1, which the rounding of a change leaves alone
 _OF_PROGRESS = 1000  # parts of the time
 # Segments after which a trajectory has a frame, if they are less than a part of the time; most
 # components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
@@ -214,8 +215,10 @@ class _Run:
         matters[:, -1] &= is_changed | ~lives.all(axis=1)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
-        self.status[which[ended]] = status[ended]
-        self.t[which[ended]] += engine.t[ended]
+        # With changes, columns may have become infinite in place of the state.
+        is_end = ended & (is_last | (self.stops is None))
+        self.status[which[is_end]] = status[is_end]
+        self.t[which[is_end]] += engine.t[is_end]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
         go = which[is_good]
         with np.errstate(all="ignore"):
@@ -229,7 +232,8 @@ class _Run:
         self.duration[go] += length
         self.t[go] += length
         if is_last and self.stops is not None:
-            dies = is_good[:, np.newaxis] & matters & (diagonal <= _DEAD * largest[:, np.newaxis])
+            least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
+            dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
             for k in np.flatnonzero(dies.any(axis=1)):
                 self._bury(which[k], dies[k], V[k])
         return is_good, is_good & (part * part > _LEAST)

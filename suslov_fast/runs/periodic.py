@@ -13,6 +13,7 @@ from ..bodies.base import Body
 from ..bodies.classes import BodyOrField
 from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..checks import FloatArray, short, warn, wrong
+from ..core.lists.linear_terms import coefficients
 from ..engine.starts import checked_settings
 from ..keywords import public
 from ..quantities.derivatives import vector_field
@@ -37,8 +38,8 @@ class PeriodicOrbit(NamedTuple):
     Examples
     --------
     >>> from suslov_fast import QuadraticField, flow, periodic_orbit
-    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
-    >>> orbit = periodic_orbit(field, [1.0, 2.0], period=6.6)
+    >>> field = QuadraticField.from_hamiltonian(lambda x: (x[0]**2 + x[1]**2) / 2 + x[0]**3, "q p")
+    >>> orbit = periodic_orbit(field, [0.1, 0.0], period=6.3)
     >>> motion = flow(field, orbit.state, time=orbit.period, rtol=1e-12)
     >>> bool(abs(motion.states[-1] - orbit.state).max() < 1e-11)
     True
@@ -116,8 +117,10 @@ def periodic_orbit(
     Warns
     -----
     UserWarning
-        If the period is a multiple of a shorter one, or period and orbit are far from the given
-        ones.
+        If the period is a multiple of a shorter one, if period and orbit are far from the given
+        ones, or if the orbit is a member of a family: more multipliers are 1 than the one of the
+        flow and those of known integrals, the Hamiltonian of `Field.from_hamiltonian` and linear
+        ones. A force that is written as states has such a family, of all its amplitudes.
 
     Examples
     --------
@@ -150,7 +153,7 @@ def periodic_orbit(
     if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
         found = f"{search.T:g}, far from {T:g}, and is far from the start"
         warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
-    return _result(search)
+    return _result(search, _integrals(system))
 
 
 def _checked_start(system: Any, start: Any) -> FloatArray:
@@ -185,8 +188,22 @@ def _checked_period(
     start = short(x.tolist())
     if not motion.rate[~motion.drifts].any():
         raise RuntimeError(f"periodic_orbit: start is the equilibrium {start}")
+    if (rest := _rest(field, motion, x, last)) is not None:
+        found = f"the motion from start = {start} falls to the equilibrium {short(rest.tolist())}"
+        raise RuntimeError(f"periodic_orbit: {found}: pass a start nearer to an orbit")
     found = f"the motion from start = {start} does not return near it until t = {last:g}"
     raise RuntimeError(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
+
+
+def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArray | None:
+    """Return the state at which a motion ends at rest, or None."""
+    own = ~motion.drifts
+    with np.errstate(all="ignore"):
+        end = motion.states(x, np.array([last]))[0]
+        rate = abs(vector_field(field, end))[own].max()
+    # In the time until then, such a rate moves it by less than a part of its way.
+    is_at_rest = rate * last <= _AT_REST * abs(end - x)[own].max()
+    return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 
 
 def _near_return(
@@ -229,7 +246,7 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
     return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
 
 
-def _result(search: Shooting) -> PeriodicOrbit:
+def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     x, T, own = search.nodes[0], search.T, ~search.drifts
     product = np.eye(int(own.sum()))
     with np.errstate(all="ignore"):
@@ -240,9 +257,30 @@ def _result(search: Shooting) -> PeriodicOrbit:
         raise RuntimeError(f"periodic_orbit found {found}: call flow for its states")
     if not search.flow.is_forced:
         _warn_of_divisors(search)
+    _warn_of_families(search, known)
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))
     return PeriodicOrbit(x, float(T), values[order], search.residual)
+
+
+def _integrals(system: Any) -> int | None:
+    """Return the number of integrals that are known of a field; None for a body, which has some."""
+    if not isinstance(system, FieldOfFunction):
+        return None
+    [(_, f, table)] = system.listed_right_hand_sides
+    own = [i for i in range(f.D) if i not in f.steady]
+    [C] = coefficients(f, table)[:, own]
+    linear = len(own) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(own)
+    return linear + (getattr(system, "H", None) is not None)
+
+
+def _warn_of_families(search: Shooting, known: int | None) -> None:
+    """Warn if orbits near by are periodic, too, though no known integral tells them apart."""
+    phase = 0 if search.flow.is_forced else 1
+    if known is None or search.freedom <= phase + known:
+        return
+    how = "write a force as a function of a time t with t' = 1, not of states"
+    warn(f"periodic_orbit found a member of a family, which start and period choose: {how}")
 
 
 def _warn_of_divisors(search: Shooting) -> None:

@@ -221,9 +221,9 @@ class Shooting:
     def is_found(self) -> bool:
         return self.residual <= self.allowed
 
-    def _step(self) -> tuple[FloatArray, float]:
-        """Return the step of the nodes and of log T."""
-        M, D = self.nodes.shape
+    def _matrix(self) -> FloatArray:
+        """Return the derivative of the gaps by the nodes and log T, in units of the sizes."""
+        M = len(self.nodes)
         own = np.flatnonzero(~self.drifts)
         n, sizes = len(own), self.sizes[own]
         matrix = np.zeros((M, n, M * n + 1))
@@ -234,7 +234,25 @@ class Shooting:
             matrix[k, :, following : following + n] -= np.diag(sizes)
             if not self.flow.is_forced:
                 matrix[k, :, -1] = self.arcs.rates[k, own]
-        matrix = (matrix / sizes[:, np.newaxis]).reshape(M * n, -1)
+        return (matrix / sizes[:, np.newaxis]).reshape(M * n, -1)
+
+    @property
+    def freedom(self) -> int:
+        """The number of directions of nodes and T that keep gaps closed, the phase among them.
+
+        T is no direction where it is given.
+        """
+        matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
+        values = np.linalg.svd(matrix, compute_uv=False)
+        rank = int((values > _LEAST * values[0]).sum())
+        return matrix.shape[1] - rank
+
+    def _step(self) -> tuple[FloatArray, float]:
+        """Return the step of the nodes and of log T."""
+        M, D = self.nodes.shape
+        own = np.flatnonzero(~self.drifts)
+        n, sizes = len(own), self.sizes[own]
+        matrix = self._matrix()
         right = (-self.gaps[:, own] / sizes).ravel()
         if self.flow.keeps_phase and not self.flow.is_forced:
             row = np.zeros((1, matrix.shape[1]))

@@ -488,3 +488,24 @@ def test_motion_of_a_spiking_cycle():
     given = {"changes": [sf.Change("w"), fires], "transient": 80.0}
     found = sf.lyapunov_exponents(field, [0.3, 1.5], time=100 * np.log(3), **given)
     np.testing.assert_allclose(found, [0.0, -0.3], atol=1e-8)
+
+
+def test_maps_made_by_changes_alone():
+    """The logistic map has log 2, Hénon's -1.2039728 = log 0.3 as its sum."""
+    still = sf.Field.from_function(lambda x: (0.0 * x[0],), 1)
+    times = np.arange(1.0, 3001.0)
+    logistic = sf.Change(times=times, to=lambda x: (4 * x[0] * (1 - x[0]),))
+    found = sf.lyapunov_exponents(still, [[0.3], [0.4]], time=3000.5, changes=logistic)
+    np.testing.assert_allclose(found, np.log(2.0), atol=2e-3)
+    still = sf.Field.from_function(lambda x: (0.0 * x[0], 0.0 * x[1]), 2)
+    henon = sf.Change(times=times[:500], to=lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]))
+    found = sf.lyapunov_exponents(still, [0.1, 0.1], time=499.0, transient=0.5, changes=henon)
+    assert found.sum() == pytest.approx(np.log(0.3), rel=1e-9)
+
+
+@pytest.mark.parametrize("f", [lambda x: (x[1], -0.1 * x[1]), lambda x: (x[1], -x[0])])
+def test_a_wall_that_takes_all_speed(f):
+    wall = sf.Change("x1", to=("x1", 0))
+    field = sf.Field.from_function(f, 2)
+    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, changes=wall)
+    assert found.tolist() == [-np.inf, -np.inf]

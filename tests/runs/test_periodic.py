@@ -10,6 +10,9 @@ import suslov_fast as sf
 from suslov_fast import Field, QuadraticField, flow, periodic_orbit
 from suslov_fast.runs import shooting
 
+# Those of integrals that are not known are told by one warning, which a test below asks for.
+pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
+
 VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 VAN_DER_POL = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
 KEPLER = Field.from_function(
@@ -384,3 +387,59 @@ def test_clocks_that_nothing_depends_on_or_that_stand():
     orbit = periodic_orbit(Field.from_function(f, "x y phi t", rate=0.0), [1, 0, 0, np.pi / 2])
     assert orbit.period == pytest.approx(2 * np.pi)
     np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-4 * np.pi)], atol=1e-9)
+
+
+FORCED = "x v c s", lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * s[2], s[3], -s[2])
+
+
+@pytest.mark.parametrize(
+    ("field", "start", "period"),
+    [
+        (Field.from_function(FORCED[1], FORCED[0]), [0, 0, 1, 0], 2 * np.pi),
+        (VOLTERRA, [1.0, 2.0], None),
+        (KEPLER, [1.0, 0.0, 0.0, 1.1], None),
+    ],
+    ids=["force as states", "Volterra", "Kepler"],
+)
+def test_a_member_of_a_family_is_told(field, start, period):
+    with pytest.warns(UserWarning, match="a member of a family") as told:
+        periodic_orbit(field, start, period)
+    assert len(told) == 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_known_integrals_and_isolated_orbits_are_no_families():
+    H = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+    assert periodic_orbit(H, [1.0, 0.0]).period == pytest.approx(6.699975664370, rel=1e-11)
+    time = Field.from_function(
+        lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * np.cos(s[2]), 1.0), "x v t"
+    )
+    orbit = periodic_orbit(time, [0.0, 0.0, 0.0], 2 * np.pi)
+    right = solve_ivp(
+        lambda t, y: (y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * np.cos(t)),
+        (0, 100 * np.pi), [0, 0], "DOP853", rtol=1e-11, atol=1e-12,
+    ).y[:, -1]  # fmt: skip
+    np.testing.assert_allclose(orbit.state[:2], right, atol=1e-8)
+    cycle = Field.from_function(  # x + y + z is constant, and given by the start
+        lambda x: (
+            x[1],
+            (1 - x[0] ** 2) * x[1] - x[0],
+            -x[1] - (1 - x[0] ** 2) * x[1] + x[0],
+        ),
+        3,
+    )
+    assert periodic_orbit(cycle, [2.0, 0.0, 0.0]).period == pytest.approx(6.663286859, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motions_that_fall_to_an_equilibrium(seed):
+    """Of an oscillator with friction, about any state, in other coordinates."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(2, 2))
+    B = A @ np.array([[0.0, 1.0], [-1.0, -rng.uniform(0.05, 0.5)]]) @ np.linalg.inv(A)
+    rest = rng.normal(size=2)
+    field = Field.from_function(lambda x: [*(B @ (np.array(x) - rest))], 2)
+    with pytest.raises(RuntimeError, match="falls to the equilibrium") as told:
+        periodic_orbit(field, rest + rng.normal(size=2))
+    found = str(told.value).split("equilibrium [")[1].split("]")[0]
+    np.testing.assert_allclose([float(a) for a in found.split(", ")], rest, atol=1e-4)

@@ -160,7 +160,7 @@ def test_forces_keep_their_period():
         (LORENZ, [1e200, 1, 1], 1.0, "ends"),
         (QuadraticField([[[1.0]]]), [1.0], 2.0, "ends"),
         (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], 2.0, "equilibrium"),
-        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], None, "does not return"),
+        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], None, "falls to"),
         (QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2), [1, 1], 0.5, "orbit"),
         (
             QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3), [1, 0, 0],
@@ -439,7 +439,7 @@ def test_motions_that_fall_to_an_equilibrium(seed):
     B = A @ np.array([[0.0, 1.0], [-1.0, -rng.uniform(0.05, 0.5)]]) @ np.linalg.inv(A)
     rest = rng.normal(size=2)
     field = Field.from_function(lambda x: [*(B @ (np.array(x) - rest))], 2)
-    with pytest.raises(RuntimeError, match="falls to the equilibrium") as told:
+    with pytest.raises(RuntimeError, match="the equilibrium") as told:
         periodic_orbit(field, rest + rng.normal(size=2))
     found = str(told.value).split("equilibrium [")[1].split("]")[0]
     np.testing.assert_allclose([float(a) for a in found.split(", ")], rest, atol=1e-4)

@@ -59,7 +59,7 @@ class Events(Result):
     >>> division = Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
     >>> events = flow(cell, [1.0], time=20.0, changes=division).changes
     >>> events
-    Events(x: (2, 1), time: 6.93147 to 13.8629, count: 2)
+    Events(states: (2, 1), time: 6.93147 to 13.8629, count: 2)
     >>> events.given
     (Change('mass - 2', to=('mass/2',)),)
     """

@@ -62,7 +62,7 @@ class Trajectories(States):
     >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
     >>> orbit = iterate(well, [0.9, 0.0], eps=0.1, steps=1000)
     >>> orbit
-    Trajectories(x: (1001, 2), n: 0, 1 ... 1000, eps: 0.1, failed: 0 of 1)
+    Trajectories(states: (1001, 2), n: 0, 1 ... 1000, eps: 0.1, failed: 0 of 1)
     >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
     ('2e-03', True)
     """

@@ -307,28 +307,37 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
             carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
-                if systems is None:
-                    to_solve = compute_factors(c, b, lanes)
-                else:
-                    to_solve = eliminate_all(c, b, a, lanes)
-                for l in range(lanes if to_solve > 0 else 0):
-                    if b[TO_SOLVE, l] > 0.0:
-                        code = eliminate_one(c, b, l, for_solve)
-                        if code != OK and begin + l < end:
-                            status[begin + l], failed_at[begin + l] = code, n
-                for l in range(end - begin):
-                    if b[DET, l] < 0.0 and status[begin + l] == OK:
-                        status[begin + l], failed_at[begin + l] = PASSED_POLE, n
-                        carry[0, begin + l] = n
-                if systems is None:
-                    add_increments(c, b, lanes)
-                    compute_sums(c, b, lanes)
+                step_block(
+                    c, b, a, for_solve, begin, end, n, (carry, status, failed_at), by_elimination
+                )
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
         write_states(c[W], begin, end, final)
     keep(memory)
     keep(systems)
+
+
+@inlined
+def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
+    """Take step n of a block, see `iterate_nd`; note failures and poles."""
+    (carry, status, failed_at), lanes = notes, c.shape[2]
+    if by_elimination is None:
+        to_solve = compute_factors(c, b, lanes)
+    else:
+        to_solve = eliminate_all(c, b, a, lanes)
+    for l in range(lanes if to_solve > 0 else 0):
+        if b[TO_SOLVE, l] > 0.0:
+            code = eliminate_one(c, b, l, for_solve)
+            if code != OK and begin + l < end:
+                status[begin + l], failed_at[begin + l] = code, n
+    for l in range(end - begin):
+        if b[DET, l] < 0.0 and status[begin + l] == OK:
+            status[begin + l], failed_at[begin + l] = PASSED_POLE, n
+            carry[0, begin + l] = n
+    if by_elimination is None:
+        add_increments(c, b, lanes)
+        compute_sums(c, b, lanes)
 
 
 @function

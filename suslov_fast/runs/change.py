@@ -86,9 +86,10 @@ class Change:
     list, each on the state that the one before it has left, again and again until none acts. The
     state at a time that is asked for is the one after the changes there. A trajectory whose changes
     follow one another without end, such as a ball that comes to rest, ends with the status
-    ACCUMULATES. Where they are defined the states have the tolerance of :func:`flow`. Two changes
-    are equal if all attributes are equal, functions only if they are the same; after ``Change.of``
-    they are text.
+    ACCUMULATES. A state that its own change leaves on the surface, with a rate of 0 along it, stays
+    there without further events. Where they are defined the states have the tolerance of
+    :func:`flow`. Two changes are equal if all attributes are equal, functions only if they are the
+    same; after ``Change.of`` they are text.
 
     Examples
     --------

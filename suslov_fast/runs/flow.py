@@ -114,7 +114,8 @@ def flow(
     Motion
         The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
         escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
-        250,000 steps from one time to the next, and a solution of equations without a value at x0.
+        250,000 steps, or as many changes, from one time to the next, and a solution of equations
+        without a value at x0.
         One :class:`PoleWarning` counts them, and says when the first one ends, and of what. NaN for
         a state that contains NaN, without a warning.
 

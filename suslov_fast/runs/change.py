@@ -62,8 +62,9 @@ class Change:
     ----------
     surface : str or callable, optional
         The name of a component, or a function s of the state, ``lambda x: x[0] - 30``: the change
-        acts where s becomes positive, or stops being so, as by having no value, by the motion or by
-        another change. A start on the surface is no such event. A record needs values beside it.
+        acts where s becomes positive, or stops being so, by the motion or by another change. Where
+        s is NaN nothing is crossed. A start on the surface is no such event. A record needs values
+        beside it.
     to : callable or sequence of str or float, or one of these, optional
         A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
         the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,

@@ -48,11 +48,11 @@ def crossings(
     """Find where motions cross a surface s(x) = 0: Poincare sections, maxima, escapes, basins.
 
     A point where s becomes positive, or stops being so, has the digits of the tolerance: each
-    trajectory takes the steps of :func:`flow`, and a crossing is a state after a shorter step of
-    the method. Signs of s are compared at the ends of a step and at seven points inside it, and
-    where s comes near 0 and goes back, at its least value. Points where a motion touches the
-    surface may be missed. A smaller `max_step` looks closer. A start on the surface is never a
-    crossing.
+    trajectory takes the steps of :func:`flow`, and ends one there. Pairs of crossings within a step
+    are found by values of s at five points of the step, and by their rates. Points where a motion
+    touches the surface, and humps that are narrower than a thirtieth of a step, may be missed. A
+    smaller `max_step` looks closer. Where s is NaN nothing is crossed. A start on the surface is
+    never a crossing.
 
     Parameters
     ----------

@@ -243,6 +243,47 @@ def test_values_that_are_no_numbers_make_no_crossing():
     assert len(points.states) == 0  # a pole of the surface
 
 
+@pytest.mark.parametrize("gap", [0.3, 0.1, 1e-2, 1e-4, 1e-8])
+def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
+    """Neither where a step passes one nor where it ends in one."""
+    angles = np.linspace(0.1, 6.1, 40)
+    starts = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    starts = starts[abs(starts[:, 0]) > gap]
+    arguments = {"time": 2 * np.pi, "direction": 0, "rtol": 1e-6}
+
+    def hole(x):
+        return 1e-200 * np.sqrt(x**2 - gap**2)
+
+    for surface in (lambda s: s[0] + hole(s[0]), lambda s: np.sign(s[0]) + hole(s[0])):
+        assert not of_oscillator(starts, surface, **arguments).count.any()
+        motion = sf.flow(
+            OSCILLATOR, starts, time=2 * np.pi, rtol=1e-6, changes=sf.Change(surface, ends=True)
+        )
+        assert motion.ok.all()
+    found = of_oscillator(starts, lambda s: s[0] - 0.5 + hole(s[0]), **arguments)
+    assert (found.count == 2).all()
+
+
+def test_crossings_beside_gaps(rng):
+    """Where x > 0 its logarithm passes a level up and down; else it has no value."""
+    level, r, p = rng.uniform(-6, 0, 100), rng.uniform(1, 3, 100), rng.uniform(0, 6, 100)
+    field = sf.Field.from_function(lambda s, level: (s[1], -s[0]), "x v", level=level)
+    x0 = np.stack([r * np.cos(p), -r * np.sin(p)], axis=-1)
+    found = sf.crossings(field, x0, surface=lambda s, level: np.log(s[0]) - level, time=30.0)
+    angle = np.arccos(np.exp(level) / r)
+    for k in range(100):
+        times = np.add.outer(2 * np.pi * np.arange(7), [-angle[k], angle[k]]).ravel() - p[k]
+        own = found.time[found.trajectory == k]
+        np.testing.assert_allclose(own, times[(times > 0) & (times < 30)], atol=1e-6)
+
+
+@pytest.mark.parametrize("pull", [-9.81, 0.0, 9.81])
+def test_a_body_at_rest_on_the_surface_does_not_cross_it(pull):
+    field = sf.Field.from_function(lambda s: (s[1], pull + 0 * s[0]), "h v")
+    for surface in ("h", lambda s: -s[0]):
+        assert sf.crossings(field, [0.0, 0.0], surface=surface, time=1.0).count.tolist() == [0]
+
+
 def test_progress_ends_a_search():
     told = []
 

@@ -7,6 +7,7 @@ tell of fast modes, so that within them this is for changes, and for surfaces of
 
 from math import inf
 
+from .changes import GAP
 from .derivative import gradients
 from .numbers import larger, operand_of, smaller
 from .right_hand_side import Expressions, List, emitted, needed_for
@@ -47,6 +48,10 @@ def aim_of(f, kinds, choices, is_implicit):
             ends = [(s, number(new[choice]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
+            if kind == "side" and f.changes.gaps[choice]:  # its beginning and end are none of these
+                was_known, is_known = ~above.equals(GAP), value.equals(value)
+                since = (was_known ^ is_known).select(inf, since)
+                is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)
             if not tells:
                 since = is_beyond.select(inf, since)
                 continue

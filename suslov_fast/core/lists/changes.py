@@ -23,6 +23,10 @@ from .step import dot
 
 OF_SURFACE = 4  # a value, its rate, and the sums of the moduli of the terms of both
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
+# Those that have no value everywhere, and the side where a surface has none, see `Rows.side`.
+_LOGARITHMS = "log", "log2", "log10", "log1p"
+_WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
+GAP = 0.75
 
 
 class KeyedList(List):
@@ -87,7 +91,7 @@ class Changes(NamedTuple):
     """Changes as code takes them: those that act on surfaces, and those at times.
 
     directions   of the changes on surfaces
-    jumps        whether the function of each jumps somewhere
+    jumps, gaps  whether the function of each jumps somewhere, or may have no value
     most         of all changes
     parts        `Part`s by name, see below
     components   the numbers of these components, for each change
@@ -102,6 +106,7 @@ class Changes(NamedTuple):
 
     directions: tuple
     jumps: tuple
+    gaps: tuple
     most: tuple
     parts: dict
     components: tuple
@@ -147,8 +152,11 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         parts["toward"] = _toward(on_surfaces, D, P)
     directions = tuple(act.direction for act in on_surfaces)
     most = tuple(act.most for act in acts)
-    jumps = tuple(any(each[0] in _JUMPS for each in act.surface.operations) for act in on_surfaces)
-    return Changes(directions, jumps, most, parts, tuple(components), P)
+    jumps, gaps = (
+        tuple(any(each[0] in names for each in act.surface.operations) for act in on_surfaces)
+        for names in (_JUMPS, _WITH_GAPS)
+    )
+    return Changes(directions, jumps, gaps, most, parts, tuple(components), P)
 
 
 def _toward(acts, D, P):

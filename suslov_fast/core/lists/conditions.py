@@ -12,7 +12,7 @@ import functools
 import itertools
 
 from .aim import aim_of
-from .changes import changes_of
+from .changes import GAP, changes_of
 from .elapsed import Elapsed
 from .hidden import hidden_of
 from .numbers import larger, operand_of, smaller
@@ -72,13 +72,17 @@ def watch_of(f, kinds, jumps):
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
     ends = [[values.number(begin + k) for k in range(count)] for begin in (0, count)]
-    changes, now, part = [], [], 1.0
+    changes, now, part, gaps = [], [], 1.0, [*f.changes.gaps] if f.changes else []
     for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
         if kind == "side":
             above, level = (values.number(side + k) for k in (0, 1))
             a, b, side = a - level, b - level, side + 2
             change = (b >= 0.0) ^ (above > 0.5)
             own = larger(smaller(a / (a - b), 1.0), 0.0)
+            if gaps.pop(0):
+                was_known, is_known = ~above.equals(GAP), b.equals(b)
+                change = (change & was_known & is_known) | (was_known ^ is_known)
+                own = (was_known & is_known).select(own, 0.5)
             part = smaller(change.select(own, 1.0), part)
             changes.append(change)
             continue

@@ -210,8 +210,7 @@ class RightHandSide:
         self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, changes, offsets = False, None, {}
-    conditions = watched = watch = aim = choices = derived = None
-    hidden = None, False, False
+    conditions = watched = watch = hidden = aim = choices = derived = None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 

@@ -11,6 +11,7 @@ from math import inf
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
+from ..lists.changes import GAP
 from ..lists.numbers import larger, smaller
 from . import choosing, surfaces
 from .lengths import AT_FIRST, BEGIN_COMPONENT, first_length
@@ -40,8 +41,9 @@ def _side(value, rate, size, rate_size, near, sign):
     goes_up = sign * rate > 0.0
     level = goes_up.select(smaller(value, 0.0), larger(value, 0.0) + rounding)
     side = stays.select(STAYS, goes_up.select(1.0, 0.0))
+    beside = (value >= 0.0).select(1.0, value.equals(value).select(0.0, GAP))
     return {
-        "side": is_on.select(side, (value >= 0.0).select(1.0, 0.0)),
+        "side": is_on.select(side, beside),
         "level": is_on.select(stays.select(inf, level), 0.0),
     }
 
@@ -67,20 +69,24 @@ def CROSSED(
     So is one at which the step arrives, see `surfaces.CUT`. A change may leave the state
     beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
     motion whose rate contradicts it is none: then the surface lies just beyond the state, until
-    its next change. Nor is it one where a state leaves a surface on which it has stayed.
+    its next change. Nor is it one where a state leaves a surface on which it has stayed, or a
+    gap without values begins or ends.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
     stays = side.equals(STAYS)
-    differs = (is_here > 0.0) & (is_above ^ (side > 0.5)) & ~stays
+    was_known, is_known = ~side.equals(GAP), value.equals(value)
+    at_gap = (is_here > 0.0) & (was_known ^ is_known)
+    differs = (is_here > 0.0) & (is_above ^ (side > 0.5)) & ~stays & was_known & is_known
     ahead = is_above.select(sign * rate, -(sign * rate))
     is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
     is_back = is_back & _is_on(value - level, rate, last, jumps)
     beyond = is_above.select(value + (ROUNDING * abs(value) + TINY), value)
     crosses = differs & ~is_back
+    here = is_known.select(is_above.select(1.0, 0.0), GAP)
     own, leaves = _side(value, rate, size, rate_size, LOW * size, sign), stays & (accepted > 0.0)
     return {
-        "side": leaves.select(own["side"], crosses.select(is_above.select(1.0, 0.0), side)),
+        "side": leaves.select(own["side"], (crosses | at_gap).select(here, side)),
         "level": leaves.select(own["level"], is_back.select(beyond, level)),
         "up": crosses & is_above,
         "down": crosses & ~is_above,

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..lists.changes import OF_SURFACE, read_by
 from ..lists.elimination import Elimination, operations_of
-from ..lists.hidden import POINTS
+from ..lists.hidden import POINTS, Hidden
 from ..lists.planned_elimination import elimination_order, filled
 from ..lists.right_hand_side import List
 from ..lists.sparse import Sparse
@@ -43,9 +43,7 @@ class Half:
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
     read         the components that `surfaces` read
-    hidden       the list of `f.hidden`
-    has_waves    whether some of its surfaces depend on clocks alone
-    reads_states whether some depend on states, which have to be known well within a step
+    hidden       what tells whether a step hides crossings, see `Hidden`
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
@@ -86,7 +84,7 @@ class Half:
                 self.functions[name] = of_list(part_of(f.f, components), D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = _read(f.watched, self.watched) if self.watched else []
-        self.hidden, self.has_waves, self.reads_states = f.hidden
+        self.hidden = f.hidden or Hidden()
         if self.watched:
             self._add_surfaces()
         if f.changes:
@@ -116,8 +114,9 @@ class Half:
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
             "jacobian": f.entries + 1 + D if self.is_implicit else 0,
-            "points": (1 + len(POINTS)) * self.surfaces + watched + 1, "point": watched,
-            "quartic": block.D if watched else 0, "told": 2,
+            "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
+            "point": watched, "quartic": block.D if watched else 0, "told": 3,
+            "moving": 2 * watched + 1,
             "end": 2 * (watched + surfaces), "aim": 5,
             "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
             "changed": changes * D, "before": changes * D, "f_before": changes * D,
@@ -136,10 +135,16 @@ class Half:
         """Add the functions of surfaces whose crossings end steps."""
         f, D = self.f, self.block.D
         sides = 2 * (f.changes.surfaces if f.changes else 0)
-        rows = 2 * self.surfaces + sides, (1 + len(POINTS)) * self.surfaces + D + 1, 2 * D + sides
-        self.functions["surfaces"] = of_list(f.watched, D, self.block.places)
-        lists = {"watch": f.watch, "hidden": self.hidden, "aim": f.aim[self.is_implicit]}
-        for (name, list_), first in zip(lists.items(), rows, strict=True):
+        for name, list_ in (("surfaces", f.watched), ("phases", self.hidden.phases)):
+            if list_:
+                self.functions[name] = of_list(list_, D, self.block.places)
+        of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
+        for name, list_, first in (
+            ("watch", f.watch, 2 * self.surfaces + sides),
+            ("aim", f.aim[self.is_implicit], 2 * D + sides),
+            ("hidden", self.hidden.told, of_points + D + 1),
+            ("rates", self.hidden.rates, 2 * D + 1),
+        ):
             if list_:
                 places = {first + k: k for k in range(len(self.block.table))}
                 self.functions[name] = of_list(list_, first, places)

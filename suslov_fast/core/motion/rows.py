@@ -50,10 +50,9 @@ class Rows(NamedTuple):
     far: int  # the state after a step of length `outer` (watched)
     chosen_at: int  # time at which choices of f changed last (1 if f chooses)
     chosen_often: int  # how often in a row they changed at once (1 if f chooses)
-    side: (
-        int  # of surfaces of changes: 1 where the state is at the level or above, 0 below, between
-    )
-    #            both where it stays on it, and the level, 0 but for rounding (2 surfaces)
+    side: int  # of surfaces of changes: 1 where the state is at the level or above, 0 below,
+    #            between both where it stays on it, `GAP` where it has no value; and the level,
+    #            0 but for rounding (2 surfaces)
     counts: int  # how often each change has acted (changes)
     acted: int  # when each change at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
@@ -136,10 +135,11 @@ class Work(NamedTuple):
     fallen: int  # 1 where a component may be low, see `errors.LOW`
     at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
-    points: int  # surfaces at the beginning of a step and at POINTS of it, and what `hidden` needs
+    points: int  # surfaces at the beginning of a step and at POINTS of it, and what `Hidden` needs
     point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
-    told: int  # what `hidden` tells of them (2)
+    moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
+    told: int  # what `Hidden` tells of them (3)
     end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
     aim: int  # when surfaces are crossed, see `surfaces` (5)
     between: int  # surfaces at two points, between which they are crossed or not

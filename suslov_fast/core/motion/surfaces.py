@@ -37,6 +37,8 @@ PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
+OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
+BESIDE = 2.0**-12  # part of a step, over which the change of a state tells its rate
 ON = 2.0**-8  # part of its value at the end of a part, by which a start on a surface is beside it
 
 
@@ -103,8 +105,8 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 @rule
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
-    crosses, jumps, starts, hidden, twice, known, whole_part, part, inner, outer, weight, rounds,
-    whole, longer, mode, most, last, goal, aim, since, left, next,
+    crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
+    rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
 ):  # fmt: skip
     """A step that crosses a surface: is it taken, and how long is the next one?
 
@@ -124,17 +126,19 @@ def CUT(
     seen = is_near.select(larger(crosses, twice), starts) > 0.0
     seen = seen & (taken > 0.0) & (total < inf)
     is_last = is_near & ((taken - inner <= sought) | (since <= sought))
-    cut = seen & ~is_last
     is_long = taken > HIDDEN_FROM * last
     is_right = accepted + served > 0.0
-    arrives = is_right & ~seen & (left <= 0.5 * NEARLY * (before + taken))
+    has_waves = (waves > 1.0) & is_long & ~is_near
+    cut = seen & ~is_last & ~has_waves
+    arrives = is_right & ~(seen | has_waves) & (left <= 0.5 * NEARLY * (before + taken))
     is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
-    again = (hidden >= 1.0) & is_long & is_right & ~(cut | arrives)
+    again = ((hidden >= 1.0) & is_long & is_right & ~(cut | arrives)) | has_waves
     is_right = is_right & ~(seen | again | arrives)
     holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     misses = holds & (taken >= outer)  # the surface lies farther
     searches = cut | holds
     told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
+    told = smaller(taken * (OF_WAVES / waves), has_waves.select(inf, told))
     forgets = ~searches & (taken > 0.0)
     searches = searches | again
     moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0)
@@ -167,7 +171,7 @@ def CUT(
         "t": searches.select(before, is_aside.select(next, t)),
         "steps": searches.select(steps - accepted, steps + is_aside.select(1.0, 0.0)),
         "state": searches.select(stopped, after),
-        "wanted": again.select(told, searches.select(guess, after_this)),
+        "wanted": again.select(smaller(told, wanted), searches.select(guess, after_this)),
         "longer": again.select(AFTER_REFUSED, longer),
         "inner": forgets.select(0.0, inner_now),
         "outer": forgets.select(inf, outer_now),
@@ -217,23 +221,28 @@ def cut(lines, before, total):
         text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
     parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     outer = line.outer[0]
-    is_far = ~(outer < np.inf)
-    hidden, quartic = lines.half.hidden is not None, None
-    middle = points.after((1 + len(POINTS)) * count)
-    if lines.half.reads_states and not lines.half.is_implicit:
+    is_far, from_start = ~(outer < np.inf), ~(line.inner[0] > 0.0)
+    of, quartic = lines.half.hidden, None
+    phases = points.after((1 + len(POINTS)) * count)
+    rates = phases.after((1 + len(POINTS)) * of.inside[0])
+    middle = rates.after((1 + len(POINTS)) * of.inside[1])
+    if of.of_states and not lines.half.is_implicit:
         quartic = work.quartic
         find_quartic(lines)
+    _look_inside(lines, 0.0, x, phases, rates, quartic)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else new
         if end < 1.0:
             put_point(lines, text.value(end), point, quartic=quartic)
         value(state, points.after(k * count))
-        if hidden and k == MIDDLE:
+        own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
+        _look_inside(lines, end, state, *own, quartic)
+        if of.told and k == MIDDLE:
             text.copy(point, middle, watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = look("part", "crosses") | parts | {"u": end, "width": end - begin}
         parts = lines.apply(LOOK, taken=taken, **inputs)
-        keep_far((parts.pop("is_first") > 0.0) & is_far, state)
+        keep_far((parts.pop("is_first") > 0.0) & from_start, state)
     inputs = {"total": total, "before": before, "taken": taken}
     inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
     of_new = points.after(len(POINTS) * count)
@@ -243,20 +252,36 @@ def cut(lines, before, total):
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
     inputs |= look("whole_part", "crosses", "jumps")
-    inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "known": np.inf}
-    if hidden:
+    inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
+    inputs |= {"known": np.inf, "waves": 0.0}
+    if of.told:
         middle[watched] = lines.number("rtol")
         lines.call("hidden", points, lines.table, work.told)
-        inputs |= {"hidden": work.told[0], "twice": work.told[1]}
-        if lines.half.has_waves:  # a longer step may fit the periods of a clock
+        inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
+        if of.of_clocks:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
-        if lines.half.reads_states:  # points that differ by their errors are not crossings
+        if of.of_states:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
-    found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far))
+    found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far, from_start))
     keep_far(found.pop("beyond") > 0.0, new)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
     lines.keep(line, found)
+
+
+def _look_inside(lines, u, x, phases, rates, quartic):
+    """Find phases of waves, and rates of surfaces, at the state x at a part u of the step."""
+    work, moving, D = lines.work, lines.work.moving, lines.half.watched
+    if lines.half.hidden.phases:
+        lines.call("phases", x, lines.table, phases)
+    if lines.half.hidden.rates:
+        beside = u - BESIDE if u == 1.0 else u + BESIDE
+        put_point(lines, lines.text.value(beside), work.start, quartic=quartic)
+        for i in _read(lines):
+            moving[i] = x[i]
+            moving.after(D)[i] = (work.start[i] - x[i]) * (1.0 / (beside - u))
+        moving[2 * D] = lines.number("rtol")
+        lines.call("rates", moving, lines.table, rates)
 
 
 def look_at_changes(lines, x, f, to):
@@ -272,10 +297,11 @@ def of_surface(rows, k, *names):
     return {name: rows.after(n)[k * OF_SURFACE] for n, name in enumerate(names)}
 
 
-def _aim(lines, inputs, is_far):
+def _aim(lines, inputs, is_far, from_start):
     """Return `aim`, `since` and `left` of `CUT`, and where `START` finds a surface.
 
-    `is_far` is true in lanes that were not looking for a surface before this step.
+    `is_far` is true in lanes that were not looking for a surface before this step, and
+    `from_start` in those that know of no part of it that crosses none.
     """
     text, line, work, D = lines.text, lines.line, lines.work, lines.half.block.D
     changes, found = lines.half.changes, work.aim.after(3)
@@ -298,7 +324,7 @@ def _aim(lines, inputs, is_far):
         work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
         work.aim.choose(~is_far, 1, found[1])
     if changes and changes.surfaces:
-        is_first = is_far & (inputs["crossed"] > 0.0)
+        is_first = from_start & (inputs["crossed"] > 0.0)
         with text.when(is_first.any(), likely=False):
             _start(lines, is_first, inputs)
     found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))

@@ -308,7 +308,7 @@ for key, whose, label, call in (
     ("solve", NUMPY, "`numpy.linalg.solve`, 4 x 4", lambda: np.linalg.solve(SYSTEM, SYSTEM[0])),
 ):
     add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)
-BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.QuadraticField(np.ones((2, 2, 2)))"
+BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.Field.from_terms(np.ones((2, 2, 2)))"
 for key, label, code in (
     ("exact", "`exact`", f"s.exact({BODY_3D}, [1, 0.5], 0.2, 25)"),
     ("iterate", "`iterate`", f"s.iterate({BODY_3D}, np.ones((10_000, 2)), 0.2, 20)"),

@@ -68,7 +68,7 @@ def by_flow(name, rtol=1e-9):
     @cache
     def of(count):
         x, parameters = starts(name, count)
-        return Field.from_function(f, names, **parameters), x
+        return Field(f, names, **parameters), x
 
     def call(count):
         field, x = of(count)

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import coo_array
 from tables import caption, figure
 
-from suslov_fast import Field, QuadraticField, flow, iterate
+from suslov_fast import Field, flow, iterate
 
 # Cells, by kind and number of fields.
 SIZES = {
@@ -108,12 +108,11 @@ def measure(shape, fields):
     def f(x):
         return rates(x, near, fields)
 
-    make, field = cost(lambda: Field.from_function(f, D), 1)
-    quadratic = QuadraticField.from_function(f, D)
+    make, field = cost(lambda: Field(f, D), 1)
     run = {"save_every": None, "threads": 1}
-    first_step, _ = cost(lambda: iterate(quadratic, x0, EPS, 1), 1)
+    first_step, _ = cost(lambda: iterate(field, x0, EPS, 1), 1)
     count = max(10, 40_000 // D)
-    steps = [cost(lambda x=x: iterate(quadratic, x, EPS, count, **run))[0] for x in (x0, batch)]
+    steps = [cost(lambda x=x: iterate(field, x, EPS, count, **run))[0] for x in (x0, batch)]
     motion = {"time": TIME, "rtol": RTOL, "threads": 1}
     first, found = cost(lambda: flow(field, x0, **motion), 1)
     motions = []

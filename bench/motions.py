@@ -9,7 +9,7 @@ import numpy as np
 import problem
 from work import OTHERS, OURS, C, Work, load
 
-from suslov_fast import Field, QuadraticField, flow, iterate
+from suslov_fast import Field, flow, iterate
 
 
 class System(NamedTuple):
@@ -23,7 +23,7 @@ class System(NamedTuple):
     D: int
     starts: Callable[[int], np.ndarray]
     time: float
-    kind: type = QuadraticField
+    kind: type = Field
 
 
 def henon_heiles(z, m):
@@ -138,7 +138,7 @@ STIFF = "hires", "robertson", "van-der-pol"
 @functools.cache
 def field_of(name):
     system = SYSTEMS[name]
-    return system.kind.from_function(lambda x: system.f(x, np), system.D)
+    return system.kind(lambda x: system.f(x, np), system.D)
 
 
 @functools.cache

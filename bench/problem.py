@@ -11,7 +11,7 @@ import formulas
 import numpy as np
 from formulas import Formulas
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovND
+from suslov_fast import Field, Suslov3D, SuslovND
 
 BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
@@ -39,8 +39,8 @@ def sparse_field(D):
     chain.
     """
     if D == 4:
-        return QuadraticField.from_hamiltonian(henon_heiles, D)
-    return QuadraticField.from_function(lorenz_system if D == 3 else volterra_chain, D)
+        return Field.from_hamiltonian(henon_heiles, D)
+    return Field(lorenz_system if D == 3 else volterra_chain, D)
 
 
 def lorenz_96(x):
@@ -83,14 +83,14 @@ def fisher_on_a_grid(u):
 
 @functools.cache
 def lattice(f, D):
-    return QuadraticField.from_function(f, D)
+    return Field(f, D)
 
 
 @functools.cache
 def dense_field(D):
     """A field with all of its terms, whose orbits stay in reach for hundreds of steps."""
     rng = np.random.default_rng(D)
-    return QuadraticField(rng.normal(size=(D, D, D)) / D**2, -np.eye(D))
+    return Field.from_terms(rng.normal(size=(D, D, D)) / D**2, -np.eye(D))
 
 
 def starts(batch, components=2, low=-2, high=2):

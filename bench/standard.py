@@ -45,8 +45,8 @@ def field_of(problem):
     """Return the `Field` of a problem, with the time as its last component if f depends on it."""
     D, f = problem.D, problem.f
     if problem.has_time:
-        return Field.from_function(lambda z: (*f(z[D], z[:D], np), 1.0), D + 1)
-    return Field.from_function(lambda y: f(y, np), D)
+        return Field(lambda z: (*f(z[D], z[:D], np), 1.0), D + 1)
+    return Field(lambda y: f(y, np), D)
 
 
 def right_hand_side(problem, folder):

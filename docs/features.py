@@ -21,12 +21,10 @@ TABLE = re.compile(
 )
 J, I = [1.3, 2.1, 3.7], [0.4, -0.7, 0.5]
 BODIES = {
-    "`QuadraticField`, with H": [
-        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
+    "`Field`, with H": [
+        sf.Field.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
     ],
-    "`QuadraticField`, other": [
-        sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
-    ],
+    "`Field`, other": [sf.Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)],
     "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
     "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],
     "`SuslovND`, integrable": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],

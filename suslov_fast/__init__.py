@@ -5,7 +5,7 @@ Solve the equations of a pendulum for three values of its friction::
     import numpy as np
     from suslov_fast import Field, flow
 
-    pendulum = Field.from_function(
+    pendulum = Field(
         lambda x, c: (x[1], -np.sin(x[0]) - c * x[1]), "angle velocity", c=[0, 0.1, 0.2]
     )
     motion = flow(pendulum, [2.5, 0.0], time=np.linspace(0, 20, 201))

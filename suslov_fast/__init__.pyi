@@ -2,8 +2,7 @@
 # first used; type checkers read the imports below.
 
 from .bodies.classes import body_from_dict as body_from_dict
-from .bodies.fields.field import QuadraticField as QuadraticField
-from .bodies.fields.general import Field as Field
+from .bodies.fields.field import Field as Field
 from .bodies.nd import NotIntegrableError as NotIntegrableError, SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D, SuslovGyrostat as SuslovGyrostat
 from .engine.status import (

@@ -375,7 +375,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
         elif all(hasattr(kind, "called") for kind in classes):
-            instead = ": pass a body, or a field such as Field.from_function(f, names)"
+            instead = ": pass a body, or a field such as Field(f, names)"
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 
 

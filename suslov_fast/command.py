@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     system, eps = _system(options)
-    if not is_motion and isinstance(system, sf.Field):
+    if not is_motion and not _has_map(system):
         raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
     if not is_motion and eps is None:
         raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
@@ -192,10 +192,18 @@ def report(options: argparse.Namespace) -> None:
     from .integrability import report as report_of
 
     system, _ = _system(options)
-    if isinstance(system, sf.Field):
+    if not _has_map(system):
         raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
     found = report_of(system, eps=options.eps, degree=options.degree)
     print(json.dumps(found.to_dict()) if options.json else found)
+
+
+def _has_map(system: Any) -> bool:
+    """Return True unless a system is a field that is not of degree 2."""
+    try:
+        return bool(system.field().terms)
+    except TypeError:
+        return False
 
 
 def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) -> None:
@@ -218,7 +226,7 @@ def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) 
 def _system(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return the body or the field, and the step size, None if there is none."""
     if options.equations is not None:
-        return _of_equations(options.equations), options.eps
+        return sf.Field.from_equations(options.equations), options.eps
     if options.body is None:
         body, eps = sf.Suslov3D.figure(options.figure or 2)
         return body, eps if options.eps is None else float(options.eps)
@@ -226,37 +234,6 @@ def _system(options: argparse.Namespace) -> tuple[Any, Any]:
         raise ValueError("--body must be four numbers I1,I2,I13,I23, or five, with the rotor k")
     kind = sf.Suslov3D if len(options.body) == 4 else sf.SuslovGyrostat
     return kind(*options.body), options.eps
-
-
-def _of_equations(text: str) -> Any:
-    """Return the field of equations such as those of `_LIKE`; names without ' are parameters."""
-    equations: dict[str, str] = {}
-    parameters: dict[str, Any] = {}
-    for part in filter(str.strip, re.split("[;\n]", text)):
-        name, sign, value = (each.strip() for each in part.partition("="))
-        name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
-        own = name.removesuffix("'").rstrip()
-        if not (sign and own and value) or "'" in own or re.search("[^<>=!]=[^=]", value):
-            how = f"write equations of order 1, with a ; between two: {_LIKE}"
-            raise ValueError(f"--equations: {part.strip()!r} cannot be read: {how}")
-        if own in equations or own in parameters:
-            raise ValueError(f"--equations: {own} has two lines: write one")
-        if name.endswith("'"):
-            equations[own] = value
-        else:
-            try:
-                parameters[own] = float(_fraction(value))
-            except (argparse.ArgumentTypeError, OverflowError):
-                how = f"a parameter is a number; if it is an equation write {own}' = {value}"
-                raise ValueError(f"--equations: {part.strip()}: {how}") from None
-    if not equations:
-        raise ValueError(f"--equations must be like {_LIKE}")
-    described = {"names": [*equations], "equations": [*equations.values()]}
-    field: Any = sf.body_from_dict({"body": "Field", **described, "parameters": parameters})
-    try:
-        return sf.QuadraticField.from_function(field, [*equations])
-    except (TypeError, ValueError):
-        return field
 
 
 # ---------------------------------------------------------------------------------- options

@@ -82,7 +82,7 @@ def system(body: Body, /, eps: Reals, *, method: str = "auto") -> System:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat, SuslovND or QuadraticField
+    body : Suslov3D, SuslovGyrostat, SuslovND or Field
         A single body, or a field.
     eps : float
         Step size in time, positive or negative.

@@ -1,6 +1,6 @@
 """Fields of papers that several tests of the laboratory take."""
 
-from suslov_fast import QuadraticField
+from suslov_fast import Field
 
 
 def three_lines(a, b):
@@ -10,7 +10,7 @@ def three_lines(a, b):
         total, product = x[0] + x[1], x[0] * x[1]
         return b * x[0] * total + product, -a * x[1] * total - product
 
-    return QuadraticField.from_function(field, 2)
+    return Field(field, 2)
 
 
 def lotka_volterra(a, b, c):
@@ -20,4 +20,4 @@ def lotka_volterra(a, b, c):
         u, v, w = x
         return u * (a * v - b * w), v * (c * w - a * u), w * (b * u - c * v)
 
-    return QuadraticField.from_function(field, 3)
+    return Field(field, 3)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast import Field, Suslov3D, SuslovGyrostat, SuslovND
 from suslov_fast.maps import MAPS
 from suslov_fast.maps.methods import COMPOSITIONS
 
@@ -32,7 +32,7 @@ def random_nd(rng, shape, m=4, equal=False):
 
 def random_field(rng, shape, D=5):
     """Return fields with normally distributed coefficients."""
-    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
+    return Field.from_terms(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
 
 
 # Functions of (rng, shape), by the name of a map.
@@ -43,7 +43,7 @@ RANDOM = {
         lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
     ),
 }
-SQUARE = QuadraticField([[[1]]])  # x' = x**2
+SQUARE = Field.from_terms([[[1]]])  # x' = x**2
 # A body, and a state without a next one for eps = 1.
 POLES = {
     "Suslov3D": (Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
@@ -56,4 +56,4 @@ POLES = {
 
 def random_bodies(name):
     """Return the functions of a map that make random bodies."""
-    return (random_field,) if MAPS[name].body is QuadraticField else RANDOM[name]
+    return (random_field,) if MAPS[name].body is Field else RANDOM[name]

@@ -1,8 +1,10 @@
 """Equations that tests of several rooms take."""
 
+from fractions import Fraction
+
 import numpy as np
 
-from suslov_fast import Field, QuadraticField
+from suslov_fast import Field
 
 
 def lorenz(x, rho=28):
@@ -40,16 +42,32 @@ def three_bodies(s, mu):
     )
 
 
+def tables(field):
+    """Return q, l and c of a field of degree 2: x_i' = q_ijk x_j x_k + l_ij x_j + c_i."""
+    (i, j, k), values = field.terms
+    D = field.dimension
+    whole = np.zeros((*field.shape, D, D + 1, D + 1))
+    whole[..., i, j, k] = values
+    whole = (whole + whole.swapaxes(-2, -1)) / 2
+    return whole[..., :D, :D], 2 * whole[..., :D, D], whole[..., D, D]
+
+
+def exactly(terms, x):
+    """Return f(x) of exact terms: i, j, k and v of each term v x_j x_k of f_i, x_D = 1."""
+    y, found = [*x, Fraction(1)], [Fraction(0)] * len(x)
+    for i, j, k, v in zip(*terms[0].tolist(), terms[1].tolist(), strict=True):
+        found[i] += Fraction(v) * y[j] * y[k]
+    return found
+
+
 def field(f, names="x t", **parameters):
-    return Field.from_function(f, names, **parameters)
+    return Field(f, names, **parameters)
 
 
-LORENZ = QuadraticField.from_function(lorenz, 3)
-HENON_HEILES = QuadraticField.from_hamiltonian(henon_heiles, 4)
+LORENZ = Field(lorenz, 3)
+HENON_HEILES = Field.from_hamiltonian(henon_heiles, 4)
 # Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
-PREY = QuadraticField.from_function(
-    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
-)
-FRICTION = Field.from_function(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)
+PREY = Field(lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y")
+FRICTION = Field(lambda s, mu: (s[1], -s[0] - mu * np.sign(s[1])), "x v", mu=0.15)
 # A ball that falls on a spring.
-SPRING = Field.from_function(lambda s: (s[1], -9.81 - np.where(s[0] < 0, 1000 * s[0], 0.0)), "h v")
+SPRING = Field(lambda s: (s[1], -9.81 - np.where(s[0] < 0, 1000 * s[0], 0.0)), "h v")

@@ -9,7 +9,6 @@ from suslov_fast import (
     Events,
     Field,
     Motion,
-    QuadraticField,
     SingularStepError,
     Suslov3D,
     SuslovGyrostat,
@@ -23,7 +22,7 @@ from suslov_fast import (
 from suslov_fast.runs.results import States
 
 Floats = NDArray[np.float64]
-run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
+run = iterate(Field.from_terms([[[1.0]]]), [1.0], 0.1, 5)
 assert_type(run, Trajectories)
 assert_type(run.states, Floats)
 assert_type(run.valid, NDArray[np.bool_])
@@ -42,14 +41,14 @@ assert_type(run.failed_at, NDArray[np.int64])
 assert_type(run.final, Floats)
 assert_type(run.time, Floats)
 assert_type(run.ok, NDArray[np.bool_])
-assert_type(flow(QuadraticField([[[1.0]]]), [1.0], time=0.5), Motion)
-any_field = Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+assert_type(flow(Field.from_terms([[[1.0]]]), [1.0], time=0.5), Motion)
+any_field = Field(lambda x: (x[1], -np.sin(x[0])), 2)
 assert_type(any_field.dimension, int)
 assert_type(SuslovND([1.0, 2.0], [0.1, 0.2]).dimension, int)
-assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), QuadraticField)
-assert_type(QuadraticField([[[1.0]]]).quadratic, NDArray[Any])
+assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), Field)
+assert_type(Field.from_terms([[[1.0]]]).quadratic, NDArray[Any])
 body = body_from_dict({})
-assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | Field)
+assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | Field)
 print(run.no_such_name)  # type: ignore[attr-defined]
 iterate(run.body, [1.0], "0.1", 5)  # type: ignore[arg-type]
 iterate(run.body, [1.0], [0.1, 0.2], 5)

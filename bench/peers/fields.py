@@ -13,10 +13,19 @@ from problem import EPS_FIELD as EPS, sparse_field
 WRITTEN = {3: "lorenz", 4: "henon_heiles"}  # for these fields, by their dimensions
 
 
+def tables_of(field):
+    """Return q, symmetric in its last axes, and l of a field without a constant."""
+    (i, j, k), values = field.terms
+    whole = np.zeros((field.dimension, *[field.dimension + 1] * 2))
+    whole[i, j, k] = values
+    whole = (whole + whole.swapaxes(1, 2)) / 2
+    return whole[:, :-1, :-1].copy(), 2 * whole[:, :-1, -1]
+
+
 def in_numpy(field, x, steps):
     """The batched solver of NumPy; fields without a constant."""
-    linear, D = np.asarray(field.linear, float), x.shape[1]
-    table = np.asarray(field.quadratic, float).reshape(D * D, D).T
+    (quadratic, linear), D = tables_of(field), x.shape[1]
+    table = quadratic.reshape(D * D, D).T
     for _ in range(steps):
         half = (x @ table).reshape(-1, D, D)  # of the derivative of the quadratic part
         f = (half + linear) @ x[..., np.newaxis]
@@ -89,8 +98,7 @@ def in_c(field, x, steps, flags=()):
     elif field == sparse_field(D):
         given = "volterra", x, final, batch, D, *run
     else:
-        tables = (np.asarray(each, float) for each in (field.quadratic, field.linear))
-        given = "dense", x, final, batch, D, *run, *tables
+        given = "dense", x, final, batch, D, *run, *tables_of(field)
     call("peers/fields.c", *given, get_num_threads(), flags=flags)
     return final
 

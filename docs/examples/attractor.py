@@ -8,7 +8,7 @@ orbits diverge in six directions, and the sum is -20, the divergence of the equa
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, flow, lyapunov_exponents
+from suslov_fast import Field, flow, lyapunov_exponents
 
 
 def lorenz(x):
@@ -21,13 +21,13 @@ def lorenz_96(x):
 
 figure = plt.figure(figsize=(8, 3.8), layout="constrained")
 space = figure.add_subplot(1, 2, 1, projection="3d")
-field = QuadraticField.from_function(lorenz, "x y z")
+field = Field(lorenz, "x y z")
 flow(field, [1, 1, 20], time=np.linspace(10, 50, 4000)).plot("x", "y", "z", ax=space)
 space.view_init(elev=18, azim=-60)
 space.set_box_aspect(None, zoom=0.85)
 space.set_yticks([-20, 0, 20])
 
-chain = QuadraticField.from_function(lorenz_96, 20)
+chain = Field(lorenz_96, 20)
 start = 8 + np.random.default_rng(1).normal(size=20)
 exponents = lyapunov_exponents(chain, start, time=200, transient=20, rtol=1e-6)
 print(exponents.round(2), exponents.sum().round(6))

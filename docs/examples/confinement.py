@@ -11,7 +11,7 @@ from fractions import Fraction
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField
+from suslov_fast import Field
 from suslov_fast.integrability import kahan, planar_entropy, zoo
 
 STEPS = 12
@@ -33,9 +33,7 @@ def orbit(map, x):
 MAPS = {
     "Nahm, octahedral": kahan(*zoo()["Nahm, octahedral"]),
     "$x_1^2 + 3x_1x_2$, $2x_1x_2 - x_2^2$": kahan(
-        QuadraticField.from_function(
-            lambda x: (x[0] ** 2 + 3 * x[0] * x[1], 2 * x[0] * x[1] - x[1] ** 2), 2
-        ),
+        Field(lambda x: (x[0] ** 2 + 3 * x[0] * x[1], 2 * x[0] * x[1] - x[1] ** 2), 2),
         Fraction(1, 3),
     ),
 }

@@ -9,12 +9,12 @@ exponent exceeds 0.01 per unit of time are red crosses.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, iterate, lyapunov_exponents
+from suslov_fast import Field, iterate, lyapunov_exponents
 
-lorenz = QuadraticField.from_function(
+lorenz = Field(
     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), "x y z"
 )
-henon_heiles = QuadraticField.from_hamiltonian(
+henon_heiles = Field.from_hamiltonian(
     lambda x: (
         (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
     ),

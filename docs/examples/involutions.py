@@ -15,7 +15,7 @@ from fractions import Fraction
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat
+from suslov_fast import Suslov3D, SuslovGyrostat
 from suslov_fast.integrability import kahan
 
 EPS = Fraction(1, 2)
@@ -62,7 +62,7 @@ def centre(body, step, steady):
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.8), layout="constrained")
 rng = random.Random(0)
 for ax, (name, body) in zip(axes, BODIES.items(), strict=True):
-    step = kahan(QuadraticField.of(body), EPS)
+    step = kahan(body.field(), EPS)
     steady = [Fraction(body.I23), -Fraction(body.I13)]
     C = centre(body, step, steady)
     for _ in range(50):

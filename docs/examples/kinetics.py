@@ -8,7 +8,7 @@ at once: times between maxima.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, crossings, flow
+from suslov_fast import Field, crossings, flow
 
 
 def oregonator(x, f):
@@ -18,7 +18,7 @@ def oregonator(x, f):
 
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.8), layout="constrained")
-field = QuadraticField.from_function(oregonator, "A B C", f=1)
+field = Field(oregonator, "A B C", f=1)
 motion = flow(field, [1, 2, 3], time=np.linspace(0, 900, 3000), rtol=1e-8, atol=0)
 looks = zip("ABC", ("black", "tab:blue", "tab:orange"), ("--", "-", "-"), (3, 2, 1), strict=True)
 for name, colour, style, order in looks:
@@ -27,7 +27,7 @@ left.set(xlabel="$t$", yscale="log", ylabel="concentration")
 left.legend(loc="upper right")
 
 f = np.linspace(0.6, 1.5, 100)
-family = QuadraticField.from_function(oregonator, "A B C", f=f)
+family = Field(oregonator, "A B C", f=f)
 
 
 def falling(x, f):

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from suslov_fast import QuadraticField, energy, flow, iterate
+from suslov_fast import Field, energy, flow, iterate
 
 try:
     import heyoka
@@ -29,7 +29,7 @@ def henon_heiles(x):
     return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
 
 
-field = QuadraticField.from_hamiltonian(henon_heiles, "q1 q2 p1 p2")
+field = Field.from_hamiltonian(henon_heiles, "q1 q2 p1 p2")
 starts = np.random.default_rng(0).uniform(-0.2, 0.2, (BATCH, 4))
 
 

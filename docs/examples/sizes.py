@@ -10,7 +10,7 @@ import time
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, iterate, lyapunov_exponents
+from suslov_fast import Field, iterate, lyapunov_exponents
 
 EPS, BATCH = 1 / 64, 64
 
@@ -19,7 +19,7 @@ def lorenz_96(D):
     def f(x):
         return [x[i - 1] * (x[(i + 1) % D] - x[i - 2]) - x[i] + 8 for i in range(D)]
 
-    return QuadraticField.from_function(f, D)
+    return Field(f, D)
 
 
 def fisher(D):
@@ -35,12 +35,12 @@ def fisher(D):
             for i in range(n) for j in range(n)
         ]  # fmt: skip
 
-    return QuadraticField.from_function(f, D)
+    return Field(f, D)
 
 
 def dense(D):
     rng = np.random.default_rng(D)
-    return QuadraticField(rng.normal(size=(D, D, D)) / D**2, -np.eye(D))
+    return Field.from_terms(rng.normal(size=(D, D, D)) / D**2, -np.eye(D))
 
 
 def cost(call, least=0.02, repeats=3):

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -16,15 +16,16 @@ from .fields.polynomials import from_lists, to_lists
 from .members import Members
 
 if TYPE_CHECKING:
-    from .fields.field import QuadraticField
+    from .fields.field import Field
 
 Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by labels "
-    "has_map listed_right_hand_sides may_escape meaning of_member parts positive read "
-    "reduction remake right_hand_sides steady steady_line texts variable with_parts "
+    "energy_terms exact_terms is_hamiltonian listed_right_hand_sides may_escape meaning "
+    "motion_lists of_member of_terms parts positive read "
+    "reduction right_hand_sides steady steady_line texts variable with_parts "
     "without_value".split()
 )
 
@@ -71,8 +72,6 @@ class Body(Members, metaclass=Answering):
         Whether motions may escape to infinity.
     read, texts : callable, tuple of str
         What makes a body from its dictionary, and the entries that hold no numbers.
-    remake : callable or None
-        Makes the field with other named parameters.
     """
 
     axes: ClassVar[dict[str, int]] = {}
@@ -88,13 +87,7 @@ class Body(Members, metaclass=Answering):
     coordinates: ClassVar[Any] = ()
     read: ClassVar[Any] = None
     texts: ClassVar[tuple[str, ...]] = ()
-    remake: ClassVar[Any] = None
     may_escape: ClassVar[Any] = False  # the energy of a body is constant
-
-    def _made_by(self: Kind, maker: Any, *arguments: Any) -> Kind:
-        """Keep what made this field from a function; copies, members and files do without it."""
-        vars(self)["remake"] = partial(maker, *arguments)
-        return self
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -152,11 +145,23 @@ class Body(Members, metaclass=Answering):
         def dimension(self) -> int: ...
 
         @property
-        def _field(self) -> "QuadraticField": ...
+        def _field(self) -> "Field": ...
 
     @public
-    def field(self) -> "QuadraticField":
-        """Return the equations of motion as a field, as :meth:`QuadraticField.of` does."""
+    def field(self) -> "Field":
+        """Return the equations of motion as a field in the components of the states.
+
+        Returns
+        -------
+        Field
+            Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
+        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
+        """
         return self._field
 
     @property
@@ -166,7 +171,7 @@ class Body(Members, metaclass=Answering):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters by name; for a field, the named parameters of its function."""
+        """The parameters by name."""
         return Parameters(self.parts)
 
     @property
@@ -241,9 +246,8 @@ class Body(Members, metaclass=Answering):
     def to_dict(self) -> dict[str, Any]:
         """Return the class and the exact parameters as a dictionary for JSON.
 
-        A coefficient that no float equals becomes a string "p/q". A field has its terms, or with a
-        Hamiltonian those of H and the entries of K, as lists of indices and of values. A `Field`
-        has its equations as texts.
+        A number that no float equals becomes a string "p/q". A field has its equations, or with a
+        Hamiltonian H, as texts, or its terms as lists of indices and of values.
 
         Returns
         -------

@@ -1,18 +1,18 @@
 """Classes of bodies: unions for type hints, and classes by the name that files contain."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 from ..checks import instance, short, wrong
 from ..keywords import public
-from .fields.field import QuadraticField
-from .fields.general import Field
+from .fields.field import Field
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
-BodyOrField = AnyBody | QuadraticField | Field
+BodyOrField = AnyBody | Field
+System = BodyOrField | Callable[..., Any]  # with functions of the state in place of fields
 
 _NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(BodyOrField)}
 
@@ -35,7 +35,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
 
     Returns
     -------
-    QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
+    Field, Suslov3D, SuslovGyrostat or SuslovND
         The class that the entry ``"body"`` names.
 
     Raises

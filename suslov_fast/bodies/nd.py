@@ -25,8 +25,7 @@ from ..checks import (
 from ..errors import SuslovError
 from ..keywords import public, public_class
 from .base import Body
-from .fields.field import QuadraticField
-from .fields.field_of_terms import parts_of
+from .fields.field import Field
 from .fields.polynomials import numbers
 from .fields.terms import collected
 from .reduction import Reduction, first_of_equal
@@ -103,11 +102,11 @@ class SuslovND(Body):
         return self.I
 
     @cached_property
-    def _field(self) -> QuadraticField:
+    def _field(self) -> Field:
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())
         places, values = self._terms_of(*parts)
         terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
-        return QuadraticField._of(parts_of(terms, self.labels))
+        return Field.of_terms(terms, self.labels)
 
     @property
     def _terms(self) -> Any:

@@ -17,8 +17,7 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import public, public_class
 from .base import Body
-from .fields.field import QuadraticField
-from .fields.field_of_terms import parts_of
+from .fields.field import Field
 from .fields.terms import collected
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
@@ -55,7 +54,7 @@ class _In3D(Body):
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     @cached_property
-    def _field(self) -> QuadraticField:
+    def _field(self) -> Field:
         I1, I2, *form = self.constants if self.shape else map(Fraction, self.constants)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
@@ -63,7 +62,7 @@ class _In3D(Body):
         places = [[0] * 3 + [1] * 3, [0, 1, 2] * 2, [1] * 3 + [0] * 3]
         values = [np.broadcast_to(row, (*self.shape, 3)) for row in rows]
         terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
-        return QuadraticField._of(parts_of(terms, self.labels))
+        return Field.of_terms(terms, self.labels)
 
 
 @public_class

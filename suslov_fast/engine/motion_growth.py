@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.fields.general import with_changes
+from ..bodies.fields.motion_lists import with_changes
 from ..checks import FloatArray
 from ..core.lists.changes import Act, components_of
 from ..core.lists.frames import SHIFT, with_frame

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields.field_of_terms import OfMembers
+from ..bodies.fields.motion_lists import OfMembers
 from ..checks import FloatArray
 from ..core.lists.variational import variational
 from ..core.motion.engine import Settings

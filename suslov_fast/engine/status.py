@@ -28,8 +28,8 @@ class Status(IntEnum):
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, Status, iterate
-    >>> blow_up = QuadraticField([[[1]]])  # x' = x**2, whose map has a pole at x = 1 / eps
+    >>> from suslov_fast import Field, Status, iterate
+    >>> blow_up = Field.from_terms([[[1]]])  # x' = x**2, whose map has a pole at x = 1 / eps
     >>> run = iterate(blow_up, [[-0.5], [1.0]], eps=1.0, steps=3, on_singular="ignore")
     >>> [Status(status).name for status in run.status], run.failed_at.tolist()
     (['OK', 'SINGULAR'], [-1, 1])

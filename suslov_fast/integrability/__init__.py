@@ -22,7 +22,7 @@ The files, in an order in which each uses only those before it:
   results in one object. `levels`: the function of levels.
 """
 
-from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field import Field
 from ..checks import extra
 from ..keywords import missing_in
 
@@ -48,13 +48,13 @@ from .zoo import zoo
 
 __all__ = [
     "Contraction",
+    "Field",
     "Growth",
     "HKBasis",
     "ImplicitIntegral",
     "KahanMap",
     "Level",
     "PlanarEntropy",
-    "QuadraticField",
     "RationalFunction",
     "RationalMap",
     "Report",

@@ -127,9 +127,9 @@ def hk_bases(
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast import Field, Suslov3D
     >>> from suslov_fast.integrability import hk_bases, kahan
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    >>> map = kahan(Suslov3D(4, 1, -0.5, -0.25).field(), eps=0.25)
     >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
     (0, 1)
     >>> hk_bases(map, 4).integrals

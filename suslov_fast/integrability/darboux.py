@@ -81,9 +81,9 @@ def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, .
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast import Field
     >>> from suslov_fast.integrability import cofactors, darboux_polynomials, kahan
-    >>> prey = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+    >>> prey = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
     >>> map = kahan(prey, eps=1)
     >>> for C in cofactors(map, 1):
     ...     print(C, darboux_polynomials(map, 1, C))

@@ -76,13 +76,13 @@ class WithLetter:
 
         Examples
         --------
-        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast import Field
         >>> from suslov_fast.integrability import kahan, rational_map
-        >>> kahan(QuadraticField([[[1]]])).subs(eps=1)([2])
+        >>> kahan(Field.from_terms([[[1]]])).subs(eps=1)([2])
         (Fraction(-2, 1),)
         >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
         rational_map(x2, (x2 + 3)/x1)
-        >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
+        >>> (image,) = kahan(Field.from_terms([[[1]]]))([2])
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """

@@ -54,15 +54,15 @@ def darboux_polynomials(map: RationalMap | Body, degree: int, cofactor: Any = No
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast import Field, Suslov3D
     >>> from suslov_fast.integrability import darboux_polynomials, kahan
-    >>> top = QuadraticField.from_function(lambda x: (x[1]*x[2], -2*x[0]*x[2], x[0]*x[1]), 3)
+    >>> top = Field(lambda x: (x[1]*x[2], -2*x[0]*x[2], x[0]*x[1]), 3)
     >>> darboux_polynomials(kahan(top, eps=1), 2)
     (x1 + x3, x1 - x3, 2*x1^2 + x2^2, x3^2 + 2)
 
     The densities of invariant measures of the body of the paper:
 
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    >>> map = kahan(Suslov3D(4, 1, -0.5, -0.25).field(), eps=0.25)
     >>> for P in darboux_polynomials(map, 3, map.determinant):
     ...     print(P.factor())
     (1, [(2*Omega1 + Omega2, 1), (4*Omega1^2 + Omega2^2, 1)])

@@ -49,9 +49,9 @@ def degrees(map: RationalMap | Body, n: int) -> list[int]:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast import Field, Suslov3D
     >>> from suslov_fast.integrability import degrees, kahan
-    >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
+    >>> degrees(kahan(Suslov3D(4, 1, -0.5, -0.25).field(), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
     map = checked_map(map)

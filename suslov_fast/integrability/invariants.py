@@ -413,7 +413,7 @@ class NormalForms:
         """Return the space with a symbolic eps; None if it is not found."""
         map: Any = self.map
         if self._symbolic is None:
-            self._symbolic = kahan(map.field)
+            self._symbolic = kahan(map.field, decimals=map.decimals)
         if self._symbolic.cost_of_factors > LONGEST or self._symbolic.factors is None:
             return None
         cofactor = self._symbolic_cofactor(self.invariants.cofactors[value])

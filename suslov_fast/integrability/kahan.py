@@ -16,8 +16,7 @@ import flint
 import numpy as np
 
 from ..bodies.base import Body
-from ..bodies.fields.field import QuadraticField
-from ..bodies.fields.field_of_terms import H_VALUES, MATRIX, VALUES
+from ..bodies.fields.field import Field
 from ..bodies.fields.names import labels
 from ..bodies.fields.terms import Terms
 from ..checks import kind_of, wrong
@@ -34,12 +33,20 @@ class KahanMap(RationalMap):
     A `RationalMap`. If `eps` is None, the step size is symbolic; `subs` replaces it by a number.
     """
 
-    def __init__(self, field: QuadraticField, eps: Fraction | None, sign: int = 1) -> None:
-        if not isinstance(field, QuadraticField) or not isinstance(eps, Fraction | None):
+    def __init__(
+        self, field: Field, eps: Fraction | None, sign: int = 1, decimals: bool = True
+    ) -> None:
+        if not isinstance(field, Field) or not isinstance(eps, Fraction | None):
             raise TypeError("field: a KahanMap is made by kahan(field, eps)")
+        self.decimals = decimals
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
         self.names = None if field.names == labels(field.dimension) else field.names
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The terms of the field, exact."""
+        return self.field.exact_terms(as_written if self.decimals else Fraction)
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -48,8 +55,9 @@ class KahanMap(RationalMap):
 
     def _with(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
         """Return the map for another eps; for a symbolic one with its sign."""
-        map = KahanMap(self.field, eps, sign if eps is None else 1)
-        map._equations = self._equations  # these take long, and do not depend on eps
+        map = KahanMap(self.field, eps, sign if eps is None else 1, self.decimals)
+        # These take long, and do not depend on eps.
+        map.terms, map._equations = self.terms, self._equations
         return map
 
     def _letter_of(self, named: Mapping[str, Any]) -> str:
@@ -61,7 +69,7 @@ class KahanMap(RationalMap):
     @cached_property
     def coefficients(self) -> list[int]:
         """Numerators and denominators of the terms of the field, and of eps."""
-        numbers = [*self.field._exact.values, *([] if self.eps is None else [self.eps])]
+        numbers = [*self.terms.values, *([] if self.eps is None else [self.eps])]
         return [part for c in numbers for part in (c.numerator, c.denominator)]
 
     def __repr__(self) -> str:
@@ -69,7 +77,7 @@ class KahanMap(RationalMap):
         return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
 
     def __reduce__(self) -> Any:
-        return KahanMap, (self.field, self.eps, self._sign)
+        return KahanMap, (self.field, self.eps, self._sign, self.decimals)
 
     @cached_property
     def _equations(self) -> list[Any]:
@@ -77,7 +85,7 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
-        (indices, values), D = self.field._exact, self.dimension
+        (indices, values), D = self.terms, self.dimension
         # Half of a product belongs to each order of its two factors.
         halves = np.where(indices[1] == indices[2], values, values / 2)
         terms, scale = _integers(Terms(indices, halves))
@@ -172,9 +180,10 @@ class KahanMap(RationalMap):
     @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
-        if self.field.H is None:
+        if not self.field.is_hamiltonian:
             return None
-        terms, _ = _integers(self.field.H.exact)
+        exactly = as_written if self.decimals else Fraction
+        terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
 
@@ -203,7 +212,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
 
     Parameters
     ----------
-    field : QuadraticField or body
+    field : Field or body
         The field to discretize, a single one.
     eps : int, Fraction, float or str, optional
         Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
@@ -220,9 +229,9 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast import Field
     >>> from suslov_fast.integrability import kahan
-    >>> map = kahan(QuadraticField([[[1]]]), eps=1)  # x' = x**2
+    >>> map = kahan(Field.from_terms([[[1]]]), eps=1)  # x' = x**2
     >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
     (['-2'], ['2'])
     >>> kahan(map.field)([2]), kahan(map.field).formulas
@@ -230,16 +239,18 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     """
     if not isinstance(field, Body):
         received = f"{kind_of(field)}"
-        raise wrong("field", "a QuadraticField or a body", received, TypeError)
+        raise wrong("field", "a Field or a body", received, TypeError)
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
         how = "leave it out, kahan(field), for formulas in eps"
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
-    exact = QuadraticField.of(field)
-    if decimals:
-        exact = _in_decimals(field)
-    return KahanMap(exact, None if eps is None else constant("eps", eps, decimals))
+    exact = _in_decimals(field) if decimals and not isinstance(field, Field) else field
+    map = KahanMap(
+        exact.field(), None if eps is None else constant("eps", eps, decimals), decimals=decimals
+    )
+    _ = map.terms  # raises for a field that is not of degree 2
+    return map
 
 
 def checked_map(map: RationalMap | Body) -> RationalMap:
@@ -249,12 +260,7 @@ def checked_map(map: RationalMap | Body) -> RationalMap:
     return checked
 
 
-def _in_decimals(body: Any) -> QuadraticField:
-    """Return the field of a single body or field with its floats as what was written."""
-    decimals, parts = np.vectorize(as_written, "O"), dict(body.parts)
-    is_field = isinstance(body, QuadraticField)
-    for name in {H_VALUES, VALUES, *body.parameters} & {*parts} if is_field else parts:
-        parts[name] = decimals(parts[name])[()]
-    if is_field and H_VALUES in parts:
-        parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
-    return body.with_parts(parts) if is_field else QuadraticField.of(body._of(parts))
+def _in_decimals(body: Any) -> Any:
+    """Return a single body with its floats as what was written."""
+    decimals = np.vectorize(as_written, "O")
+    return body._of({name: decimals(value)[()] for name, value in body.parts.items()})

@@ -407,7 +407,7 @@ def rational_map(
 def check_map(map: Any) -> None:
     """Raise an error for anything but a map, and for equations that define none."""
     if not isinstance(map, RationalMap):
-        how = "pass a QuadraticField, kahan(field, eps) or rational_map(f, dimension)"
+        how = "pass a Field, kahan(field, eps) or rational_map(f, dimension)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")
     at_number = map.at_eps(EPS)
     try:

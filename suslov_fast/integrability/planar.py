@@ -139,11 +139,11 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast import Field
     >>> from suslov_fast.integrability import kahan, planar_entropy
     >>> def f(x):
     ...     return x[0]**2 + 3*x[0]*x[1], 2*x[0]*x[1] - x[1]**2
-    >>> found = planar_entropy(kahan(QuadraticField.from_function(f, 2), "1/3"))
+    >>> found = planar_entropy(kahan(Field(f, 2), "1/3"))
     >>> found.lengths, found.minimal, round(found.entropy, 6), found.proved
     ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
     """

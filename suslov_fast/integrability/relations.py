@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import flint
 
-from ..bodies.fields.polynomials import Polynomial
+from ..bodies.fields.polynomials import text_of
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, Residues, over_rationals
@@ -197,7 +197,7 @@ class ImplicitIntegral:
 def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
     """Return the text of a monomial."""
     indices = tuple(i for i, power in enumerate(exponents) for _ in range(power))
-    return Polynomial({indices: 1}).text(names)
+    return text_of({indices: 1}, names)
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:

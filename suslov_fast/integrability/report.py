@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from ..bodies.base import Body
-from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field import Field
 from ..checks import integer, is_false, kind_of, wrong
 from ..keywords import public
 from .darboux import check_unknowns
@@ -213,7 +213,7 @@ def _attributes(instance: Any) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Return what JSON holds of a value that it does not know."""
-    if isinstance(value, QuadraticField):
+    if isinstance(value, Field):
         return value.to_dict()
     if isinstance(value, PlanarEntropy):
         lengths, contractions = value.lengths, [*map(str, value.contractions)]
@@ -255,7 +255,7 @@ def report(
 
     Parameters
     ----------
-    field : QuadraticField, body, KahanMap or RationalMap
+    field : Field, body, KahanMap or RationalMap
         A single one.
     eps : int, Fraction, float or str, optional
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
@@ -326,7 +326,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         note = "No inverse was given: it is not checked that the map is birational."
         return field, [] if field.inverse else [note]
     if callable(field) and not isinstance(field, Body):
-        how = "QuadraticField.from_function(f, names), with numbers as parameters"
+        how = "Field(f, names), with numbers as parameters"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
     map, notes = kahan(field, eps, decimals=decimals), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:

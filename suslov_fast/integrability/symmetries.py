@@ -19,9 +19,9 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.fields.field import QuadraticField
 from ..bodies.fields.names import labels
-from ..bodies.fields.polynomials import Polynomial
+from ..bodies.fields.polynomials import text_of
+from ..bodies.fields.terms import Terms
 from . import arithmetic
 from .arithmetic import Point, simplest_fraction
 from .kahan import KahanMap
@@ -52,38 +52,38 @@ class Reversor:
         texts = []
         for row, constant in zip(self.S, self.b, strict=True):
             terms = {(): constant} | {(i,): a for i, a in enumerate(row)}
-            texts.append(Polynomial({i: c for i, c in terms.items() if c}).text(self.names))
+            texts.append(text_of({i: c for i, c in terms.items() if c}, self.names))
         return f"x -> ({', '.join(texts)})"
 
 
-def reversors(field: QuadraticField) -> list[Reversor]:
-    """Return the isolated involutions with rational entries that reverse a field."""
-    D, p = field.dimension, KahanMap(field, None).prime
+def reversors(map: KahanMap) -> list[Reversor]:
+    """Return the isolated involutions with rational entries that reverse the field of a map."""
+    D, p, terms = map.dimension, map.prime, map.terms
     unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
     symmetries = []
-    for solution in _isolated_solutions(_equations(field, unknowns), unknowns, DEGREES[D]):
+    for solution in _isolated_solutions(_equations(D, terms, unknowns), unknowns, DEGREES[D]):
         values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
         entries = [simplest_fraction(int(a), p) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
             reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
-            if reverses(reversor, field):
+            if reverses(reversor, terms):
                 symmetries.append(reversor)
     symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
-    return [replace(reversor, names=field.names) for reversor in symmetries]
+    return [replace(reversor, names=map.field.names) for reversor in symmetries]
 
 
-def reverses(reversor: Reversor, field: QuadraticField) -> bool:
+def reverses(reversor: Reversor, terms: Terms) -> bool:
     """Return True if f(S x + b) = -S f(x) and the symmetry is an involution."""
-    ring = flint.fmpq_mpoly_ctx.get(labels(field.dimension), ordering="deglex")
+    ring = flint.fmpq_mpoly_ctx.get(labels(len(reversor.b)), ordering="deglex")
     *S, b = ([*map(arithmetic.fmpq, row)] for row in (*reversor.S, reversor.b))
-    return not any(P != 0 for P in _identities(field, S, b, ring.gens(), arithmetic.fmpq))
+    return not any(P != 0 for P in _identities(terms, S, b, ring.gens(), arithmetic.fmpq))
 
 
-def _identities(field: QuadraticField, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
+def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
     """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry."""
     zero = 0 * x[0]
-    terms = [(place, number(c)) for place, c in field._exact.members()]
+    terms = [(place, number(c)) for place, c in f.members()]
 
     def image(y: Sequence[Any]) -> list[Any]:
         return [sum(map(mul, row, y), zero + c) for row, c in zip(S, b, strict=True)]
@@ -99,13 +99,13 @@ def _identities(field: QuadraticField, S: Any, b: Any, x: Any, number: Any) -> l
     return [*reversing, *(a - c for a, c in zip(image(image(x)), x, strict=True))]
 
 
-def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
+def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
     """Return the equations for the entries of S, and then of b, modulo a prime."""
-    D, n, p = field.dimension, unknowns.nvars(), int(unknowns.modulus())
+    n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
     equations: list[Any] = []
-    for P in _identities(field, S, b, gens[n:], lambda c: int(flint.nmod(arithmetic.fmpq(c), p))):
+    for P in _identities(terms, S, b, gens[n:], lambda c: int(flint.nmod(arithmetic.fmpq(c), p))):
         by_monomial = defaultdict[Any, dict[Any, int]](dict)
         for e, c in P.to_dict().items():
             by_monomial[e[n:]][e[:n]] = int(c)

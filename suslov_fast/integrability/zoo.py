@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field import Field
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..keywords import public
 from .maps import RationalMap, rational_map
 
 
-def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_function) -> Any:
+def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
     """Return the field of a function or Hamiltonian f of n variables, by default its arguments."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
@@ -29,7 +29,7 @@ def _rotors(*beta: int) -> Any:
     return of(lambda x, y, z: np.array((y * z, 2 * z * x, -3 * x * y)) + np.cross((x, y, z), beta))
 
 
-def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
+def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> Field:
     """A body with m' = m x (w m) + p x v(p), p' = p x (w m).
 
     With v(p) = b p these are Kirchhoff's equations for 2 H = sum w_i m_i^2 + b_i p_i^2.
@@ -39,10 +39,10 @@ def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
         m, p = np.array(x[:3]), np.array(x[3:])
         return [*(np.cross(m, w * m) + np.cross(p, v(p))), *np.cross(p, w * m)]
 
-    return QuadraticField.from_function(field, 6)
+    return Field(field, 6)
 
 
-def _in_potential(slope: Callable[..., Any], I2: int = 1) -> QuadraticField:
+def _in_potential(slope: Callable[..., Any], I2: int = 1) -> Field:
     """Suslov's problem in a potential with the derivatives slope(g1, g2, g3), without products."""
 
     def field(w1: Any, w2: Any, *g: Any) -> Any:
@@ -52,7 +52,7 @@ def _in_potential(slope: Callable[..., Any], I2: int = 1) -> QuadraticField:
     return of(field, 5)
 
 
-def _on_so4(*moments: int) -> QuadraticField:
+def _on_so4(*moments: int) -> Field:
     """Suslov's problem on so(4): Omega_34 = 0, M_ij = (moments_i + moments_j) Omega_ij."""
     pairs = [(i, j) for i in range(4) for j in range(i + 1, 4)][:-1]
 
@@ -81,7 +81,7 @@ def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
 
 
 @public
-def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
+def zoo() -> dict[str, tuple[Field | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 
     The first fifteen have integrable maps. The last three are recurrences of second order, not
@@ -98,16 +98,16 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     >>> from suslov_fast.integrability import zoo
     >>> field, eps = zoo()["Euler top"]
     >>> field
-    QuadraticField(x1' = 2*x2*x3, x2' = -3*x1*x3, x3' = x1*x2)
+    Field(x1' = 2*x2*x3, x2' = -3*x1*x3, x3' = x1*x2)
     >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).states.shape
     (3, 3)
     >>> zoo()["Lyness"]
     (rational_map(x2, (x2 + 3)/x1), None)
     """
-    I, hamiltonian = (4, 2, -0.5, -0.25), QuadraticField.from_hamiltonian
+    I, hamiltonian = (4, 2, -0.5, -0.25), Field.from_hamiltonian
     fields = {
-        "Suslov body": ("1/4", QuadraticField.of(Suslov3D(*I))),
-        "Suslov gyrostat": ("1/4", QuadraticField.of(SuslovGyrostat(*I, k=0.5))),
+        "Suslov body": ("1/4", Suslov3D(*I).field()),
+        "Suslov gyrostat": ("1/4", SuslovGyrostat(*I, k=0.5).field()),
         "cubic Hamiltonian": (
             "1/2",
             of(lambda x, y: (y**2 - x**2) / 2 + x**3 / 3, make=hamiltonian),

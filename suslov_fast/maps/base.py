@@ -9,8 +9,7 @@ from typing import Any, Literal
 from numpy.typing import NDArray
 
 from .. import checks
-from ..bodies.fields.field import QuadraticField
-from ..bodies.fields.general import NO_MAP, Field
+from ..bodies.fields.field import Field
 from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..engine.problem import Problem, check
@@ -22,7 +21,7 @@ Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
-_HOW = ": pass a body, or a field such as QuadraticField.from_function(f, names)"
+_HOW = ": pass a body, or a field such as Field(f, names)"
 # What to use in place of a function that a map has not.
 _INSTEAD = {
     "exact": "iterate or flow, because it has no closed form",
@@ -129,9 +128,9 @@ def map_of(body: Any, method: str = "auto") -> Map:
     """Return the map of a method for a body."""
     by_method = methods_of(type(body))
     if type(method) is str and method in by_method:
+        if isinstance(body, Field):
+            _ = body._terms  # raises for a field that is not of degree 2
         return by_method[method]
-    if isinstance(body, Field):
-        raise TypeError(f"system: {NO_MAP}")
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + _HOW
@@ -140,8 +139,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
         checks.one_of("method", method, by_method, f": pass 'order{method}'")
     instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
     if str(method).startswith("order") and method != "order2":
-        of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
-        instead = f": QuadraticField.of(body) has the methods {of_fields}"
+        of_fields = ", ".join(repr(name) for name in methods_of(Field) if name != "auto")
+        instead = f": body.field() has the methods {of_fields}"
         instead *= "order8" not in by_method
     return by_method[checks.one_of("method", method, by_method, instead)]
 

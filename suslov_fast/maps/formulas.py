@@ -80,20 +80,20 @@ def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
 # -------------------------------------------------------------------- of Kahan's map of any field
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
-    if body.field().H is None:
-        how = "make it by QuadraticField.from_hamiltonian, or use integrability.report(field)"
+    if not body.field().is_hamiltonian:
+        how = "make it by Field.from_hamiltonian, or use integrability.report(field)"
         kind = kind_of(body)
-        field = "this field" if kind == "QuadraticField" else f"the field of {kind}"
+        field = "this field" if kind == "Field" else f"the field of {kind}"
         raise TypeError(f"system: {field} has no Hamiltonian: {how}")
 
 
 def _energy(problem: Problem) -> FloatArray:
-    terms = problem.body.field().H.terms
+    terms = problem.body.field().energy_terms
     return values_by_terms(quantities_field.cubic_form, problem, terms, problem.omega)
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    places, values = problem.body.field().H.terms
+    places, values = problem.body.field().energy_terms
     # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
     # places of x_next.
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)

@@ -1,6 +1,6 @@
 """The records of the maps of the package."""
 
-from ..bodies.fields.field import QuadraticField
+from ..bodies.fields.field import Field
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from .base import MAPS, Map
@@ -60,7 +60,7 @@ for _record in (
     Map(
         name="Kahan",
         title="Kahan map of a quadratic field",
-        body=QuadraticField,
+        body=Field,
         methods={"auto": FIELD, "order2": FIELD},
         formulas=KAHAN,
     ),
@@ -68,7 +68,7 @@ for _record in (
         Map(
             name=f"Kahan, order {order}",
             title=f"Composition of Kahan maps, order {order}",
-            body=QuadraticField,
+            body=Field,
             methods={f"order{order}": field_in(COMPOSITIONS[order])},
             formulas=OF_ORDER,
             stages=COMPOSITIONS[order],

@@ -180,7 +180,7 @@ def explore(
 
     Parameters
     ----------
-    system : Suslov3D, SuslovGyrostat, SuslovND, QuadraticField or Field
+    system : Suslov3D, SuslovGyrostat, SuslovND, Field
         The system. A parameter of a family has a slider from its least to its largest value, other
         ones from 0 to twice their value.
     x0 : array_like(float, shape=(D,)), optional
@@ -205,7 +205,7 @@ def explore(
     --------
     >>> import numpy as np
     >>> from suslov_fast import Field, explore
-    >>> pendulum = Field.from_function(
+    >>> pendulum = Field(
     ...     lambda x, friction: (x[1], -np.sin(x[0]) - friction * x[1]), "angle velocity",
     ...     friction=0.1)
     >>> explore(pendulum, [2.5, 0.0], time=60.0)  # doctest: +SKIP

@@ -35,8 +35,8 @@ def energy(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, energy
-    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+    >>> from suslov_fast import Field, energy
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
     >>> energy(well, [[0.5, 0.0], [0.0, 0.5]])
     array([-0.375,  0.125])
     """
@@ -99,7 +99,7 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     Parameters
     ----------
     system, x, eps
-        As in :func:`jacobian`; a field must come from :meth:`QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field must come from :meth:`Field.from_hamiltonian`.
 
     Returns
     -------
@@ -113,8 +113,8 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, iterate, modified_energy
-    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+    >>> from suslov_fast import Field, iterate, modified_energy
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
     >>> orbit = iterate(well, [0.5, 0.0], eps=0.1, steps=100_000).states
     >>> H = modified_energy(well, orbit, eps=0.1)
     >>> bool(abs(H - H[0]).max() < 1e-12)

@@ -41,8 +41,8 @@ def vector_field(system: BodyOrField, x: ArrayLike, /) -> FloatArray:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, vector_field
-    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> from suslov_fast import Field, vector_field
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     >>> vector_field(field, [[1.0, 0.5], [2.0, 1.0]])
     array([[0.5, 0. ],
            [0. , 1. ]])
@@ -105,8 +105,8 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, matrix
-    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> from suslov_fast import Field, matrix
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     >>> matrix(field, [1.0, 0.5], eps=0.2)
     array([[ 0.95,  0.1 ],
            [-0.05,  1.  ]])
@@ -125,7 +125,7 @@ def jacobian(
 
     Parameters
     ----------
-    system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
+    system : Field, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
     x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body. NaN gives NaN.
@@ -141,8 +141,8 @@ def jacobian(
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, jacobian
-    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> from suslov_fast import Field, jacobian
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     >>> jacobian(field, [1.0, 0.5], eps=0.2).round(6)
     array([[ 1.093638, -0.221485],
            [ 0.105205,  0.999397]])
@@ -188,8 +188,8 @@ def multipliers(
     --------
     A damped oscillator, whose equilibrium is stable:
 
-    >>> from suslov_fast import QuadraticField, multipliers
-    >>> field = QuadraticField.from_function(lambda x: (x[1], -x[0] - 0.1 * x[1]), "x v")
+    >>> from suslov_fast import Field, multipliers
+    >>> field = Field(lambda x: (x[1], -x[0] - 0.1 * x[1]), "x v")
     >>> abs(multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
     array([0.990148, 0.990148])
     """

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.base import Body
-from ..bodies.classes import BodyOrField
-from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.classes import System
+from ..bodies.fields.field import system_of
 from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
 from ..core.lists.linear_terms import coefficients
 from ..engine.status import Status
@@ -58,7 +58,7 @@ class Equilibria(NamedTuple):
 
 
 @public
-def equilibria(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
+def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     """Find equilibria near given states.
 
     Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
@@ -70,8 +70,8 @@ def equilibria(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
 
     Parameters
     ----------
-    system : QuadraticField, Field or a body
-        A single one, or a batch.
+    system : Field, body or callable
+        A single one, or a batch, or a function of the state as in :func:`flow`.
     near : array_like(float, shape=(..., D))
         States near equilibria, which broadcast with the batch. NaN gives NaN.
 
@@ -104,7 +104,7 @@ def equilibria(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
 
     >>> import numpy as np
     >>> from suslov_fast import Field, equilibria
-    >>> pendulum = Field.from_function(
+    >>> pendulum = Field(
     ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
     ... )
     >>> found = equilibria(pendulum, near=[0.1, 0.0])
@@ -113,16 +113,17 @@ def equilibria(system: BodyOrField, /, near: ArrayLike) -> Equilibria:
 
     A substrate S that an enzyme E turns into P: the total amounts are kept.
 
-    >>> enzyme = Field.from_function(
+    >>> enzyme = Field(
     ...     lambda x: (x[2] - x[0] * x[1], 2 * x[2] - x[0] * x[1], x[0] * x[1] - 2 * x[2], x[2]),
     ...     "S E SE P",
     ... )
     >>> equilibria(enzyme, near=[10, 1, 0, 0]).states.round(9) + 0.0
     array([ 0.,  1.,  0., 10.])
     """
+    system = system_of(system, near)
     instance("system", system, Body)
     given = states("near", near, system.labels)
-    field = system if isinstance(system, FieldOfFunction) else system.field()
+    field = system.field()
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):

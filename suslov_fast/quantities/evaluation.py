@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields.general import Field
+from ..bodies.fields.field import Field
 from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..engine.problem import Problem, check, part_of
 from ..engine.status import SingularStepWarning
@@ -25,7 +25,7 @@ def evaluate(
     The map, by default that of the body, must have a formula of this name.
     """
     if isinstance(body, Field) and name in ("vector_field", "energy"):
-        return body._value_of(name, omega)
+        return body(omega) if name == "vector_field" else body.energy(omega)
     map = map or map_of(body)
     map.require(name, body)
     formula = map.formulas[name]

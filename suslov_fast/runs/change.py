@@ -20,7 +20,6 @@ from ..bodies.fields.calls import (
     taken,
     taking,
 )
-from ..bodies.fields.field_of_terms import FieldOfFunction
 from ..bodies.fields.names import TIME
 from ..bodies.fields.symbolic import Tracer
 from ..bodies.fields.texts import values_of, written
@@ -52,7 +51,7 @@ class Change:
 
     Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, changes=[...])``
     takes one or more, and ``Motion.changes`` holds what they did. Functions are traced, as
-    those of :meth:`Field.from_function`, and carried out as machine code; besides the state they
+    those of :class:`Field`, and carried out as machine code; besides the state they
     may take parameters of the system by name.
 
     When a change is made, the values of the names that its functions use are kept with it: a number
@@ -97,7 +96,7 @@ class Change:
     A ball that keeps 9/10 of its speed at each bounce:
 
     >>> from suslov_fast import Change, Field, flow
-    >>> ball = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+    >>> ball = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
     >>> bounce = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
     >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], changes=bounce)
     >>> motion.changes.time.round(6), motion.states[:, 0].round(6)
@@ -105,7 +104,7 @@ class Change:
 
     A dose of 100 at times 0, 24 and 48:
 
-    >>> body = Field.from_function(lambda x, k: (-k * x[0],), "c", k=0.1)
+    >>> body = Field(lambda x, k: (-k * x[0],), "c", k=0.1)
     >>> dose = Change(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
     >>> flow(body, [0.0], time=[0, 47, 48], changes=dose).states[:, 0].round(3)
     array([100.   ,  10.935, 109.895])
@@ -238,7 +237,7 @@ class Change:
 def field_of(system: Any) -> Any:
     """Return the field whose equations, and names of components, are those of a system."""
     instance("system", system, Body)
-    return system if isinstance(system, FieldOfFunction) else system.field()._named(system.labels)
+    return system.field()
 
 
 def traced(change: Change, system: Any) -> Traced:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.classes import BodyOrField
-from ..bodies.fields.general import with_changes
+from ..bodies.classes import System
+from ..bodies.fields.field import system_of
+from ..bodies.fields.motion_lists import with_changes
 from ..checks import integer, one_number, short, warn, wrong
 from ..engine.motions import Asked, solve
 from ..engine.sensitivity import WithColumns
@@ -29,7 +30,7 @@ _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
 @public
 def crossings(
-    system: BodyOrField,
+    system: System,
     x0: ArrayLike,
     /,
     surface: Any,
@@ -56,8 +57,8 @@ def crossings(
 
     Parameters
     ----------
-    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
-        A single field or body, or a batch.
+    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+        A single field or body, or a batch, or a function as in :func:`flow`.
     x0 : array_like(float, shape=(..., D))
         Initial states, as in :func:`flow`.
     surface : callable or str, or sequence of them
@@ -85,10 +86,10 @@ def crossings(
     --------
     The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
 
-    >>> from suslov_fast import QuadraticField, crossings
+    >>> from suslov_fast import Field, crossings
     >>> def lorenz(x, rho):
     ...     return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
-    >>> field = QuadraticField.from_function(lorenz, 3, rho=28)
+    >>> field = Field(lorenz, 3, rho=28)
     >>> starts = [[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]]
     >>> section = crossings(field, starts, "x3 - 27", time=30.0, transient=8.0, direction="up")
     >>> bool(abs(section.states[:, 2] - 27).max() < 1e-11)
@@ -100,6 +101,7 @@ def crossings(
     direction = checked_direction(direction)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
+    system = system_of(system, x0)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
     field = field_of(system)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)

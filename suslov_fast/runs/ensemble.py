@@ -58,7 +58,7 @@ def ensemble(
 
     Parameters
     ----------
-    system : QuadraticField, Field or a body
+    system : Field or a body
         A single one, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
         Initial states, or a function that takes the number of a chunk, and returns the states
@@ -102,7 +102,7 @@ def ensemble(
     >>> import tempfile
     >>> import numpy as np
     >>> from suslov_fast import Field, ensemble
-    >>> well = Field.from_function(lambda x: (x[1], x[0] - x[0] ** 3 - 0.2 * x[1]), "q p")
+    >>> well = Field(lambda x: (x[1], x[0] - x[0] ** 3 - 0.2 * x[1]), "q p")
     >>> starts = lambda k: np.random.default_rng([7, k]).uniform(-2, 2, (100, 2))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     data = ensemble(well, starts, f"{folder}/well.zarr", time=[50, 100], chunks=4)

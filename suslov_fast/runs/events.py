@@ -55,7 +55,7 @@ class Events(Result):
     Examples
     --------
     >>> from suslov_fast import Change, Field, flow
-    >>> cell = Field.from_function(lambda x: (0.1 * x[0],), "mass")
+    >>> cell = Field(lambda x: (0.1 * x[0],), "mass")
     >>> division = Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
     >>> events = flow(cell, [1.0], time=20.0, changes=division).changes
     >>> events
@@ -145,7 +145,7 @@ class Events(Result):
         Examples
         --------
         >>> from suslov_fast import Field, crossings
-        >>> pendulum = Field.from_function(lambda x: (x[1], -np.sin(x[0])), "angle rate")
+        >>> pendulum = Field(lambda x: (x[1], -np.sin(x[0])), "angle rate")
         >>> dict(crossings(pendulum, [0.1, 0.0], "angle", time=10.0).to_xarray().sizes)
         {'event': 3, 'component': 2}
         """

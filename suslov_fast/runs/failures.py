@@ -25,9 +25,9 @@ class SingularStepError(SuslovError, ArithmeticError):
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, SingularStepError, iterate
+    >>> from suslov_fast import Field, SingularStepError, iterate
     >>> try:
-    ...     run = iterate(QuadraticField([[[1]]]), [[-0.5], [1.0]], 1.0, 3, on_singular="raise")
+    ...     run = iterate(Field.from_terms([[[1]]]), [[-0.5], [1.0]], 1.0, 3, on_singular="raise")
     ... except SingularStepError as error:
     ...     print(error)
     ...     run = error.trajectories

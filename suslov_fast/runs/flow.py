@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..bodies.base import Body
-from ..bodies.classes import BodyOrField
-from ..bodies.fields.field_of_terms import FieldOfFunction
-from ..bodies.fields.general import Field, with_changes
+from ..bodies.classes import System
+from ..bodies.fields.field import Field, system_of
+from ..bodies.fields.motion_lists import with_changes
 from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, Reals, short, wrong
 from ..core.lists.changes import Act
@@ -50,7 +50,7 @@ _FEW = 16  # times, of which Python sees sooner than NumPy whether they ascend
 
 @public
 def flow(
-    system: BodyOrField,
+    system: System,
     x0: ArrayLike,
     /,
     *,
@@ -74,15 +74,16 @@ def flow(
 
     Parameters
     ----------
-    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
-        A single field or body, or a batch.
+    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+        A single field or body, or a batch. A function of the state in place of a field has the
+        variables x1, x2, ..., as many as x0 has components, and no parameters.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
         is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. Where equations depend on
         time, x0 holds the initial one, of a variable t with the rate 1:
-        ``Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
+        ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-60 of
@@ -123,13 +124,19 @@ def flow(
     --------
     Predators and prey (Lotka-Volterra) for three rates, at two times:
 
-    >>> from suslov_fast import QuadraticField, Suslov3D, flow
-    >>> family = QuadraticField.from_function(
+    >>> import numpy as np
+    >>> from suslov_fast import Field, Suslov3D, flow
+    >>> family = Field(
     ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
     ... )
     >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
     >>> motion.states.shape, bool(motion.ok.all())
     ((2, 3, 2), True)
+
+    A function of the state in place of a field:
+
+    >>> flow(lambda x: (x[1], -x[0]), [1.0, 0.0], time=np.pi).states.round(6) + 0.0
+    array([[-1.,  0.]])
 
     The motion of a body, which is exact:
 
@@ -137,6 +144,7 @@ def flow(
     >>> flow(body, [1.0, 0.5], time=5.0).states.round(6)
     array([[ 0.873751, -1.093725]])
     """
+    system = system_of(system, x0)
     checks.instance("system", system, Body)
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
@@ -148,7 +156,7 @@ def flow(
         field = field or field_of(system)
         acts = acts_of(field, acting)
     x, batch = checked_starts(system, x0, batch_of(acting))
-    if isinstance(system, FieldOfFunction):
+    if isinstance(system, Field):
         warn_of_times(system, x, times)
     if acting:
         stops = stops_of(acting, sign, batch)
@@ -205,20 +213,10 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
         such = "x0", *system.coordinates
         received = short(derivatives)
         raise wrong("derivatives", f"names, such as {such}", received, TypeError)
-    field: Any = system if isinstance(system, FieldOfFunction) else None
-    named: tuple[str, ...] = ()
-    if names and field is None:
-        field = system.field()
-    if {*names} - {"x0"}:
-        if not isinstance(field, Field) and field.remake is not None:
-            maker, (f, *others) = field.remake.func, field.remake.args
-            make = getattr(Field, maker.__name__)
-            field = make(f, *others, **field.parameters)
-        named = field.coordinates if isinstance(field, Field) else ()
-        if unknown := [name for name in names if name not in ("x0", *named)]:
-            known = ", ".join(map(repr, ("x0", *named)))
-            how = "" if named else ": those by parameters are of Field.from_function"
-            raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}{how}")
+    field: Any = system.field()
+    if unknown := [name for name in names if name not in ("x0", *field.coordinates)]:
+        known = ", ".join(map(repr, ("x0", *field.coordinates)))
+        raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
     if len({*names}) < len(names):
         raise wrong("derivatives", "different names", short(names))
     return tuple(names), field
@@ -246,7 +244,7 @@ def _with_derivatives(
 # ------------------------------------------------------------------------------------------ motions
 def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
-    if isinstance(system, FieldOfFunction):
+    if isinstance(system, Field):
         return to_tolerance(system, x, batch, asked)
     is_exact = _are_exact(system)
     if is_exact is True:

@@ -56,8 +56,8 @@ def step(
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, step
-    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> from suslov_fast import Field, step
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     >>> later = step(field, [1.0, 0.5], eps=0.2)
     >>> later.round(6)
     array([1.104712, 0.505236])
@@ -102,7 +102,7 @@ def iterate(
 
     Parameters
     ----------
-    system : QuadraticField, Suslov3D, SuslovGyrostat or SuslovND
+    system : Field, Suslov3D, SuslovGyrostat or SuslovND
         A single field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
@@ -148,8 +148,8 @@ def iterate(
     Where are 1000 populations of predators and prey after 400 steps?
 
     >>> import numpy as np
-    >>> from suslov_fast import QuadraticField, iterate
-    >>> field = QuadraticField.from_function(
+    >>> from suslov_fast import Field, iterate
+    >>> field = Field(
     ...     lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), "prey predator"
     ... )
     >>> starts = np.random.default_rng(0).uniform(0.5, 1.5, (1000, 2))

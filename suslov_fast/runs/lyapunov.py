@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..bodies.base import Body
-from ..bodies.classes import BodyOrField
+from ..bodies.classes import System
+from ..bodies.fields.field import system_of
 from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.derivatives import growth
 from ..engine.motion_growth import exponents_of
@@ -34,7 +35,7 @@ from .changes import acts_of, batch_of, checked_changes, stops_of
 
 @public
 def lyapunov_exponents(
-    system: BodyOrField,
+    system: System,
     x0: ArrayLike,
     /,
     eps: Reals | None = None,
@@ -95,8 +96,8 @@ def lyapunov_exponents(
     --------
     The Lorenz system, whose largest exponent is about 0.906 per unit time:
 
-    >>> from suslov_fast import QuadraticField, lyapunov_exponents
-    >>> lorenz = QuadraticField.from_function(
+    >>> from suslov_fast import Field, lyapunov_exponents
+    >>> lorenz = Field(
     ...     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
     ...     "x y z",
     ... )
@@ -107,6 +108,7 @@ def lyapunov_exponents(
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
+    system = system_of(system, x0)
     others = {"method": method, "rtol": rtol, "changes": changes}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         checks.instance("system", system, Body)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
+from ..bodies.fields.field import Field
 from ..checks import FloatArray, short, wrong
 from ..engine.status import ended_in_words
 from .change import Change
@@ -68,8 +69,8 @@ class Motion(States, OfMotion):
     An orbit in a cubic potential, along which the energy is constant:
 
     >>> import numpy as np
-    >>> from suslov_fast import QuadraticField, flow
-    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> from suslov_fast import Field, flow
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
     >>> motion = flow(well, [0.9, 0.0], time=np.linspace(0, 20, 101))
     >>> motion
     Motion(states: (101, 2), time: 0 to 20, rtol: 1e-09)
@@ -131,11 +132,11 @@ class Motion(States, OfMotion):
 
     @property
     def _functions(self) -> list[str]:
-        from ..maps import map_of, methods_of
+        from ..maps import map_of
 
-        if methods_of(type(self.body)):
-            return [name for name in map_of(self.body).functions(self.body) if name in QUANTITIES]
-        return ["energy"] if getattr(self.body, "H", None) is not None else []
+        if isinstance(self.body, Field):
+            return ["energy"] if self.body.is_hamiltonian else []
+        return [name for name in map_of(self.body).functions(self.body) if name in QUANTITIES]
 
     _is_whole = True
 

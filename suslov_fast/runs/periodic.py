@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..bodies.base import Body
-from ..bodies.classes import BodyOrField
-from ..bodies.fields.field_of_terms import FieldOfFunction
+from ..bodies.classes import System
+from ..bodies.fields.field import Field, system_of
 from ..checks import FloatArray, short, warn, wrong
 from ..core.lists.linear_terms import coefficients
 from ..engine.starts import checked_settings
@@ -37,8 +37,8 @@ class PeriodicOrbit(NamedTuple):
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, flow, periodic_orbit
-    >>> field = QuadraticField.from_hamiltonian(lambda x: (x[0]**2 + x[1]**2) / 2 + x[0]**3, "q p")
+    >>> from suslov_fast import Field, flow, periodic_orbit
+    >>> field = Field.from_hamiltonian(lambda x: (x[0]**2 + x[1]**2) / 2 + x[0]**3, "q p")
     >>> orbit = periodic_orbit(field, [0.1, 0.0], period=6.3)
     >>> motion = flow(field, orbit.state, time=orbit.period, rtol=1e-12)
     >>> bool(abs(motion.states[-1] - orbit.state).max() < 1e-11)
@@ -62,7 +62,7 @@ class PeriodicOrbit(NamedTuple):
 
 @public
 def periodic_orbit(
-    system: BodyOrField,
+    system: System,
     start: ArrayLike,
     /,
     period: float | None = None,
@@ -84,8 +84,8 @@ def periodic_orbit(
 
     Parameters
     ----------
-    system : QuadraticField, Field, Suslov3D, SuslovGyrostat or SuslovND
-        A single field or body.
+    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+        A single field or body, or a function as in :func:`flow`.
     start : array_like(float, shape=(D,))
         A state near the orbit.
     period : float, optional
@@ -126,14 +126,15 @@ def periodic_orbit(
     --------
     The shortest periodic orbit of Roessler's system, whose period is 5.8810884555:
 
-    >>> from suslov_fast import QuadraticField, periodic_orbit
-    >>> roessler = QuadraticField.from_function(
+    >>> from suslov_fast import Field, periodic_orbit
+    >>> roessler = Field(
     ...     lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), 3
     ... )
     >>> orbit = periodic_orbit(roessler, [0.0, -8.4, 0.03])
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
     """
+    system = system_of(system, start)
     checks.instance("system", system, Body)
     acting = checked_changes(changes)
     if any(change.times is not None for change in acting):
@@ -141,7 +142,7 @@ def periodic_orbit(
         raise wrong("changes", "changes at surfaces", f"times: {how}")
     x = _checked_start(system, start)
     checked_settings(system, rtol)
-    field = system if isinstance(system, FieldOfFunction) else system.field()
+    field = system.field()
     motion = OfMotion(field, x, rtol, acting)
     T = _checked_period(field, motion, x, period, acting)
     with np.errstate(all="ignore"):
@@ -265,13 +266,13 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
 
 def _integrals(system: Any) -> int | None:
     """Return the number of integrals that are known of a field; None for a body, which has some."""
-    if not isinstance(system, FieldOfFunction):
+    if not isinstance(system, Field):
         return None
     [(_, f, table)] = system.listed_right_hand_sides
     own = [i for i in range(f.D) if i not in f.steady]
     [C] = coefficients(f, table)[:, own]
     linear = len(own) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(own)
-    return linear + (getattr(system, "H", None) is not None)
+    return linear + system.is_hamiltonian
 
 
 def _warn_of_families(search: Shooting, known: int | None) -> None:

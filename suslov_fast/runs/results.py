@@ -305,9 +305,9 @@ class States(Result):
 
         Examples
         --------
-        >>> from suslov_fast import QuadraticField, iterate
+        >>> from suslov_fast import Field, iterate
         >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
-        >>> field = QuadraticField.from_function(predators, "prey predator")
+        >>> field = Field(predators, "prey predator")
         >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
         >>> run.plot("time").figure.savefig("over_time.png")  # doctest: +SKIP
@@ -424,7 +424,7 @@ def load(path: str | os.PathLike[str]) -> Any:
     --------
     >>> import tempfile
     >>> from suslov_fast import Field, flow, load
-    >>> motion = flow(Field.from_function(lambda x: (-x[0],), 1), [1.0], time=[0.0, 1.0])
+    >>> motion = flow(Field(lambda x: (-x[0],), 1), [1.0], time=[0.0, 1.0])
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     motion.save(f"{folder}/motion.npz")
     ...     load(f"{folder}/motion.npz") == motion

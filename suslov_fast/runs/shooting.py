@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields.general import with_changes
+from ..bodies.fields.motion_lists import with_changes
 from ..checks import FloatArray
 from ..core.lists.changes import Act
 from ..core.lists.step import evaluate

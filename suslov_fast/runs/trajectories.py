@@ -58,8 +58,8 @@ class Trajectories(States):
     By how much do the energy and the modified energy of an orbit vary?
 
     >>> import numpy as np
-    >>> from suslov_fast import QuadraticField, iterate
-    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> from suslov_fast import Field, iterate
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
     >>> orbit = iterate(well, [0.9, 0.0], eps=0.1, steps=1000)
     >>> orbit
     Trajectories(states: (1001, 2), n: 0, 1 ... 1000, eps: 0.1, failed: 0 of 1)

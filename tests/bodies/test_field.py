@@ -1,114 +1,273 @@
-"""Quadratic fields: coefficients, Hamiltonians, named parameters, families and text."""
+"""Fields: coefficients of degree 2, names, parameters, equations as text, functions as fields."""
 
-import json
-import pickle
+import math
+import subprocess
+import sys
 from fractions import Fraction as F
-from functools import partial
 
 import numpy as np
 import pytest
-from systems import lorenz
+from systems import exactly, henon_heiles, lorenz, tables
 
 import suslov_fast as sf
-from suslov_fast import QuadraticField, iterate, vector_field
-from suslov_fast.bodies.fields.names import variables
-from suslov_fast.bodies.fields.polynomials import named_parameters
-
-of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
+from suslov_fast import Field, iterate, vector_field
 
 
-def henon_heiles(x, a=1):
-    q1, q2, p1, p2 = x
-    return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + a * q1**2 * q2 - a * q2**3 / 3
+# ------------------------------------------------------------------------------- coefficients
+def table(field):
+    """Return the coefficients of a field, one row for each member."""
+    return np.concatenate([each.reshape(*field.shape, -1) for each in tables(field)], axis=-1)
 
 
-VALUES = np.linspace(1.0, 6.0, 11)
-LORENZ, HENON = of_function(lorenz, 3), of_hamiltonian(henon_heiles, 4)
-RIGID = of_hamiltonian(  # K of rank 2
-    lambda x: x[0] ** 3 - x[0] * x[1] * x[2] + F(1, 3) * x[2] ** 2 - 5 * x[1] + 2,
-    3,
-    [[0, 1, -2], [-1, 0, F(1, 7)], [2, F(-1, 7), 0]],
+def value(field, x):
+    """Return f(x) by the terms, in exact arithmetic."""
+    return exactly(field.terms, [*map(F, x)])
+
+
+A = np.array([[0.1, 1], [-1, 0]])
+# Ways to write f, and the value of f at (3, 4).
+WAYS = {
+    "a matrix": (lambda x: A @ x, (4.3, -3)),
+    "columns": (lambda x: A[0] * x[0] - x[1] * A[1], (4.3, 3)),
+    "dot": (lambda x: [np.dot(x, x), np.dot(A, x)[0]], (25, 4.3)),
+    "quotients": (lambda x: x[0] / np.array([2.0, 4]) + x[1] / np.array(2.0), (3.5, 2.75)),
+    "types": (lambda x: [np.float32(0.5) - x[0] ** 2 / 3, +x[1] * np.int64(2)], (-2.5, 8)),
+    "cancelling": (lambda x: [x[0] ** 3 - x[0] * x[0] * (x[0] - 1), x[1]], (9, 4)),
+    "sums of large terms": (
+        lambda x: ((x[0] + 1e6) * (x[1] + 1e6) - 1e12 - 1e6 * (x[0] + x[1]), x[0]),
+        (12, 3),
+    ),
+    "conjugates": (lambda x: (x[0].conjugate(), np.vdot(x, [1, 2])), (3, 11)),
+    "Fractions": (lambda x: (F(1, 4) * x[0], x[1] * F(3, 2) - F(1, 2)), (0.75, 5.5)),
+    "where": (lambda x, a=2: (np.where(np.array(a) > 1, x[0], x[1] ** 3), x[1]), (3, 4)),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_ways_to_write_f(way):
+    f, expected = WAYS[way]
+    field = Field(f, 2)
+    np.testing.assert_allclose([*map(float, value(field, [3, 4]))], expected, rtol=1e-15)
+    np.testing.assert_allclose(field([3.0, 4.0]), expected, rtol=1e-15)
+
+
+def test_random_polynomials(rng):
+    """Sums and products of sums, of which Kahan's map and the motion take the same f."""
+    for _ in range(60):
+        D, numbers = int(rng.integers(1, 6)), rng.integers(-4, 5, 500).tolist()
+
+        def linear(x, next_):
+            return sum(next_() * a for a in x) + next_()
+
+        def f(x, p, numbers=numbers):
+            n = iter(numbers)
+            rows = [linear(x, lambda: next(n)) * linear(x, lambda: next(n)) for _ in x]
+            return [
+                a * p - b / 4 + linear(x, lambda: next(n)) for a, b in zip(rows, x, strict=True)
+            ]
+
+        field = Field(f, D, p=[2.0, -0.5])
+        x = rng.integers(-5, 6, D)
+        for k, p in enumerate((F(2), F(-1, 2))):
+            exact = f([*map(F, x.tolist())], p)
+            assert value(field[k], x.tolist()) == exact
+            assert field[k](x).tolist() == [*map(float, exact)]
+        assert np.array_equal(table(field)[0], table(field[0]))
+
+
+MANY = {"a": np.linspace(0.1, 0.37, 7)[:, None], "b": np.linspace(-2.9, 4.7, 5), "c": 3}
+OF_FAMILIES = {
+    "as it is": lambda x, a, b, c: (-x[1] + a * x[0], b + x[1] * (x[0] - c)),
+    "floats first": lambda x, a, b, c: (a * b / c * x[0], (a + 0.1 - b) ** 2 * x[1] + a**3),
+    "rounded": lambda x, a, b, c: (a * x[0] * b * 3, (a * x[0] + b * x[0]) * c + F(1, 3)),
+    "quotients": lambda x, a, b, c: (x[0] * b / a / F(3, 7), (b - a) * x[1] * x[0] / a + 1 / a),
+    "functions": lambda x, a, b, c: (np.sin(a) * x[0], np.exp(b / c) * x[1] ** 2),
+    "choices": lambda x, a, b, c: (np.where(b > 1, x[0], x[1]), x[1] * np.maximum(a, 0.2)),
+    "zeros": lambda x, a, b, c: ((a - a) * x[0] - 0 * b, -b * x[1] * 0.1 * (x[0] + a)),
+    "in arrays": lambda x, a, b, c: np.array([[a, b], [b, a]]) @ np.eye(2) * 0.1 @ x,
+    "a degree that vanishes": lambda x, a, b, c: ((a - a) * x[0] ** 3, b * x[1]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("f", OF_FAMILIES.values(), ids=OF_FAMILIES)
+def test_a_family_has_the_coefficients_of_its_members(f):
+    """With the same bits; beside f of NumPy a few roundings away."""
+    family, x = Field(f, 2, **MANY), np.array([0.7, -0.4])
+    rows = table(family)
+    for index in np.ndindex(7, 5):
+        values = {key: float(np.broadcast_to(each, (7, 5))[index]) for key, each in MANY.items()}
+        alone = Field(f, 2, **values)
+        assert table(alone).tobytes() == rows[index].tobytes()
+        exact = [*map(float, value(alone, x))]
+        np.testing.assert_allclose(exact, f(x, **values), rtol=1e-14, atol=1e-15)
+    run = iterate(family, x, 1e-4, 3)
+    assert np.array_equal(iterate(family[3, 2], x, 1e-4, 3).states, run.states[:, 3, 2])
+
+
+def test_a_large_family_is_read_in_one_pass():
+    calls, a = [], np.linspace(0.1, 0.4, 100_000)
+
+    def roessler(x, a, c):
+        calls.append(x)
+        return -x[1] - x[2], x[0] + a * x[1], 0.2 + x[2] * (x[0] - c)
+
+    family = Field(roessler, 3, a=a, c=a + 5).with_parameters(c=a + 6)
+    q, l, c = tables(family)
+    assert len(calls) == 2
+    assert np.array_equal(l[:, 1, 1], a)
+    assert np.array_equal(l[:, 2, 2], -(a + 6))
+    assert (q[:, 2, 0, 2] == 0.5).all()
+    assert (c[:, 2] == 0.2).all()
+
+
+def test_arrays_of_coefficients(rng):
+    """Of q the part symmetric in j and k counts."""
+    for shape in (), (3,):
+        q, l, c = (rng.integers(-3, 4, (*shape, *(4,) * axes)) for axes in (3, 2, 1))
+        field = Field.from_terms(q, l, c, "a b c d")
+        twin = Field.from_terms(q.swapaxes(-2, -1), l, c)
+        assert (field.shape, field.names, field == twin) == (shape, tuple("abcd"), True)
+        x = rng.integers(-5, 6, 4)
+        expected = np.einsum("...ijk,j,k", q, x, x) + l @ x + c
+        assert np.array_equal(field(x), expected)
+        slopes = np.einsum("...ijk,k", q + q.swapaxes(-2, -1), x) + l
+        assert np.array_equal(field.jacobian(x), slopes)
+    assert repr(Field.from_terms([[[0]]], constant=[0])) == "Field(x1' = 0)"
+    assert len(repr(Field.from_terms(np.ones((9, 9, 9))))) < 320
+    # With integers beyond doubles beside floats.
+    plain = Field.from_terms([[[0, 2**70 + 1], [0.5, 0]], [[0, 1], [-1, 0]]])
+    assert plain.terms[0].tolist() == [[0], [0], [1]]
+    assert plain.terms[1].tolist() == [2.0**70]
+
+
+NUMBERS = {
+    "a decimal": (0.1, F(1, 10)), "a quotient": (8 / 3, F(8, 3)), "a ratio": (F(617, 2839),) * 2,
+    "an integer": (7, F(7)), "binary": (0.375, F(3, 8)), "small": (-1.25e-7, F(-1, 8_000_000)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_numbers_are_what_was_typed(name):
+    """In f, as a parameter, in H, from a dictionary: x' = c x, whose map is (2 + c) / (2 - c)."""
+    kahan = pytest.importorskip("suslov_fast.integrability").kahan
+    c, expected = NUMBERS[name]
+    fields = [
+        Field(lambda x: (c * x[0],), 1),
+        Field(lambda x, c: (c * x[0],), 1, c=c),
+        Field.from_terms([[[0]]], [[c]]),
+    ]
+    fields += [Field.from_dict(field.to_dict()) for field in fields]
+    for field in fields:
+        assert kahan(field, 1)([1])[0] == (2 + expected) / (2 - expected)
+    pair = Field.from_hamiltonian(lambda x: c * x[0] * x[1], 2)
+    assert kahan(pair, 1)([1, 1])[0] == (2 + expected) / (2 - expected)
+    text = str(c) if isinstance(c, F) else repr(c)
+    typed = Field.from_equations(f"x' = {text}*x")
+    assert kahan(typed, 1)([1])[0] == (2 + expected) / (2 - expected)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda x, a: (x[0] ** 3 - x[1], a * x[0]),
+        lambda x, a: (np.sin(x[0]), a * x[1]),
+        lambda x, a: (a / x[0], x[1]),
+        lambda x, a: (np.where(x[0] > a, x[1], x[0]), x[1]),
+        lambda x, a: (x[0] ** a, x[1] ** 0.5),
+    ],
 )
-FAMILY = of_function(lorenz, 3, rho=VALUES)
-ENERGIES = of_hamiltonian(
-    lambda x, a, b: x[1] ** 2 / 2 + a * x[0] ** 2 - b * a * x[0] ** 3 / 7,
-    2,
-    a=VALUES[:, None],
-    b=[0.5, 1.0],
-)
-PARTS = "quadratic", "linear", "constant"
-FIELDS = {name: each for name, each in globals().items() if isinstance(each, QuadraticField)}
+def test_other_fields_have_no_map(f):
+    field = Field(f, 2, a=2.0)
+    assert sf.flow(field, [0.3, 0.4], time=0.1).states.shape == (1, 2)
+    for call in (
+        lambda: iterate(field, [0.3, 0.4], 0.1, 5),
+        lambda: sf.step(field, [0.3, 0.4], 0.1),
+        lambda: sf.jacobian(field, [0.3, 0.4], 0.1),
+        lambda: sf.lyapunov_exponents(field, [0.3, 0.4], 0.1, 5),
+        lambda: field.terms,
+    ):
+        with pytest.raises(TypeError, match=r"not of degree 2 .*flow\("):
+            call()
 
 
-def coefficients(field):
-    """Return the coefficients of a field (..., D**3 + D**2 + D)."""
-    arrays = [getattr(field, name) for name in PARTS]
-    return np.concatenate([a.reshape(*field.shape, -1) for a in arrays], axis=-1)
+def test_fields_of_many_variables(rng):
+    """In a process of its own, whose memory is limited to far less than a table."""
+    code = (
+        "import resource, sys, json, pickle, suslov_fast as sf, numpy as np\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "D = 2048\n"
+        "f = lambda x: [(x[(i + 1) % D] - x[i - 2]) * x[i - 1] - x[i] + 8 for i in range(D)]\n"
+        "field = sf.Field(f, D)\n"
+        "same = sf.Field.from_dict(json.loads(json.dumps(field.to_dict())))\n"
+        "assert same == field == pickle.loads(pickle.dumps(field)) and hash(same) == hash(field)\n"
+        "x = np.random.default_rng(0).integers(-4, 5, D)\n"
+        "assert field(x).tolist() == f(x.tolist())\n"
+        "assert field.terms[0].shape == (3, 4 * D)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    if sys.platform == "linux":
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        assert int(done.stdout) < 2**17  # KiB; a table of 2048 variables has 64 GiB
 
 
-def test_coefficients_of_a_function_are_exact():
-    assert LORENZ.linear[2, 2] == -F(8 / 3) != -F(8, 3)
-    assert (LORENZ.quadratic[1, 0, 2], LORENZ.quadratic[1, 2, 0]) == (F(-1, 2), F(-1, 2))
-    x = (F(1, 3), 2, F(-5, 7))
-    assert {type(a) for field in (LORENZ, RIGID) for a in coefficients(field)} == {F}
-    assert LORENZ(x) == (*lorenz(x)[:2], x[0] * x[1] - F(8 / 3) * x[2])
-    A = np.array([[0.1, 1], [-1, 0]])
-    assert of_function(lambda x: A @ x, 2).linear.tolist() == [[F(0.1), 1], [-1, 0]]
-    assert of_function(lambda x: A[0] * x[0] - x[1] * A[1], 2).linear[0, 0] == F(0.1)
-    assert of_function(lambda x: [np.dot(x, x), np.dot(A, x)[0]], 2).quadratic[0, 1, 1] == 1
-    halves = of_function(lambda x: x[0] / np.array([2.0, 4]) + x[1] / np.array(2.0), 2)
-    assert halves.linear.tolist() == [[F(1, 2), F(1, 2)], [F(1, 4), F(1, 2)]]
-    shifted = of_function(lambda x: [np.float32(0.1) - x[0] ** 2 / 3, +x[1] * np.int64(2)], 2)
-    assert shifted([3, 4]) == (F(float(np.float32(0.1))) - 3, 8)
-    large = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]])
-    assert large([2**40]) == (F(0.1) * 2**80 + F(2**102, 3),)
-    # A list of integers and floats keeps the integers, and the antisymmetric part is dropped.
-    plain = QuadraticField([[[0, 2**70 + 1], [0.5, 0]], [[0, 1], [-1, 0]]])
-    assert plain([1, 1]) == (2**70 + F(3, 2), 0)
-    assert not plain.quadratic[1].any()
+# ------------------------------------------------------------------------------- Hamiltonians
+def test_gradients_of_hamiltonians(rng):
+    """K grad H of random cubic H and K, among them those with one product of a variable alone."""
 
+    def compare(H, gradient, K):
+        field = Field.from_hamiltonian(H, len(K), K)
+        x = rng.integers(-4, 5, (5, len(K))) / 2  # every sum and product is exact
+        expected = [np.asarray(K) @ gradient(each) for each in x]
+        np.testing.assert_array_equal(field(x), expected)
+        for each, f in zip(x, expected, strict=True):
+            assert [*map(float, value(field, each))] == f.tolist()
+        np.testing.assert_array_equal(field.energy(x), [H(each) for each in x])
 
-@pytest.mark.parametrize("field", [HENON, RIGID])
-def test_gradient_of_a_hamiltonian(field):
-    D, h = field.dimension, F(1, 10**9)
-    x, steps = np.array([F(k, 7) for k in (3, -8, 5, 2)[:D]]), h * np.eye(D, dtype=int)
-    gradient = [(field.H([*(x + step)]) - field.H([*(x - step)])) / (2 * h) for step in steps]
-    assert abs(field([*x]) - field.K @ gradient).max() < F(1, 10**15)
+    # Momenta first, in a magnetic field.
+    charged = np.array([[0, 1, -1, 0], [-1, 0, 0, -1], [1, 0, 0, 0], [0, 1, 0, 0]])
+    compare(lambda x: (x * x).sum() / 2, lambda x: x, charged)
+    for _ in range(60):
+        D = int(rng.integers(1, 6))
+        terms = [
+            (int(rng.integers(-2, 3)), rng.integers(0, D, rng.integers(0, 4)))
+            for _ in range(rng.integers(1, 6))
+        ]
+
+        def H(x, terms=terms):
+            return sum(c * math.prod(x[i]) for c, i in terms) + 0 * x[0]
+
+        def gradient(x, terms=terms):
+            slopes = np.zeros(len(x))
+            for c, i in terms:
+                for k in range(len(i)):
+                    slopes[i[k]] += c * math.prod(x[np.delete(i, k)])
+            return slopes
+
+        K = np.triu(rng.integers(-2, 3, (D, D)) * (rng.random((D, D)) < 0.6), 1)
+        compare(H, gradient, K - K.T)
 
 
 def test_the_structure_of_a_hamiltonian_field():
-    """K is part of a field, also where grad H = (1, 0, 0) does not see all of it; H is, too."""
+    """H and K are parts of a field, also where f does not show them."""
     K = np.array([[0, 1, 2], [-1, 0, 3], [-2, -3, 0]])
-    moved = QuadraticField([[[1, 0], [0, 0]], [[0, 0], [0, 0]]])
-    assert moved != QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])
-    field, twin = (of_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K)))
-    assert (field.constant == twin.constant).all()
-    assert field != twin
-    assert field != of_hamiltonian(lambda x: x[0] + 1, 3, K)
-    assert field != QuadraticField(field.quadratic, field.linear, field.constant)
-    for each in (LORENZ, FAMILY):
-        assert each == QuadraticField(each.quadratic, each.linear, each.constant)
-    assert ENERGIES.H(np.ones((5, 1, 1, 2))).shape == (5, 11, 2)
-    one = of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]])
-    assert (one([2]), one.H([3])) == ((0,), 9)
-
-
-def test_what_is_printed():
-    H = "x1^2*x2 - 1/3*x2^3 + 1/2*x1^2 + 1/2*x2^2 + 1/2*x3^2 + 1/2*x4^2"
-    assert repr(HENON).endswith(f"H = {H})")
-    assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
-    square = of_function(lambda x: (x[0] ** 2 + x[1], 1 - x[0] * x[1]), 2)
-    assert repr(square) == "QuadraticField(x1' = x1^2 + x2, x2' = -x1*x2 + 1)"
-    assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho: 11 values from 1 to 6>"
-    several = of_function(lambda x, a, b: (a * x[0], b), "u v", a=[1.0, 2.0], b=3)
-    assert (
-        repr(several)
-        == "<QuadraticField of shape (2,): variables u v, a: 2 values from 1 to 2, b=3>"
+    field, twin = (
+        Field.from_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K))
     )
-    assert "a: no values" in repr(several[:0])
-    assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
+    assert np.array_equal(field(np.ones(3)), twin(np.ones(3)))
+    assert field != twin
+    assert field != Field.from_hamiltonian(lambda x: x[0] + 1, 3, K)
+    assert field != Field(lambda x: (0.0, -1.0, -2.0), 3)
+    family = Field.from_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
+    assert family.energy(np.ones((5, 1, 2))).tolist() == [[2.0, 4.0]] * 5
+    assert family.sel(H=3).energy([1, 1]) == 4
+    assert np.isnan(family.energy([np.nan, 1])).all()
+    with pytest.raises(TypeError, match="from_hamiltonian"):
+        Field(lorenz, 3).energy([1, 2, 3])
 
 
+# ------------------------------------------------------------------------------- names, parameters
 NAMES = ("u", "v", "w")
 of_names = [
     "u v w", " u, v,w ", ["u", "v", "w"], ("u", "v", "w"), np.array(["u", "v", "w"]),
@@ -118,21 +277,17 @@ of_names = [
 @pytest.mark.parametrize("given", of_names, ids=repr)
 def test_names_of_variables(given):
     """They are those of equations and copies; fields under other names are equal."""
-    field = of_function(lorenz, given)
+    field, other = Field(lorenz, given), Field(lorenz, 3)
     assert field.names == NAMES
-    assert field == LORENZ
-    assert hash(field) == hash(LORENZ)
-    assert repr(field).startswith("QuadraticField(u' = -10*u + 10*v, v' = -u*w + 28*u - v, w' = ")
-    assert QuadraticField(*(getattr(field, name) for name in PARTS), names=given).names == NAMES
-    assert of_hamiltonian(lambda x: x[0] * x[1], given, np.zeros((3, 3))).names == NAMES
-    plain = json.loads(json.dumps(field.to_dict()))
-    for twin in (QuadraticField.from_dict(plain), pickle.loads(pickle.dumps(field))):
-        assert (twin, twin.names) == (field, NAMES)
-    assert LORENZ.names == QuadraticField.from_dict(LORENZ.to_dict()).names == ("x1", "x2", "x3")
+    assert field == other
+    assert hash(field) == hash(other)
+    assert repr(field).startswith("Field(u' = 10*(v - u), v' = u*(28 - w) - v, w' = ")
+    assert Field.from_hamiltonian(lambda x: x[0] * x[1], given, np.zeros((3, 3))).names == NAMES
+    assert other.names == Field.from_dict(other.to_dict()).names == ("x1", "x2", "x3")
 
 
 def test_names_of_variables_in_results():
-    field = of_function(lambda x, a: (x[1], -a * x[0]), "theta v_dot", a=[1.0, 4.0])
+    field = Field(lambda x, a: (x[1], -a * x[0]), "theta v_dot", a=[1.0, 4.0])
     run = iterate(field, [0.5, 0.1], 0.1, 20)
     data = run.to_xarray()
     assert data.component.values.tolist() == ["theta", "v_dot"]
@@ -149,109 +304,157 @@ def test_names_of_variables_in_results():
         _ = run["theta", "v"]
 
 
+def test_what_is_printed():
+    assert repr(Field.from_hamiltonian(henon_heiles, 4)).endswith(
+        "H = (x3**2 + x4**2 + x1**2 + x2**2)/2 + x1**2*x2 - x2**3/3)"
+    )
+    several = Field(lambda x, a, b: (a * x[0], b), "u v", a=[1.0, 2.0], b=3)
+    text = "<Field, a family of shape (2,): variables u v, a: 2 values from 1 to 2, b=3>"
+    assert repr(several) == text
+    assert "a: no values" in repr(several[:0])
+    assert repr(several[1]) == "Field(u' = a*u, v' = b, a = 2.0, b = 3)"
+    ratio = Field(lambda x: (8 / 3 * x[0] - x[0] / 7 + F(617, 2839),), "x")
+    assert repr(ratio) == "Field(x' = 8/3*x - x/7 + 617/2839)"
+
+
 def test_other_values_of_parameters():
-    field = of_function(lorenz, "u v w", rho=2.0)
-    assert field.with_parameters(rho=VALUES) == of_function(lorenz, "u v w", rho=VALUES)
-    energy = of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=2.0).with_parameters(a=3.0)
-    assert energy == of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=3.0)
-    for each, name in ((field, "r"), (QuadraticField.from_dict(field.to_dict()), "rho")):
-        with pytest.raises(TypeError, match=r"with_parameters: .*(it has rho|make it again)"):
-            each.with_parameters(**{name: 1.0})
+    field, values = Field(lorenz, "u v w", rho=2.0), np.linspace(1.0, 6.0, 11)
+    assert field.with_parameters(rho=values) == Field(lorenz, "u v w", rho=values)
+    assert field.with_parameters(rho=values)[3] == field.with_parameters(rho=values[3])
+    pandas = pytest.importorskip("pandas")
+    assert field.with_parameters(rho=pandas.Series(values)) == field.with_parameters(rho=values)
+    assert Field(lorenz, 3, rho=pandas.Index(values)).shape == (11,)
+    for each in (field, Field.from_dict(field.to_dict())):
+        with pytest.raises(TypeError, match=r"with_parameters: .*it has rho"):
+            each.with_parameters(r=1.0)
 
 
 def test_parameters_that_have_names_of_arguments():
     """Only what really clashes is refused."""
 
-    def right_hand_side(x, omega, f, H, K, save_every, states):
-        return omega * f * x[0] + H * K, save_every * x[1] - states
+    def right_hand_side(x, omega, f, H, K, save_every, each):
+        return omega * f * x[0] + H * K, save_every * x[1] - each
 
-    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "save_every": [6.0, 7.0], "states": 8}
-    field = of_function(right_hand_side, 2, **values)
+    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "save_every": [6.0, 7.0], "each": 8}
+    field = Field(right_hand_side, 2, **values)
     assert field.parameters.keys() == values.keys()
     assert field.sel(omega=2).parameters["save_every"] == 7.0
-    assert field[1].constant.tolist() == [20, -8]
-    assert QuadraticField.from_dict(field.to_dict()) == field
+    assert field[1]([0.0, 0.0]).tolist() == [20, -8]
+    assert Field.from_dict(field.to_dict()) == field
     data = iterate(field, [1.0, 1.0], 0.01, 10).to_xarray()
     assert (data.save_every.values.tolist(), data.attrs["save_every"]) == ([6, 7], 1)
-    wells = of_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
-    assert wells.sel(H=3).H([1, 1]) == 4
 
 
-MANY = {"a": np.linspace(0.1, 0.37, 7)[:, None], "b": np.linspace(-2.9, 4.7, 5), "c": 3}
-OF_FAMILIES = {
-    "as it is": lambda x, a, b, c: (-x[1] + a * x[0], b + x[1] * (x[0] - c)),
-    "floats first": lambda x, a, b, c: (a * b / c * x[0], (a + 0.1 - b) ** 2 * x[1] + a**3),
-    "rounded once": lambda x, a, b, c: (a * x[0] * b * 3, (a * x[0] + b * x[0]) * c + F(1, 3)),
-    "quotients": lambda x, a, b, c: (x[0] * b / a / F(3, 7), (b - a) * x[1] * x[0] / a + 1 / a),
-    "thirds": lambda x, a, b, c: (F(2, 7) * a * x[0] - b * x[1] / 3, b / 3 * x[1] + x[0] * a / 49),
-    "zeros": lambda x, a, b, c: ((a - a) * x[0] - 0 * b, -b * x[1] * 0.1 * (x[0] + a)),
-    "NumPy": lambda x, a, b, c: b * np.array(x) * np.float64(0.1) + a,
-    "arrays of floats": lambda x, a, b, c: np.array([[a, b], [b, a]]) @ np.eye(2) * 0.1 @ x,
-    "in place": lambda x, a, b, c: [*map(in_place, x, (a, b))],
-    "a type": lambda x, a, b, c: ((a if isinstance(a, float) else a * a) * x[0], x[1] * b),
-    "a degree that vanishes": lambda x, a, b, c: ((a - a) * x[0] ** 3, b * x[1]),
-}  # fmt: skip
-
-
-def in_place(x, a):
-    a *= 0.1
-    x += a
-    return x
-
-
-@pytest.mark.parametrize("f", OF_FAMILIES.values(), ids=OF_FAMILIES)
-def test_a_family_has_the_bits_of_its_members(f):
-    """It is called for each of them, with numbers of Python."""
-    family = of_function(f, 2, **MANY)
-    for index in np.ndindex(7, 5):
-        values = {key: float(np.broadcast_to(each, (7, 5))[index]) for key, each in MANY.items()}
-        single = of_function(f, 2, **values | {"c": 3})
-        assert coefficients(family)[index].tobytes() == coefficients(single).astype(float).tobytes()
-
-
-def test_the_derivative_of_the_right_hand_side(rng):
-    """By central differences, which are exact for degree 2 but for rounding; families broadcast."""
-    single = QuadraticField(*(rng.normal(size=(4,) * k) for k in (3, 2, 1)))
-    family = QuadraticField(*(rng.normal(size=(5, *(4,) * k)) for k in (3, 2, 1)))
-    linear = QuadraticField.from_function(lambda x: (x[1], F(1, 3) * x[0], 2, x[0] * x[3]), 4)
-    for field, batch in (
-        (single, ()),
-        (single, (2, 3)),
-        (family, (5,)),
-        (family, (3, 1)),
-        (linear, (6,)),
+def test_names_of_datasets_of_maps():
+    """A motion has no eps and no n, which are coordinates of runs of maps."""
+    for field, name in (
+        (Field(lambda x, n: (-n * x[0],), "u", n=[1.0, 2.0]), "n"),
+        (Field(lambda x: (-x[0], x[0]), "eps v"), "eps"),
+        (Field(lambda x, eps: (-eps * x[0],), "u", eps=0.1), "eps"),
     ):
-        x = rng.normal(size=(*batch, 4))
-        shape = np.broadcast_shapes(field.shape, batch)
-        differences = [field(x + h) - field(x - h) for h in np.eye(4)]
-        expected = np.stack(np.broadcast_arrays(*differences), axis=-1) / 2
-        found = field.jacobian(x)
-        assert found.shape == (*shape, 4, 4)
-        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
-        for i in np.ndindex(batch if not field.shape else ()):
-            assert field.jacobian(x[i]).tolist() == found[i].tolist()
-    assert linear.jacobian([0, 0, 0, 0]).tolist()[1] == [1 / 3, 0, 0, 0]
-    assert np.isnan(linear.jacobian([1, np.nan, 0, 0])).all()
-    large = QuadraticField.from_terms([[0], [4_999], [5_000]], [2.0], 5_000)
-    with pytest.raises(ValueError, match=r"^x must"):
-        single.jacobian([1.0, 2.0])
-    with pytest.raises(ValueError, match=r"^x must"):
-        single.jacobian([1.0, 2.0, np.inf, 0.0])
-    assert large.jacobian(np.ones(5_000))[0, 4_999] == 2.0
+        x0 = np.ones(field.dimension)
+        assert sf.flow(field, x0, time=[0.0, 0.5]).to_xarray().sizes["time"] == 2
+        with pytest.raises(ValueError, match=f"{name}.* another name"):
+            iterate(field, x0, 0.1, 5)
+    with pytest.raises(ValueError, match="end"):
+        Field(lambda x, end: (-end * x[0],), "u", end=1.0)
 
 
-def test_fields_without_a_map_have_the_names_of_maps():
-    """Datasets of maps have the coordinates eps and n, those of motions have none."""
-    for name, read in (
-        ("eps", partial(variables, "names", "u eps")),
-        ("eps", partial(named_parameters, {"eps": 2.0}, ["u"])),
-        ("n", partial(named_parameters, {"n": 2.0}, ["u"])),
-    ):
-        with pytest.raises(ValueError, match=name):
-            read()
-        assert name in read(has_map=False)
-    for name in ("eps", "n", "end"):
-        with pytest.raises(ValueError, match=name):
-            named_parameters({name: 2.0}, ["u", "eps", "n"], has_map=False)
-    field = sf.Field.from_function(lambda x, n: (-(x[0] ** n),), "u", n=[1.0, 2.0])
-    assert sf.flow(field, [1.0], time=[0.0, 0.5]).to_xarray().n.values.tolist() == [1.0, 2.0]
+# ------------------------------------------------------------------------------- texts
+EQUATIONS = {
+    "lines": "x' = v\nv' = -sin(x) - k*v",
+    "semicolons": "x' = v; v' = -sin(x) - k*v;",
+    "quotients": " dx/dt = v ; dv/dt=-sin(x)-k*v",
+    "a value": "x' = v; v' = -sin(x) - c*v; c = 0.5",
+    "a ratio": "x' = v; v' = -sin(x) - c*v; c = 1/2",
+}
+
+
+@pytest.mark.parametrize("name", EQUATIONS)
+def test_equations_as_text(name):
+    own = {} if "c =" in EQUATIONS[name] else {"k": 0.5}
+    field = Field.from_equations(EQUATIONS[name], **own)
+    assert field.names == ("x", "v")
+    assert field == Field(lambda x, k: (x[1], -np.sin(x[0]) - k * x[1]), 2, k=0.5)
+    family = Field.from_equations("x' = -k*x", k=[1.0, 2.0])
+    assert family([3.0]).tolist() == [[-3.0], [-6.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "like"), ("x = v", "x'"), ("x'' = -x", "order 1"), ("x' = v", "one of x, k, not 'v'"),
+        ("x' = 1; x' = 2", "two lines"), ("x' = k*x; k = 1", "two lines"), ("x", "cannot be read"),
+        ("x' = x^2", r"x\*\*2"), ("x' == 2", "cannot be read"), ("x' = exit()", "exit"),
+    ],
+)  # fmt: skip
+def test_texts_that_are_no_equations(text, word):
+    with pytest.raises((ValueError, TypeError), match=word):
+        Field.from_equations(text, k=1.0)
+
+
+# ------------------------------------------------------------------------------- functions
+def test_a_function_in_place_of_a_field():
+    def f(x):
+        return x[1], -x[0]
+
+    field = Field(f, 2)
+    motion = sf.flow(f, [1.0, 0.0], time=[1.0, 2.0])
+    np.testing.assert_allclose(motion.states[:, 0], np.cos([1.0, 2.0]), rtol=1e-8)
+    assert (motion.body, motion.body.names) == (field, ("x1", "x2"))
+    starts = [[1.0, 0.0], [2.0, 0.0]]
+    assert sf.flow(f, starts, time=1.0).states.shape == (1, 2, 2)
+    assert sf.flow(f, {"x1": 1.0, "x2": [0.0, 1.0]}, time=1.0).states.shape == (1, 2, 2)
+    crossings = sf.crossings(lambda x: (x[1], -x[0]), [1.0, 0.0], "x1", time=6.0)
+    np.testing.assert_allclose(crossings.time, [np.pi / 2, 3 * np.pi / 2], rtol=1e-8)
+    decay = sf.lyapunov_exponents(lambda x: (-x[0],), [1.0], time=5.0)
+    np.testing.assert_allclose(decay, [-1.0], rtol=1e-6)
+    steady = sf.equilibria(lambda x: (1 - x[0] * x[1], x[0] - 2), [1.0, 1.0])
+    np.testing.assert_allclose(steady.states, [2.0, 0.5], rtol=1e-12)
+
+    def van_der_pol(x):
+        return x[1], (1 - x[0] ** 2) * x[1] - x[0]
+
+    orbit = sf.periodic_orbit(van_der_pol, [2.0, 0.0], 6.6)
+    assert orbit.period == pytest.approx(6.663286859323, rel=1e-10)
+    assert Field(lambda x: (x[1], -x[0]), 2) == field
+    with pytest.raises(TypeError, match=r"Field\(f, 2, k=\.\.\.\)"):
+        sf.flow(lambda x, k: (x[1], -k * x[0]), [1.0, 0.0], time=1.0)
+    with pytest.raises(TypeError, match="rate 1"):
+        sf.flow(lambda t, x: (x[1], -x[0]), [1.0, 0.0], time=1.0)
+    with pytest.raises(ValueError, match="components"):
+        sf.flow(f, [1.0, 0.0, 2.0], time=1.0)
+
+
+def test_what_sympy_and_complex_variables_need():
+    sympy = pytest.importorskip("sympy")
+    names = sympy.symbols("x y z")
+    x, y, z = names
+    rows = [10 * (y - x), x * (28 - z) - y, x * y - 3 * z]
+    f = sympy.lambdify([names], sympy.Matrix(rows))
+    with pytest.raises(ValueError, match=r"\(3, 1\): .* f\(x\)\.ravel\(\)"):
+        Field(f, 3)
+    field = Field(lambda x: f(x).ravel(), 3)
+    assert field == Field(sympy.lambdify([names], rows), 3)
+    assert Field(sympy.lambdify([names], rows), names).names == ("x", "y", "z")
+    root, third = sympy.sqrt(2), sympy.Rational(1, 3)
+    assert Field(lambda a: (root * a[1], third * a[0]), 2)([1.0, 1.0]).tolist() == [2**0.5, 1 / 3]
+    for given in (rows, sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
+        with pytest.raises(TypeError, match=r"lambdify|from_terms"):
+            Field(given, 3)
+    for g in (lambda a: (1j * a[0], a[1]), lambda a: (1j, a[1])):
+        with pytest.raises(TypeError, match="into real and imaginary parts"):
+            Field(g, 2)
+
+
+def test_long_lists_of_states_are_those_of_arrays(rng):
+    field, x = Field(lambda x: np.roll(x, 1) * x - x, 4), rng.normal(size=(200, 4))
+    expected = sf.step(field, x, 0.01)
+    for rows in (x.tolist(), [*map(tuple, x.tolist())]):
+        assert (sf.step(field, rows, 0.01) == expected).all()
+        rows[150] = [True, 0.0, 0.0, 0.0]
+        with pytest.raises(TypeError, match="bool"):
+            sf.step(field, rows, 0.01)
+        rows[150] = [0.0, 0.0, 0.0]
+        with pytest.raises(ValueError, match="rows of equal length"):
+            sf.step(field, rows, 0.01)

@@ -52,7 +52,7 @@ def test_mechanisms_beside_scipy(name):
     def rates(_, x):
         return np.linalg.solve(mass(x), f(x, 9.81))
 
-    field = Field.from_function(f, D, mass=mass, g=9.81)
+    field = Field(f, D, mass=mass, g=9.81)
     x = np.random.default_rng(D).normal(size=(7, D)) * 0.4
     expected = np.array([rates(0.0, each) for each in x])
     np.testing.assert_allclose(field(x), expected, rtol=1e-11, atol=1e-11)
@@ -67,7 +67,7 @@ def test_mechanisms_beside_scipy(name):
 def test_energy_and_derivatives_of_a_double_pendulum():
     lengths, masses = np.array([1.0, 0.7]), np.array([1.0, 2.0])
     mass, f = SYSTEMS["double pendulum"]
-    field = Field.from_function(f, "q1 q2 v1 v2", mass=mass, g=9.81)
+    field = Field(f, "q1 q2 v1 v2", mass=mass, g=9.81)
     x0 = [2.0, 2.5, 0.0, 0.0]
     motion = flow(field, x0, time=np.linspace(0, 20, 41), rtol=1e-12)
     values = energy(motion.states, lengths, masses, 9.81)
@@ -82,7 +82,7 @@ def test_energy_and_derivatives_of_a_double_pendulum():
 
 def test_families_by_parameters_of_both_functions():
     """Each function takes the parameters that it names; some may be those of M alone."""
-    field = Field.from_function(
+    field = Field(
         lambda x, k: (x[1], -k * x[0]),
         "q v",
         mass=lambda x, m: [[1, 0], [0, m + x[0] ** 2]],
@@ -91,7 +91,7 @@ def test_families_by_parameters_of_both_functions():
     )
     np.testing.assert_allclose(field([0.5, 1.0]), [[1, -0.8], [1, -1 / 3.25]], rtol=1e-15)
     np.testing.assert_allclose(field.with_parameters(m=0.75)([0.5, 1.0]), [1.0, -1.0])
-    plain = Field.from_function(lambda x, mass: (-x[0] / mass,), 1, mass=[1.0, 2.0])
+    plain = Field(lambda x, mass: (-x[0] / mass,), 1, mass=[1.0, 2.0])
     np.testing.assert_array_equal(plain([2.0]), [[-2.0], [-1.0]])
 
 
@@ -100,7 +100,7 @@ def test_matrices_of_numbers_and_those_that_are_not_symmetric():
     f = lambda s: (-s[0], np.sin(s[2]) - s[1], 1.0)  # noqa: E731
     x = np.array([0.3, -0.4, 0.5])
     for mass in (M, lambda s: M):
-        field = Field.from_function(f, "x y t", mass=mass)
+        field = Field(f, "x y t", mass=mass)
         np.testing.assert_allclose(field(x), np.linalg.solve(M, f(x)), rtol=1e-14)
         with pytest.warns(UserWarning, match="t was held"):
             assert sf.equilibria(field, near=x).states[2] == 0.5  # the time remains a clock
@@ -113,7 +113,7 @@ def test_matrices_of_numbers_and_those_that_are_not_symmetric():
         return np.array([[a, a, c], [b, b, a], [c, b, 4.0]])
 
     for mass in (turning, equal):
-        field = Field.from_function(f, "x y t", mass=mass)
+        field = Field(f, "x y t", mass=mass)
         np.testing.assert_allclose(field(x), np.linalg.solve(mass(x), f(x)), rtol=1e-14)
 
 
@@ -131,7 +131,7 @@ REGULAR = {  # everywhere, or where the determinant is not 0, though entries cha
 @pytest.mark.parametrize("name", REGULAR)
 def test_matrices_that_are_regular_where_a_pivot_would_be_0(name):
     mass, states = REGULAR[name]
-    field = Field.from_function(lambda s: 1.0 + s**2, len(states[0]), mass=mass)
+    field = Field(lambda s: 1.0 + s**2, len(states[0]), mass=mass)
     for x in states:
         x = np.array(x)
         expected = np.linalg.solve(np.array(mass(x), float), 1.0 + x**2)
@@ -157,4 +157,4 @@ def test_matrices_that_are_regular_where_a_pivot_would_be_0(name):
 )
 def test_matrices_that_are_refused(mass, message):
     with pytest.raises((TypeError, ValueError), match=message):
-        Field.from_function(lambda x: (x[1], -x[0]), 2, mass=mass)
+        Field(lambda x: (x[1], -x[0]), 2, mass=mass)

@@ -11,7 +11,7 @@ from public_right_hand_sides import PUBLIC
 from scipy import special
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, body_from_dict
+from suslov_fast import Field, body_from_dict
 
 RNG = np.random.default_rng
 
@@ -19,7 +19,7 @@ RNG = np.random.default_rng
 @functools.cache
 def field_of(name):
     f, names, parameters, x = PUBLIC[name]
-    return Field.from_function(f, names, **parameters), np.array(x, float)
+    return Field(f, names, **parameters), np.array(x, float)
 
 
 # ------------------------------------------------------------------------------ public questions
@@ -68,7 +68,7 @@ BITS = {
 @pytest.mark.parametrize("kind", BITS)
 def test_values_have_the_bits_of_numpy(kind):
     g = BITS[kind]
-    field = Field.from_function(lambda x: g(*x), "a b")
+    field = Field(lambda x: g(*x), "a b")
     x = RNG(2).normal(size=(2000, 2))
     x[:10] = np.round(x[:10], 1)
     x[10:15, 1] = x[10:15, 0]
@@ -78,10 +78,10 @@ def test_values_have_the_bits_of_numpy(kind):
 
 
 def test_a_branch_that_is_not_taken_may_be_nan():
-    field = Field.from_function(lambda x: (np.where(x[0] > 0, np.log(x[0]), x[0]),), "x")
+    field = Field(lambda x: (np.where(x[0] > 0, np.log(x[0]), x[0]),), "x")
     assert field([-2.0]) == -2.0
     assert field.jacobian([-2.0]) == 1.0
-    assert np.isnan(Field.from_function(lambda x: (np.maximum(np.log(x[0]), 0),), "x")([-2.0]))
+    assert np.isnan(Field(lambda x: (np.maximum(np.log(x[0]), 0),), "x")([-2.0]))
 
 
 # ----------------------------------------------------------------- random expressions, in 50 digits
@@ -173,9 +173,7 @@ def test_random_expressions_have_the_error_of_their_functions():
             tree, x = random_tree(rng, 4), rng.normal(size=3)
             if isinstance(tree, (int, float)):
                 continue
-            field = Field.from_function(
-                lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3
-            )
+            field = Field(lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3)
             found = float(field(x)[0])
             try:
                 ball = value_of(tree, [*map(Ball, x)], _in_balls, Ball)
@@ -199,9 +197,7 @@ def test_derivatives_of_random_expressions_in_40_digits():
                 balls = [Ball(a) for a in s]
                 return value_of(tree, balls, _in_balls, Ball).value
 
-            field = Field.from_function(
-                lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3
-            )
+            field = Field(lambda s, tree=tree: (value_of(tree, s, _in_numpy, float), 0, 0), 3)
             try:
                 places = [tuple(int(i == j) for i in range(3)) for j in range(3)]
                 slopes = [mp.diff(exact, [*map(mp.mpf, x)], n=place) for place in places]
@@ -262,7 +258,7 @@ def test_derivatives_of_random_expressions_in_40_digits():
     ],
 )
 def test_derivatives_where_f_chooses(f, x, slope):
-    field = Field.from_function(lambda s: (f(s[0]) * 1.0,), "a")
+    field = Field(lambda s: (f(s[0]) * 1.0,), "a")
     np.testing.assert_allclose(field.jacobian([x]), [[slope]], rtol=1e-14)
 
 
@@ -279,12 +275,12 @@ def test_families_are_arrays_and_trace_once():
         return rates(x, a, b)
 
     a = np.linspace(1, 2, 100_000)
-    family = Field.from_function(f, "u v", a=a, b=2.5)
+    family = Field(f, "u v", a=a, b=2.5)
     assert len(calls) == 2
     assert family.shape == (100_000,)
     assert family
     x = np.array([1.5, 0.3])
-    member = Field.from_function(rates, "u v", a=float(a[77]), b=2.5)
+    member = Field(rates, "u v", a=float(a[77]), b=2.5)
     assert family[77] == member
     assert family[77](x).tobytes() == member(x).tobytes() == family(x)[77].tobytes()
     assert family.sel(a=a[5]) == family[5]
@@ -305,41 +301,16 @@ def test_a_hamiltonian_field_has_the_gradient_of_its_list():
     s, own = 1.5 * np.sin(x[0] - x[1]), 2 * x[0] / (x[0] ** 2 + 1)
     np.testing.assert_allclose(field(x), [1.0, 2.0, -s - own, s], rtol=1e-14)
     np.testing.assert_allclose(sf.energy(field, [x, x]), [H(x, 1.5)] * 2, rtol=1e-15)
-    np.testing.assert_array_equal(field.K, np.kron([[0, 1], [-1, 0]], np.eye(2)))
     copy = body_from_dict(json.loads(json.dumps(field.to_dict())))
     assert copy == field
-    assert copy.H(x) == field.H(x)
+    assert copy.energy(x) == field.energy(x)
     family = field.with_parameters(g=[1.0, 2.0])
-    assert family.H(x).shape == sf.energy(family, x).shape == (2,)
+    assert family.energy(x).shape == sf.energy(family, x).shape == (2,)
     assert sf.vector_field(family, [[x], [x]]).shape == (2, 2, 4)
     rotor = Field.from_hamiltonian(
         lambda x: x[2] ** 2 / 2 + np.exp(x[0]), 3, K=[[0, 1, 0], [-1, 0, 2], [0, -2, 0]]
     )
     np.testing.assert_allclose(rotor([0.0, 5.0, 3.0]), [0.0, 5.0, 0.0])
-
-
-def test_hamiltonian_fields_are_those_of_quadratic_fields(rng):
-    """K grad H of random cubic H and K, among them those with one product of a variable alone."""
-
-    def compare(H, K):
-        field, quadratic = (of.from_hamiltonian(H, len(K), K) for of in (Field, QuadraticField))
-        assert body_from_dict(json.loads(json.dumps(field.to_dict()))) == field
-        x = rng.integers(-4, 5, (5, len(K))) / 2  # every sum and product is exact
-        np.testing.assert_array_equal(field(x), quadratic(x))
-        np.testing.assert_array_equal(field.jacobian(x), quadratic.jacobian(x))
-
-    compare(lambda x: x[0] * x[1] + x[2], [[0, 1, 1], [-1, 0, 0], [-1, 0, 0]])
-    # Momenta first, in a magnetic field.
-    charged = np.array([[0, 1, -1, 0], [-1, 0, 0, -1], [1, 0, 0, 0], [0, 1, 0, 0]])
-    compare(lambda x: (x * x).sum() / 2 + x[2] * x[3], charged)
-    for _ in range(150):
-        D = int(rng.integers(1, 6))
-        terms = [
-            (int(rng.integers(-2, 3)), rng.integers(0, D, rng.integers(0, 4)))
-            for _ in range(rng.integers(1, 6))
-        ]
-        K = np.triu(rng.integers(-2, 3, (D, D)) * (rng.random((D, D)) < 0.6), 1)
-        compare(lambda x, terms=terms: sum(c * math.prod(x[i]) for c, i in terms), K - K.T)
 
 
 # ------------------------------------------------------------------------------------- forms of f
@@ -390,7 +361,7 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_forms_of_numpy_are_honoured(form):
     f, expected = FORMS[form]
-    field = Field.from_function(f, "a b")
+    field = Field(f, "a b")
     for x in ([0.3, -0.7], [1.2, 0.4], [-2.0, 3.0]):
         np.testing.assert_allclose(field(x), expected(*x), rtol=1e-15)
 
@@ -471,7 +442,7 @@ BAD = {
 def test_bad_functions_are_refused(case):
     f, kind = BAD[case]
     with pytest.raises(kind, match=r"^f\b"):
-        Field.from_function(f, "u v")
+        Field(f, "u v")
 
 
 LIMITS = {
@@ -488,7 +459,7 @@ LIMITS = {
 @pytest.mark.parametrize("name", LIMITS)
 def test_limits_may_be_infinite(name):
     f, expected = LIMITS[name]
-    field = Field.from_function(lambda x: (f(x[0]),), "a")
+    field = Field(lambda x: (f(x[0]),), "a")
     np.testing.assert_array_equal(field([[-2.0], [3.0]]).ravel(), expected)
     assert body_from_dict(json.loads(json.dumps(field.to_dict()))) == field
 
@@ -503,7 +474,7 @@ def test_limits_may_be_infinite(name):
 )  # fmt: skip
 def test_rates_that_are_infinite_or_nan_are_refused(f):
     with pytest.raises(TypeError, match=r"^f: .*(inf|nan)"):
-        Field.from_function(lambda x: (f(x[0]),), "a")
+        Field(lambda x: (f(x[0]),), "a")
     with pytest.raises(TypeError, match=r"^H: .*(inf|nan)"):
         Field.from_hamiltonian(lambda x: f(x[0]), "q p")
 
@@ -513,13 +484,13 @@ def test_parameters_that_count_or_choose_are_refused():
         return (sum(x[0] ** k for k in range(m)),)
 
     with pytest.raises(TypeError, match=r"^f\b"):
-        Field.from_function(f, "x", m=3)
+        Field(f, "x", m=3)
     with pytest.raises(TypeError, match=r"np\.where"):
-        Field.from_function(lambda x, a: (x[0] if a > 0 else -x[0],), "x", a=1.0)
+        Field(lambda x, a: (x[0] if a > 0 else -x[0],), "x", a=1.0)
     with pytest.raises(TypeError, match="k"):
-        Field.from_function(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(K=2.0)
+        Field(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(K=2.0)
     with pytest.raises(ValueError, match="k"):
-        Field.from_function(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(k=np.nan)
+        Field(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(k=np.nan)
 
 
 @pytest.mark.parametrize(
@@ -536,12 +507,10 @@ def test_parameters_that_count_or_choose_are_refused():
         lambda f, x: sf.compiled.system(f, 0.1),
         lambda f, x: sf.integrability.report(f),
         lambda f, x: sf.integrability.kahan(f),
-        lambda f, x: QuadraticField.of(f),
-        lambda f, x: f.field(),
     ],
 )
-def test_what_belongs_to_a_map_names_the_quadratic_field(call):
-    with pytest.raises(TypeError, match="QuadraticField"):
+def test_what_belongs_to_a_map_names_flow(call):
+    with pytest.raises(TypeError, match=r"degree 2 .*flow\("):
         call(*field_of("calcium"))
 
 

@@ -6,22 +6,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, QuadraticField, crossings, flow, lyapunov_exponents
-
-KINDS = pytest.mark.parametrize("kind", [Field, QuadraticField])
+from suslov_fast import Change, Field, crossings, flow, lyapunov_exponents
 
 
-@KINDS
-def test_surfaces_that_differ_by_a_number_in_place_of_a_variable(kind):
-    field = kind.from_function(lambda s: (-s[0], 0 * s[1], 0 * s[2]), "x y z")
+def test_surfaces_that_differ_by_a_number_in_place_of_a_variable():
+    field = Field(lambda s: (-s[0], 0 * s[1], 0 * s[2]), "x y z")
     for surface, time in (("x - y", math.log(4 / 3)), ("x - 1", math.log(2)), ("x - z", None)):
         found = crossings(field, [2.0, 1.5, 0.3], surface, time=1.0).time
         assert found.tolist() == ([] if time is None else pytest.approx([time], abs=1e-8))
 
 
-@KINDS
-def test_new_states_that_differ_by_a_number_in_place_of_a_variable(kind):
-    field = kind.from_function(lambda s: (1.5 - s[0], 0 * s[1]), "v n")
+def test_new_states_that_differ_by_a_number_in_place_of_a_variable():
+    field = Field(lambda s: (1.5 - s[0], 0 * s[1]), "v n")
     for to, count in (((0, "n + 1"), 9), (("v", "n + 1"), 1)):
         events = flow(
             field, [0.0, 0.0], time=10.0, changes=Change("v - 1", to=to, direction="up")
@@ -33,9 +29,8 @@ def test_new_states_that_differ_by_a_number_in_place_of_a_variable(kind):
         assert flow(field, [0.0, 0.0], time=2.0, changes=change).states[-1, 1] == n
 
 
-@KINDS
-def test_zeros_keep_their_signs(kind):
-    field = kind.from_function(lambda s: (0 * s[0], 0 * s[1]), "x y")
+def test_zeros_keep_their_signs():
+    field = Field(lambda s: (0 * s[0], 0 * s[1]), "x y")
     for zero in (0.0, -0.0):
         states = flow(field, [1.0, 1.0], time=1.0, changes=Change(times=[0.5], to=(zero, "y")))
         assert math.copysign(1.0, states.changes.states[0, 0]) == math.copysign(1.0, zero)
@@ -43,7 +38,7 @@ def test_zeros_keep_their_signs(kind):
 
 def test_exponents_and_derivatives_of_changes_that_differ_by_a_number():
     """Of x' = -x, y' = -y, where at time 1 x becomes its distance from (0, y) or from (0, 1)."""
-    field = Field.from_function(lambda s: -s, "x y")
+    field = Field(lambda s: -s, "x y")
     for other in ("y", "1"):
         change = Change(times=[1.0], to=(f"hypot(x, {other})", "y"))
         run = flow(field, [1.0, 3.0], time=2.0, changes=change, derivatives=("x0",))
@@ -60,7 +55,7 @@ SHAPES = "{} - {} + {}", "hypot({}, {}) - {}", "({} - {})/(3 + {})", "arctan2({}
 def test_random_formulas_in_which_numbers_take_the_places_of_variables():
     """Pairs of formulas, the second one with constants 0, 1, 2 for some variables of the first."""
     rng, names, start = np.random.default_rng(7), ["x", "y", "z"], [0.3, 1.1, 0.7]
-    field = Field.from_function(lambda s: (1.0 + 0 * s[1], 0.5 * s[1], -s[2]), names)
+    field = Field(lambda s: (1.0 + 0 * s[1], 0.5 * s[1], -s[2]), names)
     times = np.linspace(0.0, 1.0, 1001)
     states = dict(zip(names, flow(field, start, time=times).states.T, strict=True))
     functions = {"hypot": np.hypot, "arctan2": np.arctan2}

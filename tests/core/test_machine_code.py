@@ -24,8 +24,8 @@ def of_a(x, a):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
 
 
-FIELD = sf.QuadraticField.from_function(of_a, 3, a=1)
-PENDULUM = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0]) - np.tanh(x[1])), 2)
+FIELD = sf.Field(of_a, 3, a=1)
+PENDULUM = sf.Field(lambda x: (x[1], -np.sin(x[0]) - np.tanh(x[1])), 2)
 
 
 def atmosphere(x):
@@ -91,10 +91,11 @@ import numpy as np, suslov_fast as sf
 warnings.simplefilter("ignore")
 def bits():
     x0 = np.random.default_rng(1).normal(size=(9, 3)) * np.geomspace(1.0, 300.0, 9)[:, None]
-    field = sf.QuadraticField.from_function(
+    field = sf.Field(
         lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]), 3
     )
-    dense = sf.QuadraticField(np.random.default_rng(2).normal(size=(12, 12, 12)) / 80, -np.eye(12))
+    q = np.random.default_rng(2).normal(size=(12, 12, 12)) / 80
+    dense = sf.Field.from_terms(q, -np.eye(12))
     run = sf.iterate(field, x0, 1.5, 9)  # with steps by `solve`
     found = [run.states, run.status, sf.jacobian(field, x0, 0.5)]
     found += [sf.flow(field, x0, time=0.1).final]
@@ -115,8 +116,8 @@ def test_bits_without_jit():
 @pytest.mark.parametrize("method", ["auto", "order4"])
 def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     """Also where a step needs pivoting, passes a pole, or continues beyond one."""
-    lattice = sf.QuadraticField.from_function(volterra, 5)
-    chain = sf.QuadraticField.from_function(of_a, 3, a=1)
+    lattice = sf.Field(volterra, 5)
+    chain = sf.Field(of_a, 3, a=1)
     met = set()
     for field, scale, eps in ((lattice, 9.0, 0.3), (chain, 30.0, 0.2)):
         x0 = abs(rng.normal(scale=scale, size=(12, field.dimension)))
@@ -135,15 +136,15 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
-    dense = sf.QuadraticField(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
+    dense = sf.Field.from_terms(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
     x0 = rng.normal(size=(21, 5)) * np.geomspace(1e-3, 30.0, 21)[:, None]
-    chain = sf.QuadraticField.from_function(atmosphere, 9)
+    chain = sf.Field(atmosphere, 9)
 
     def found():
         ignore = {"on_singular": "ignore"}
         runs = [sf.iterate(dense, x0[:n], 0.1, 50, **ignore) for n in (1, 2, 7, 21)]
         runs.append(sf.iterate(chain, x0[:, :1] + np.arange(9.0), 1 / 32, 500, save_every=7))
-        lattice = sf.QuadraticField.from_function(volterra, 5)
+        lattice = sf.Field(volterra, 5)
         runs.append(sf.iterate(lattice, abs(x0), 0.1, 60, **ignore))
         assert (runs[-1].status == sf.Status.PASSED_POLE).any()
         met = [each for run in runs for each in (run.states, run.final, run.status, run.failed_at)]
@@ -171,10 +172,10 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
     ignore = {"on_singular": "ignore"}
 
     def found():
-        field = sf.QuadraticField.from_function(of_a, 3, a=1)  # anew: fields keep prepared calls
-        lattice = sf.QuadraticField.from_function(volterra, 5)
+        field = sf.Field(of_a, 3, a=1)  # anew: fields keep prepared calls
+        lattice = sf.Field(volterra, 5)
         H = lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2  # noqa: E731
-        hamiltonian = sf.QuadraticField.from_hamiltonian(H, 2)
+        hamiltonian = sf.Field.from_hamiltonian(H, 2)
         run = sf.iterate(lattice, populations, 0.2, 60, **ignore)
         assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
         for k in (0, 4, 8):
@@ -212,7 +213,7 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
     ):
         monkeypatch.setattr(f"suslov_fast.core.lists.sizes.{name}", size)
     forget(monkeypatch)
-    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    field = sf.Field(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
@@ -222,7 +223,7 @@ def test_old_codes_are_freed(monkeypatch, anew):
     monkeypatch.setattr(machine_code, "MOST_TEXT", 2 * machine_code.LEAST_TEXT)
     engines = set()
     for D in range(1, 6):
-        squares = sf.QuadraticField.from_function(lambda x: x**2, D)
+        squares = sf.Field(lambda x: x**2, D)
         sf.step(squares, np.ones((99, D)), 0.001)
         engines.add(weakref.ref(machine_code._engines[2, False]))
     assert sum(engine() is not None for engine in engines) == 1 < len(engines)
@@ -232,12 +233,12 @@ def test_old_codes_are_freed(monkeypatch, anew):
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
     """A run, exponents and the system of a user keep theirs while `progress` compiles others."""
-    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
+    field, x0 = sf.Field(of_a, 3, a=1), rng.normal(size=(9, 3))
     system, x = sf.compiled.system(field, 0.02), x0[0].copy()
 
     def compile_others(done, steps):
         for D in (1, 2, 4) if done <= last else ():
-            sf.step(sf.QuadraticField(np.ones((D, D, D)), np.eye(D)), np.ones((2, D)), 0.001)
+            sf.step(sf.Field.from_terms(np.ones((D, D, D)), np.eye(D)), np.ones((2, D)), 0.001)
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
     monkeypatch.setattr(machine_code, "MOST_TEXT", 3 * machine_code.LEAST_TEXT)
@@ -289,7 +290,7 @@ def places_in(*things):
 
 def test_what_machine_code_is_given_stays_alive():
     """Each address among its arguments is one of arrays that these calls return or have."""
-    indices, values = sf.QuadraticField.from_function(lambda x: of_a(x, 1.0), 3).terms
+    indices, values = sf.Field(lambda x: of_a(x, 1.0), 3).terms
     step, stages = steps_field.scheme_of(indices, 3, Stages((0.5, 0.5)))
     given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
@@ -313,7 +314,7 @@ def test_what_machine_code_is_given_stays_alive():
 
 @pytest.mark.slow
 def test_a_system_in_another_process_has_its_own_address():
-    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    field = sf.Field(of_a, 3, a=1)
     system = sf.compiled.system(field, 0.01)
     text = children.run(PICKLED, pickle.dumps(system).hex())
     run = sf.iterate(field, [1.0, 2.0, 20.0], 0.01, 50)

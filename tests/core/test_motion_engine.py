@@ -97,19 +97,17 @@ CASES = {
     "large_lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(2, 60)), 0.5),
     "lattice": (lattice, 8.0 + np.random.default_rng(1).normal(size=(3, 20)), 1.0),
 }
-KINKS = sf.Field.from_function(
+KINKS = sf.Field(
     lambda x, a: (x[1], -abs(x[0]) * x[0] - a * np.minimum(x[0], 0.3) + np.clip(x[1], -0.2, 0.4)),
     2,
     a=np.linspace(0.5, 1.5, 9),
 )
-DOSES = sf.Field.from_function(
-    lambda x: (np.interp(x[1], [0, 1, 1.01, 8], [0, 10, 0, 5]) - 0.3 * x[0], 1.0), 2
-)
-BRANCHES = sf.Field.from_function(  # each ends where the other one begins
+DOSES = sf.Field(lambda x: (np.interp(x[1], [0, 1, 1.01, 8], [0, 10, 0, 5]) - 0.3 * x[0], 1.0), 2)
+BRANCHES = sf.Field(  # each ends where the other one begins
     lambda x: (np.where(np.cos(x[1]) > 0, np.sqrt(np.cos(x[1])), -np.sqrt(-np.cos(x[1]))), 1.0), 2
 )
-STAIRS = sf.Field.from_function(lambda x: (np.floor(3 * x[1]) ** 2 + np.sign(x[0] - x[1]), 1.0), 2)
-SLIDES = sf.Field.from_function(lambda x: (np.cos(x[1]) - np.sign(x[0] - np.sin(x[1]) / 2), 1.0), 2)
+STAIRS = sf.Field(lambda x: (np.floor(3 * x[1]) ** 2 + np.sign(x[0] - x[1]), 1.0), 2)
+SLIDES = sf.Field(lambda x: (np.cos(x[1]) - np.sign(x[0] - np.sin(x[1]) / 2), 1.0), 2)
 BACKWARDS = "henon_heiles", "pole_of_a_clock", "driven_from_rest", "lattice"
 
 
@@ -118,7 +116,7 @@ import hashlib
 import numpy as np
 import suslov_fast as sf
 from suslov_fast.core.motion import engine, text
-field = sf.Field.from_function(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
+field = sf.Field(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
 for is_implicit in (False, True):
     half = engine.half_of(field.right_hand_sides[0].f, is_implicit, True)
     print(hashlib.sha256(text.text_of_half(half, "f", 8, True).encode()).hexdigest())
@@ -270,7 +268,7 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
 
 @pytest.mark.parametrize("stiff", [False, True])
 def test_derivatives_by_parameters_have_the_bits_of_numpy(stiff, monkeypatch):
-    field = sf.Field.from_function(
+    field = sf.Field(
         lambda x, a, b: (a - x[0] * x[1], b * x[0] ** 2 - x[1], 2.0), "x y t", a=1.5, b=[0.5, 0.7]
     )
 
@@ -433,7 +431,7 @@ def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, c
     """LLVM ends the process where large states have taken the memory."""
     other = (lambda y: np.where(y > 0.0, y, 2.0 * y)) if chooses else np.sin
     k = next(_NEW)  # so that no code is there
-    field = Field.from_function(lambda x, a: (x[1], -a * other(x[0]) - k * x[1]), 2, a=1.0)
+    field = Field(lambda x, a: (x[1], -a * other(x[0]) - k * x[1]), 2, a=1.0)
     order = []
 
     def noting(name, module, attribute):

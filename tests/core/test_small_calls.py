@@ -32,8 +32,8 @@ AT_POLES = sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, [[0.0], [0.5]]
 FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
 SOLID = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
 # Its long steps lose digits, and pass poles.
-SQUARES = sf.QuadraticField.from_function(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
-CUBIC = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)
+SQUARES = sf.Field(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
+CUBIC = sf.Field.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)
 
 
 def run(*arguments, **options):
@@ -209,10 +209,10 @@ import numpy as np, suslov_fast as sf
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
 gyrostat = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 solid = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
-lorenz = sf.QuadraticField.from_function(
+lorenz = sf.Field(
     lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
     3, rho=160.0)
-pendulum = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
+pendulum = sf.Field(lambda x: (x[1], -np.sin(x[0])), 2)
 omega, x, surface = [1.0, 0.5], [-20.0, -30.0, 130.0], lambda x: x[..., 2] - 150
 for code in sys.argv[1:]:
     with event.install_recorder("numba:compile") as compiled:

@@ -58,7 +58,7 @@ import numpy as np, suslov_fast as sf
 warnings.simplefilter("ignore", DeprecationWarning)
 x = np.random.default_rng(1).uniform(-1, 1, (9000, 3))
 def run(n=1, **options):
-    field = sf.QuadraticField(np.eye(3)[:, :, None] * np.ones(3) / 100, -n * np.eye(3))
+    field = sf.Field.from_terms(np.eye(3)[:, :, None] * np.ones(3) / 100, -n * np.eye(3))
     return sf.iterate(field, x, 0.01, 500, save_every=None, **options).final
 expected = run(1, threads=1)
 """
@@ -90,7 +90,7 @@ warnings.simplefilter("ignore", DeprecationWarning)
 numbers = itertools.count(1)
 def compute():
     c = float(next(numbers))
-    return sf.flow(sf.Field.from_function(lambda x: (-c * x[0],), 1), [1.0], time=1.0)
+    return sf.flow(sf.Field(lambda x: (-c * x[0],), 1), [1.0], time=1.0)
 compute()
 stop = threading.Event()
 def compute_on():
@@ -233,7 +233,7 @@ def test_motions_take_the_threads_asked_for(monkeypatch):
 
     monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
     monkeypatch.setattr(engine, "in_parts", counted)
-    field = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "x v")
+    field = sf.Field(lambda x: (x[1], -np.sin(x[0])), "x v")
     x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
     for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):
         counts.clear()
@@ -259,7 +259,7 @@ def test_ctrl_c_at_random_moments_of_a_field(monkeypatch):
     """Later calls neither hang nor find other bits."""
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     chance, heard = random.Random(1), 0
-    field = sf.QuadraticField.from_function(lambda x: (x[1] * x[2], 1 - x[0] * x[2], -x[2]), 3)
+    field = sf.Field(lambda x: (x[1] * x[2], 1 - x[0] * x[2], -x[2]), 3)
     x = np.random.default_rng(1).uniform(-1, 1, (900, 3))
     expected = sf.iterate(field, x, 0.1, 30, threads=1).states
     sf.iterate(field, x, 0.1, 30, threads=2)  # compiles
@@ -320,7 +320,7 @@ def test_ctrl_c():
     """
     code = """
         import os, signal, threading
-        turn = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1] - x[0]), 2)
+        turn = sf.Field(lambda x: (x[1], -x[0] * x[1] - x[0]), 2)
         for kind, size, save_every in ((body, 1, None), (body, 2000, 2 * 10**9), (turn, 70, None)):
             seen, before = [0], []
 
@@ -360,7 +360,7 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
 
     for module in (stretches, derivatives):
         monkeypatch.setattr(module, "call_kernel", count, raising=False)
-    function(sf.QuadraticField(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
+    function(sf.Field.from_terms(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
     assert sum(operations) == 12_000 * 5 * D**3
     assert max(operations) < 2**28
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from systems import rates_of_henon_heiles
 
-from suslov_fast import Field, QuadraticField, flow
+from suslov_fast import Field, flow
 from suslov_fast.core.lists.two_sets import sets_of
 from suslov_fast.core.motion import engine, few, half
 
@@ -35,7 +35,7 @@ FOUND = {
 def test_sets_are_found(name):
     """In q are those that a column has after an even number of sub-steps."""
     f, where = FOUND[name]
-    A, B = sets(Field.from_function(f, len(where)))
+    A, B = sets(Field(f, len(where)))
     assert [i for i, kind in enumerate(where) if kind in "q+"] == A
     assert [i for i, kind in enumerate(where) if kind in "p+"] == B
 
@@ -59,15 +59,14 @@ NOT_TAKEN = {
 @pytest.mark.parametrize("name", NOT_TAKEN)
 def test_others_have_the_columns_of_gragg(name):
     D = 3 if name in ("a pulse in time", "no sets") else 2
-    assert sets(Field.from_function(NOT_TAKEN[name], D)) is None
+    assert sets(Field(NOT_TAKEN[name], D)) is None
 
 
 STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
 
 
-@pytest.mark.parametrize("kind", [Field, QuadraticField])
-def test_families_and_kinds_of_fields(kind):
-    field = kind.from_function(rates_of_henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
+def test_families_and_kinds_of_fields():
+    field = Field(rates_of_henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
     assert sets(field) == ([0, 1], [2, 3])
     together = flow(field, STATES, time=[3.0, 10.0])
     for k in (0, 7, 19):
@@ -77,7 +76,7 @@ def test_families_and_kinds_of_fields(kind):
 
 def test_order():
     """Ten: with half the steps of one length the error is 1,024 times as large."""
-    field, errors = Field.from_function(rates_of_henon_heiles, 4), []
+    field, errors = Field(rates_of_henon_heiles, 4), []
     right = flow(field, STATES, time=12.0, rtol=1e-13).states[-1]
     for h in (0.8, 0.4):
         run = flow(field, STATES, time=12.0, rtol=1e-2, max_step=h)
@@ -146,7 +145,7 @@ def columns_of_gragg(monkeypatch):
 def test_errors_beside_those_of_gragg(name, columns_of_gragg):
     """At the end, and at times inside steps; with as many steps, forward and backward."""
     f, x0 = PROBLEMS[name]
-    field, times = Field.from_function(f, x0.shape[1]), np.linspace(0.1, 8.0, 47)
+    field, times = Field(f, x0.shape[1]), np.linspace(0.1, 8.0, 47)
     tolerances = (1e-4, 1e-7, 1e-10)
     own = [flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)]
     assert sets(field) is not None
@@ -180,9 +179,7 @@ def test_errors_beside_those_of_gragg(name, columns_of_gragg):
 )  # fmt: skip
 def test_stiffness_is_judged_alike_beside_rough_lanes(x0, w, rtol):
     """Steps of a line with such lanes have both kinds of columns."""
-    field = Field.from_function(
-        lambda s, w: (s[1], -s[0] - s[0] / np.sqrt(s[0] ** 2 + w)), 2, w=[1e-8, w]
-    )
+    field = Field(lambda s, w: (s[1], -s[0] - s[0] / np.sqrt(s[0] ** 2 + w)), 2, w=[1e-8, w])
     run, alone = (flow(of, x, time=20.0, rtol=rtol) for of, x in ((field, x0), (field[1], x0[1])))
     np.testing.assert_array_equal(run.states[-1, 1], alone.states[-1])
 
@@ -190,7 +187,7 @@ def test_stiffness_is_judged_alike_beside_rough_lanes(x0, w, rtol):
 @pytest.mark.parametrize("stiff", [None, True])
 def test_fast_springs(stiff):
     """A motion at rest beside one with a million times its rate turns implicit, and stays right."""
-    field = Field.from_function(lambda s: (s[2], s[3], -s[0], -1e12 * (s[1] - s[0])), "x y p q")
+    field = Field(lambda s: (s[2], s[3], -s[0], -1e12 * (s[1] - s[0])), "x y p q")
     assert sets(field) is not None
     run = flow(field, [1.0, 1.0, 0.0, 0.0], time=3.0, rtol=1e-6, atol=1e-6, stiff=stiff)
     np.testing.assert_allclose(run.states[-1, :2], np.cos(3.0), atol=1e-4)

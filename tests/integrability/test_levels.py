@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from papers import lotka_volterra
 
-from suslov_fast import QuadraticField, SuslovND
+from suslov_fast import Field, SuslovND
 
 pytest.importorskip("flint")
 
@@ -23,7 +23,7 @@ from suslov_fast.integrability import (
     zoo,
 )
 
-field_of = QuadraticField.from_function
+field_of = Field
 SILVER = math.log(1 + math.sqrt(2))
 ZOO = zoo()
 
@@ -97,10 +97,7 @@ CASES = [  # a map, its integrals, the entropy
     pytest.param(*(kahan(*ZOO["Kharlamova"]), None, SILVER), marks=slow),
     # Four conjugate lines go to points over a number field with the letter.
     pytest.param(*(kahan(*ZOO["Euler top"]), None, 0), marks=slow),
-    *(
-        pytest.param(kahan(QuadraticField.of(SuslovND(*each)), F(1, 4)), None, 0, marks=slow)
-        for each in EQUAL
-    ),
+    *(pytest.param(kahan(SuslovND(*each).field(), F(1, 4)), None, 0, marks=slow) for each in EQUAL),
 ]
 
 

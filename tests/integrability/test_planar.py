@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from papers import three_lines
 
-from suslov_fast import QuadraticField
+from suslov_fast import Field
 
 pytest.importorskip("flint")
 
@@ -30,7 +30,7 @@ from suslov_fast.integrability.contracted import Passage, Plane
 from suslov_fast.integrability.growth import agreed_degrees
 from suslov_fast.integrability.orbits import has_no_zero
 
-field_of = QuadraticField.from_function
+field_of = Field
 THIRD = F(1, 3)
 ZOO = zoo()
 
@@ -104,7 +104,7 @@ def test_maps_without_an_entropy():
     flat = planar_entropy(rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2))
     assert (flat.entropy, flat.proved) == (None, False)
     assert "no inverse was given" in repr(flat)
-    constant = kahan(QuadraticField([[[0, 0], [0, 0]]] * 2, [[-8, 0], [0, -8]], [1, 1]), F(1, 4))
+    constant = kahan(Field.from_terms([[[0, 0], [0, 0]]] * 2, [[-8, 0], [0, -8]], [1, 1]), F(1, 4))
     assert "det DPhi = 0" in planar_entropy(constant).reason
     with pytest.raises(ValueError, match="two variables"):
         planar_entropy(kahan(ZOO["Euler top"][0], 1))

@@ -54,7 +54,7 @@ OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3)]
     [
         (FIELD, 10.0, 1 / 64, "auto"),
         (FIELD, 1.0, 0.5, "auto"),  # with other pivots
-        (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35, "auto"),
+        (GYROSTAT.field(), 1.0, 0.35, "auto"),
         (ND, 1.0, 0.4, "auto"),
         (ND, 10.0, -3.0, "auto"),  # by elimination
         (ND, 1.0, 0.4, "gauss"),
@@ -95,9 +95,9 @@ import sys
 import numpy as np, suslov_fast as sf
 from numba import njit
 from suslov_fast.compiled import step_system, system, work
-other = sf.QuadraticField([[[1.0, 0.5], [0.0, 1.0]]] * 2)
+other = sf.Field.from_terms([[[1.0, 0.5], [0.0, 1.0]]] * 2)
 first = [system(other, 0.1)] * int(sys.argv[1])  # the code of the field has another address then
-field = sf.QuadraticField([[[1.0]]], [[-1.0]])
+field = sf.Field.from_terms([[[1.0]]], [[-1.0]])
 systems = system(field, 0.1), system(field, 0.2)
 
 @njit(cache=True)
@@ -151,7 +151,7 @@ def test_what_does_not_exist_is_nan():
     rotor = system(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0)
     assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
     assert np.isnan(compiled.step(rotor, 1e9, 2e9)).all()  # too large
-    square = system(sf.QuadraticField([[[1]]]), 0.5)  # x' = x**2
+    square = system(sf.Field.from_terms([[[1]]]), 0.5)  # x' = x**2
     nd = system(sf.SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
     for constants, x, status in (
         (unit, [0.25, -1.125], sf.Status.SINGULAR),

@@ -23,7 +23,7 @@ from suslov_fast.maps.methods import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-of_function = sf.QuadraticField.from_function
+of_function = sf.Field
 
 
 def lotka_volterra(x):
@@ -87,7 +87,7 @@ def test_random_fields_in_units_far_apart(rng):
     for case in range(20):
         tables, units, x = random_field(rng)
         eps = 10.0 ** rng.uniform(-3, 3) * rng.choice([-1, 1])
-        field, f = sf.QuadraticField(*tables), partial(values_at, tables)
+        field, f = sf.Field.from_terms(*tables), partial(values_at, tables)
         exact = naive.kahan_step(f, eps, x)
         errors = [
             float((naive.mpf(a) - b) / u)
@@ -114,7 +114,7 @@ def test_a_plan_uses_zeros(rng):
 
 def evaluated(A, x):
     """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
-    indices, values = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
+    indices, values = sf.Field.from_terms(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
     step, found = plans.Step(indices, len(x)), dict(enumerate(x))
     found.update(zip(step.table, step.table_of(values), strict=True))
     plans.evaluate([*step.usual, *step.rare], found)
@@ -143,7 +143,7 @@ def test_a_plan_tells_lost_digits(A, good, accurate):
 
 def linear_step(A, x):
     """Return a step of x' = (1 - A) x with eps = 2, and the exact state, None at a pole."""
-    field = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A)
+    field = sf.Field.from_terms(np.zeros([len(x)] * 3), np.eye(len(x)) - A)
     run = sf.iterate(field, x, 2.0, 1, on_singular="ignore")
     if not run.ok.all():
         return run, None
@@ -246,7 +246,7 @@ def of_a(x, a):
 def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
     """The operations of a step depend on the zeros of the field, and on those of no other one."""
     a, eps = np.array([0.0, 1.3, 0.0, -0.4, 0.0, 2.0]), rng.uniform(0.1, 0.3, 6)
-    family = sf.QuadraticField.from_function(of_a, 4, a=a)
+    family = sf.Field(of_a, 4, a=a)
     x0 = rng.uniform(-1, 1, (3, 6, 4))
     x0[1, 2] = np.nan
     done = []
@@ -255,7 +255,7 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
     assert done[-1] == (40, 40)
     exponents, found = sf.lyapunov_exponents(family, x0[0], eps, 40), sf.jacobian(family, x0, eps)
     for i, value in enumerate(a):
-        alone = sf.QuadraticField.from_function(of_a, 4, a=value)
+        alone = sf.Field(of_a, 4, a=value)
         for member in (alone, family[i]):
             own = sf.iterate(member, x0[:, i], eps[i], 40, on_singular="ignore")
             assert np.array_equal(own.states, run.states[:, :, i], equal_nan=True)
@@ -354,7 +354,7 @@ def test_members_of_a_family_of_dense_fields(rng):
     """Of 40 variables: bit for bit the member alone, also of order 4 and after poles."""
     D = 40
     tables = rng.normal(size=(6, D, D, D)) / D, rng.normal(size=(D, D)) / D, rng.normal(size=D)
-    family = sf.QuadraticField(*tables)
+    family = sf.Field.from_terms(*tables)
     cases = (0.3, 0.1, "auto"), (0.3, 0.1, "order4"), (3.0, 0.6, "auto"), (3.0, 0.6, "order6")
     for size, eps, method in cases:
         x0 = size * rng.normal(size=(6, D))

@@ -7,7 +7,7 @@ import mpmath
 import numba
 import numpy as np
 import pytest
-from systems import HENON_HEILES, LORENZ
+from systems import HENON_HEILES, LORENZ, tables
 
 import suslov_fast as sf
 from suslov_fast import SingularStepWarning, Status, compiled
@@ -63,14 +63,14 @@ def epidemic(x):
     return again - new, new - healed, healed - again
 
 
-SQUARE = sf.QuadraticField([[[1]]])  # x' = x**2, whose step is x / (1 - eps x)
+SQUARE = sf.Field.from_terms([[[1]]])  # x' = x**2, whose step is x / (1 - eps x)
 # A field, a state and a time in which the motion changes much.
 FLOWS = {
     "Lorenz": (LORENZ, (1.0, 1.0, 20.0), 1),
     "Henon-Heiles": (HENON_HEILES, (0.1, 0.2, 0.3, -0.1), 8),
-    "chain": (sf.QuadraticField.from_function(chain, 5), (1, 0.5, 1.5, 0.8, 1.2), 4),
-    "Euler's top": (sf.QuadraticField.from_function(euler, 3), (1.0, 0.5, -0.7), 4),
-    "epidemic": (sf.QuadraticField.from_function(epidemic, 3), (0.9, 0.1, 0.1), 8),
+    "chain": (sf.Field(chain, 5), (1, 0.5, 1.5, 0.8, 1.2), 4),
+    "Euler's top": (sf.Field(euler, 3), (1.0, 0.5, -0.7), 4),
+    "epidemic": (sf.Field(epidemic, 3), (0.9, 0.1, 0.1), 8),
 }
 EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
 
@@ -79,10 +79,7 @@ EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
 def motion(name):
     """The state of the flow by its power series in time, in long doubles."""
     field, x, time = FLOWS[name]
-    q, l, c = (
-        np.asarray(each, float).astype(np.longdouble)
-        for each in (field.quadratic, field.linear, field.constant)
-    )
+    q, l, c = (each.astype(np.longdouble) for each in tables(field))
     x, h = np.asarray(x, np.longdouble), np.longdouble(1) / 40
     for _ in range(40 * time):
         a = [x]
@@ -152,7 +149,7 @@ def test_multipliers(method):
         jacobian = sf.jacobian(LORENZ, point, eps, method=method)
         assert abs(np.prod(found) - np.linalg.det(jacobian)) < 1e-11 * abs(np.prod(wanted))
     # x' = x, where the denominator of one sub-step is 0, and the numerator of another one may be.
-    growing = sf.QuadraticField(np.zeros((1, 1, 1)), [[1]])
+    growing = sf.Field.from_terms(np.zeros((1, 1, 1)), [[1]])
     for fraction in map_of(growing, method).stages.fractions:
         eps = 2 / fraction
         if fraction * eps / 2 == 1.0:

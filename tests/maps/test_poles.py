@@ -8,16 +8,16 @@ import pytest
 from systems import HENON_HEILES as HENON, PREY
 
 import suslov_fast as sf
-from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
+from suslov_fast import Field, PoleWarning, Status, SuslovND, compiled, iterate, matrix
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 LONG = "eps is too long"
 SIGN = " (a component that cannot change its sign did)"
-SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
+SQUARE = Field.from_terms([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
 ESCAPES = [0.0, 0.9, 0.0, 0.7]  # a state whose motion ends at t = 3.27
 BOUNDED = [0.0, 0.1, 0.4, 0.0]
 LONG_BODY = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-LINEAR = QuadraticField([[[0]]], [[3]])
+LINEAR = Field.from_terms([[[0]]], [[3]])
 
 
 def told(call, *arguments, **options):
@@ -43,7 +43,7 @@ def random_fields(rng, D, B):
         each * (rng.random(each.shape[1:]) < most) * k.reshape(B, *(1,) * (each.ndim - 1))
         for each, k in zip(tables, some, strict=True)
     ]
-    return QuadraticField(*tables), rng.uniform(0.05, 3, B) * rng.choice([-1, 1], B)
+    return Field.from_terms(*tables), rng.uniform(0.05, 3, B) * rng.choice([-1, 1], B)
 
 
 # ------------------------------------------------------------------------------- what is a finding
@@ -74,7 +74,7 @@ def test_statuses_of_fields_are_signs_of_determinants(rng, D):
 @pytest.mark.parametrize("c", [1, -1])
 def test_rows_that_are_exchanged_change_no_sign(c):
     """At eps = 2 the first pivot of A = [[0, -1], [-c, 1]] is 0, and the determinant -c."""
-    field = QuadraticField.from_function(lambda x: (x[0] + x[1], c * x[0]), 2)
+    field = Field(lambda x: (x[0] + x[1], c * x[0]), 2)
     back = np.array([[2.0, 1.0], [c, 1.0]])  # A for -eps
     run, texts = told(iterate, field, [1.0, 0.5], 2.0, 3)
     np.testing.assert_allclose(
@@ -105,12 +105,12 @@ def test_the_number_of_the_step_is_the_time_of_escape():
     for a, x, eps in ((0.0, 1.0, 0.03), (1.0, 0.0, 0.01), (1.0, -5.0, 0.002), (4.0, 1.0, 0.01)):
         root = math.sqrt(a)
         end = (math.pi / 2 - math.atan(x / root)) / root if a else 1 / x
-        run, messages = told(iterate, QuadraticField([[[1]]], None, [a]), [x], eps, 2000)
+        run, messages = told(iterate, Field.from_terms([[[1]]], None, [a]), [x], eps, 2000)
         assert run.status == Status.PASSED_POLE
         assert 0 <= run.failed_at - end / eps < 2
         assert len(messages) == 1
     for end, eps in ((1.0, 0.01), (2.0, 0.003)):
-        field = QuadraticField.from_function(lambda x: (x[1], 6 * x[0] ** 2), 2)
+        field = Field(lambda x: (x[1], 6 * x[0] ** 2), 2)
         run, _ = told(iterate, field, [end**-2, 2 * end**-3], eps, 2000)
         assert run.status == Status.PASSED_POLE
         assert abs(run.failed_at - end / eps) < 5
@@ -165,14 +165,14 @@ def test_what_says_nothing():
     for body in (sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, 0.5)):
         run = iterate(body, [1.0, -9.0], 1.0, 20)
         assert (run.status, run.failed_at) == (Status.SUPERCRITICAL, -1)
-        field = QuadraticField.of(body)
+        field = body.field()
         assert told(iterate, field, [1.0, -9.0], 1.0, 20)[0].status == Status.PASSED_POLE
         sf.lyapunov_exponents(body, [1.0, -9.0], 1.0, 20)
 
 
 def test_a_failure_has_a_status_of_its_own():
     """The warning of poles comes before the error."""
-    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2), 2)
+    field = Field(lambda x: (x[0] ** 2, x[1] ** 2), 2)
     pole = iterate(SQUARE, [4.0], -0.25, 11).final[0]  # its next states end after 12 steps
     starts = [[0.7, 0.0], [0.7, pole], [0.05, pole], [0.05, 0.0]]
     with warnings.catch_warnings(record=True) as caught:
@@ -191,7 +191,7 @@ def test_a_failure_has_a_status_of_its_own():
 
 
 # ---------------------------------------------------------------- components that keep their signs
-DECAY = QuadraticField.from_function(lambda x: (-2000 * x[0],), 1)
+DECAY = Field(lambda x: (-2000 * x[0],), 1)
 
 
 def first_change(run):
@@ -246,11 +246,11 @@ def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, is_long):
     """Before and after all stages; a component that changes its sign twice in a step keeps it."""
     if is_long:  # the driver calls its stages, as for many variables
         monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
-    fields = QuadraticField.from_function(lambda x, s: (-60 * x[0], s - 60 * x[1]), 2, s=[0.0, 1.0])
+    fields = Field(lambda x, s: (-60 * x[0], s - 60 * x[1]), 2, s=[0.0, 1.0])
     x = rng.uniform(0.5, 1, (13, 2, 2))
     for eps in (0.12, 0.2):
         run = iterate(fields, x, eps, 9, method=method)
-        step = sf.multipliers(QuadraticField([[[0]]], [[-60]]), [0.0], eps, method=method)[0].real
+        step = sf.multipliers(Field.from_terms([[[0]]], [[-60]]), [0.0], eps, method=method)[0].real
         found = run.first_pole[:, 0]
         if step < 0:
             assert (found == 1).all()
@@ -268,7 +268,7 @@ def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, is_long):
 def test_components_of_one_sign_are_those_of_the_member(rng):
     """Of a family some members have a source, and their components may change their signs."""
     source = np.array([0.0, 0.3] * 10)
-    fields = QuadraticField.from_function(lambda x, s: (s - 9 * x[0], x[0] - x[1]), 2, s=source)
+    fields = Field(lambda x, s: (s - 9 * x[0], x[0] - x[1]), 2, s=source)
     run = iterate(fields, [1.0, 0.5], 0.5, 20)
     assert ((run.first_pole == 1) == (source == 0)).all()
     assert (run.states[:, 1::2, 0].min(axis=0) < 0).all()
@@ -278,12 +278,12 @@ def test_components_of_one_sign_are_those_of_the_member(rng):
 def test_zeros_and_negative_components_keep_their_signs(rng):
     """0 stays 0, an underflow is no change of sign, and what is negative may not rise above 0."""
     for x, first in (([0.0, 1.0], -1), ([-1.0, 1.0], 1), ([1.0, 0.0], 1), ([0.0, 0.0], -1)):
-        field = QuadraticField.from_function(lambda x: (-50 * x[0], -0.5 * x[1]), 2)
+        field = Field(lambda x: (-50 * x[0], -0.5 * x[1]), 2)
         assert iterate(field, x, 0.1, 5).first_pole == first, x
-    fading = QuadraticField([[[0]]], [[-1.9999]])
+    fading = Field.from_terms([[[0]]], [[-1.9999]])
     assert iterate(fading, [[-1.0], [1.0]], 1.0, 400).first_pole.tolist() == [-1, -1]
     assert abs(iterate(fading, [[-1.0], [1.0]], 1.0, 400).final).max() < 1e-300
-    tiny = QuadraticField([[[0]]], [[-3]])
+    tiny = Field.from_terms([[[0]]], [[-3]])
     assert iterate(tiny, [[-1e-300], [1e-300]], 1.0, 1).first_pole.tolist() == [1, 1]
 
 

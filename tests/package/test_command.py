@@ -60,14 +60,12 @@ def test_a_run_of_equations(capsys):
     """They have Kahan's map if they are quadratic, and solutions in any case."""
     lotka = "--equations x'=x*(a-y);dy/dt=y*(x-1/2);a=2 --x0 1,0.5"
     call(f"run {lotka} --eps 1/64 --steps 8 -o map.npz", capsys)
-    field = sf.QuadraticField.from_function(
-        lambda x: (x[0] * (2 - x[1]), x[1] * (x[0] - 0.5)), "x y"
-    )
+    field = sf.Field(lambda x: (x[0] * (2 - x[1]), x[1] * (x[0] - 0.5)), "x y")
     found = sf.iterate(field, [1.0, 0.5], 1 / 64, 8).final
     np.testing.assert_array_equal(sf.load("map.npz").final, found)
     line = "run --equations x'=v;v'=-sin(x) --x0 1,0 --x0 2,0 --time 5 --points 6 --rtol 1e-6"
     facts = json.loads(call(f"{line} -o run.npz", capsys))
-    pendulum = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "x v")
+    pendulum = sf.Field(lambda x: (x[1], -np.sin(x[0])), "x v")
     found = sf.flow(pendulum, [[1.0, 0.0], [2.0, 0.0]], time=np.arange(6.0), rtol=1e-6)
     np.testing.assert_array_equal(sf.load("run.npz").states, found.states)
     assert facts["trajectories"] == 2

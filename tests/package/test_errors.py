@@ -20,7 +20,7 @@ import xarray
 from pandas import DataFrame, Series
 
 import suslov_fast as sf
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks
+from suslov_fast import Field, Suslov3D, SuslovGyrostat, SuslovND, checks
 from suslov_fast.keywords import public
 
 NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
@@ -28,13 +28,12 @@ OMEGA = [[1.0, 0.5], [0.2, 0.3]]
 BODY, ND = Suslov3D(4, 1, -0.5, -0.3), SuslovND([1, 2, 3], [1, 1, 1])
 ROTOR = SuslovGyrostat(4, 1, -0.5, -0.3, 0.9)
 BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
-FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
-FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
-HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
-SMOOTH = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), 2)
-SMOOTH_FAMILY = sf.Field.from_function(lambda x, mu: (x[1], -mu * np.sin(x[0])), 2, mu=2.0)
-NAMED = QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
-LISTS = {"indices": [[0], [0], [2]], "values": [1.0]}
+FIELD = Field.from_terms([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
+FAMILY = Field(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
+HENON = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
+SMOOTH = sf.Field(lambda x: (x[1], -np.sin(x[0])), 2)
+SMOOTH_FAMILY = sf.Field(lambda x, mu: (x[1], -mu * np.sin(x[0])), 2, mu=2.0)
+NAMED = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
 # Nothing is compiled when tests are collected.
 RUN, POINTS = (
     sf.iterate(FIELD, [0.1, 0.2], 0.1, 1),
@@ -55,7 +54,7 @@ def rotor(**given):
 
 
 def field(f, dimension=2, **parameters):
-    return lambda: QuadraticField.from_function(f, dimension, **parameters)
+    return lambda: Field(f, dimension, **parameters)
 
 
 def symbols(names):
@@ -65,7 +64,7 @@ def symbols(names):
 
 
 def hamiltonian(H, dimension=2, *K, **parameters):
-    return lambda: QuadraticField.from_hamiltonian(H, dimension, *K, **parameters)
+    return lambda: Field.from_hamiltonian(H, dimension, *K, **parameters)
 
 
 def inertia(I, a=(0, 0, 1)):
@@ -73,7 +72,7 @@ def inertia(I, a=(0, 0, 1)):
 
 
 def changed(field=FIELD, **entries):
-    return lambda: QuadraticField.from_dict(field.to_dict() | entries)
+    return lambda: Field.from_dict(field.to_dict() | entries)
 
 
 def run(**given):
@@ -120,13 +119,6 @@ def orbit(start=(1.0, 2.0), period=6.5, **given):
     return lambda: sf.periodic_orbit(FIELD, [*start], period, **given)
 
 
-def terms(indices=((0,), (0,), (0,)), values=(1.0,), dimension=2, **given):
-    return lambda: QuadraticField.from_terms(indices, values, dimension, **given)
-
-
-NONE = [[], [], []], []
-
-
 class Tensor:
     """An array of another package, which converts itself, or refuses to."""
 
@@ -148,13 +140,13 @@ TABLE = [
     ((TypeError, ValueError), "attitude",
      lambda: sf.momentum(BODY, [1, 2], rotation=ID, attitude=ID)),
     (TypeError, "attitude", run(body=FIELD, attitude=True)),
-    (ValueError, "attitude", field(lambda x, attitude: (1, 2), attitude=1), run(attitude=1),
+    (ValueError, "attitude", run(attitude=1),
      run(attitude=np.stack([np.eye(3)] * 5)),
      lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3))),
     (ValueError, "atol", motion(atol=-1.0), motion(atol=[1.0, 2.0, 3.0])),
     (ValueError, "b", field(lambda x, a, b: (a * x[0], b), a=[1, 2], b=[1, 2, 3])),
     (TypeError, "(?:body|system)", lambda: len(BODY), lambda: BODY[0],
-     lambda: QuadraticField.of(3), run(body=(BODY, ID)), motion(lambda t, y: -y),
+     run(body=(BODY, ID)),
      lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), lambda: sf.energy(FIELD, [1, 2]),
      lambda: sf.modified_energy(FIELD, [1, 2], 0.1),
      lambda: sf.first_integral(HENON, [1, 2], 0.1), lambda: sf.closed_form(ROTOR, [1, 2], 0.1),
@@ -170,16 +162,16 @@ TABLE = [
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
     (ValueError, "components", lambda: RUN.plot(0, 2), lambda: RUN.plot("run.png"),
      lambda: POINTS.plot("rho", "u")),
-    (ValueError, "constant", terms(constant=[1])),
+    (ValueError, "constant", lambda: Field.from_terms(np.zeros((2, 2, 2)), None, [1])),
     (sf.NotIntegrableError, "criticality", lambda: sf.criticality(ND, [1, 2, 3], 0.1)),
     (TypeError, "derivatives", motion(derivatives=3)),
     (ValueError, "derivatives", motion(derivatives="c"), motion(derivatives=("x0", "x0"))),
-    (TypeError, "dimension", field(2, lambda x: x),
+    (TypeError, "names", field(2, lambda x: x),
      field(lambda x: (1,), 1.5)),
-    (ValueError, "dimension", changed(dimension=0), field(lambda x: (x[1], 1), r"\theta w"),
+    (ValueError, "names", changed(names=0), field(lambda x: (x[1], 1), r"\theta w"),
      field(tuple, ""), hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
      hamiltonian(lambda x: x[0], "q1 p1 q2 p2"),
-     terms(*NONE, 0), terms(*NONE, "u u")),
+     field(lambda x: x, 0), field(lambda x: x, "u u")),
     (TypeError, "dims", lambda: RUN.to_xarray(3)),
     (ValueError, "dims", lambda: RUN.to_xarray("a")),
     (TypeError, "direction", section(direction="left")),
@@ -189,28 +181,27 @@ TABLE = [
     (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1),
      run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
      lambda: COFACTOR.subs({"x": 1}), lambda: sf.compiled.system(BODY, "0.1")),
-    (ValueError, "eps", field(lambda x, eps: (1, 2), eps=1),
-     *(lambda eps=eps: sf.compiled.system(BODY, eps) for eps in (INF, 5e-324, [[0.1], [0.2]])),
+    (ValueError, "eps", lambda: sf.compiled.system(BODY, [[0.1], [0.2]]),
+     *(lambda eps=eps: sf.compiled.system(BODY, eps) for eps in (INF, 5e-324)),
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
     (ValueError, "extent", lambda: sf.plot_phase(BODY, 10, 4),
      lambda: sf.plot_phase(BODY, 0.1, OMEGA)),
-    (TypeError, "f", field(np.sin), field(lambda x: (None, 1)), field(lambda *x: x), field(None),
+    (TypeError, "f", motion(lambda t, y: -y), field(lambda x: (None, 1)), field(lambda *x: x),
+     field(None),
      lambda: field([1, 2], [*symbols("u v")])()),
     (TypeError, "lambdify", lambda: field(lambda x: (x[0] * symbols("a"), x[1]))(),
      lambda: field(lambda x, a: (a * x[0], 1), a=symbols("a"))(),
      lambda: sf.first_integral(BODY, symbols("u v"), 0.1)),
     (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
-     field(lambda x: (x[0] * x[2], x[0])), field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2])),
+     field(lambda x: (x[0] * x[2], x[0]))),
     (TypeError, "field", lambda: sf.integrability.kahan(SMOOTH),
      lambda: sf.integrability.KahanMap(BODY, 0.1), lambda: sf.integrability.kahan(lambda x: x),
      lambda: sf.integrability.report(len)),
     (sf.NotIntegrableError, "first_integral", lambda: sf.first_integral(ND, [1, 2, 3], 0.1)),
-    (TypeError, "H", changed(HENON, H=[1.0]), hamiltonian(lambda q, p: q * p), hamiltonian(None),
+    (TypeError, "H", hamiltonian(lambda q, p: q * p), hamiltonian(None),
      hamiltonian(lambda x: (x[0], x[1]))),
-    (ValueError, "H", changed(HENON, H={**LISTS, "indices": [[0], [1], [3]]}),
-     changed(HENON, H={**LISTS, "values": [1, 2]}),
-     changed(HENON, H={**LISTS, "values": [[1e70]]}), changed(HENON, H={"values": [1.0]}),
-     hamiltonian(lambda x: x[0] ** 4)),
+    (ValueError, "equations", changed(HENON, H=[1.0]), changed(HENON, H="x1 +"),
+     changed(HENON, H=None), changed(HENON, equations=["x1"])),
     (ValueError, "I", lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]),
      lambda: SuslovND.from_mass_tensor([[1.0]]), inertia(np.eye(2)),
      inertia(np.triu(np.ones((3, 3)))), inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]),
@@ -228,9 +219,8 @@ TABLE = [
     (ValueError, "I3", body(I3=9e-51)),
     (IndexError, "index", lambda: BATCH[2]),
     (TypeError, "index", lambda: BATCH["a"]),
-    (TypeError, "indices", terms([[0.0], [0], [0]])),
-    (ValueError, "indices", changed(dimension=1), terms([[0], [0], [3]]),
-     terms([[0, 0, 0], [0, 0, 1]], [1, 1])),
+    (ValueError, "indices", changed(names=["x"]), changed(indices=[[0.5], [0], [0]]),
+     changed(indices=[[0, 0, 0], [0, 0, 1]])),
     (sf.NotIntegrableError, "invariant_density",
      lambda: sf.invariant_density(SuslovND([1, 2, 3], [1, 1, 0]), [1, 2, 3], 0.1)),
     (ValueError, "J", lambda: SuslovND([1, 0], [1, 2]), lambda: SuslovND([1, 1e61], [1, 2])),
@@ -242,11 +232,11 @@ TABLE = [
      hamiltonian(lambda x: x[0], 2, np.eye(2))),
     (ValueError, "k", rotor(k=[1, 1e-70]), changed(HENON, k=1), lambda: Suslov3D.figure(5)),
     (ValueError, "levels", lambda: sf.plot_phase(BODY, 0.2, 4, levels=0)),
-    (ValueError, "linear", terms(linear=np.eye(3)), lambda: QuadraticField([[[1]]], [1, 2]),
-     lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]),
-     lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1)))),
+    (ValueError, "linear", lambda: Field.from_terms(np.zeros((2, 2, 2)), np.eye(3)),
+     lambda: Field.from_terms([[[1]]], [1, 2]),
+     lambda: Field.from_terms([[[1]]], [[Fraction(1, 10**61)]]),
+     lambda: Field.from_terms(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1)))),
     (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
-    (TypeError, "mass", field(lambda x: (x[1], -x[0]), mass=np.eye(2))),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
     (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),
@@ -260,13 +250,11 @@ TABLE = [
     (TypeError, "ends", changed_by("x1", ends=1)),
     (ValueError, "most", section(most=0), changed_by("x1", most=0),
      changed_by("x1", ends=True, most=2)),
-    (ValueError, "n", field(lambda x, **n: (1, 2), n=1),
-     lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
+    (ValueError, "n", lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
      lambda: sf.exact(BODY, [1.0, 0.5], 0.2, [[1, 2]])),
     (TypeError, "names", field(lambda x: x, names="u v"),
-     lambda: QuadraticField([[[1]]], names=2)),
-    (ValueError, "names", lambda: QuadraticField([[[1]]], names="u v"),
-     changed(names=["u", "eps"])),
+     lambda: Field.from_terms([[[1]]], names=2)),
+    (ValueError, "names", lambda: Field.from_terms([[[1]]], names="u v")),
     (ImportError, "nothing", lambda: checks.extra("nothing.more", "large")),
     (TypeError, "omega0", run(omega0=[None, 1]), run(omega0=Tensor(None))),
     (ValueError, "omega0", run(omega0=[[1, 2], [3]]),
@@ -278,8 +266,7 @@ TABLE = [
     (TypeError, "p", field(lambda x, p: (p["k"] * x[0],), 1, p={"k": 2})),
     (TypeError, "parameters", lambda: sf.body_from_dict(json.dumps(BODY.to_dict())),
      lambda: Suslov3D.from_dict("body.json"), lambda: FAMILY.parameters.__setitem__("rho", 3)),
-    (ValueError, "parameters", changed(HENON, values=[1.0, 0.0]),
-     changed(HENON, parameters={"x": 1.0})),
+    (ValueError, "parameters", changed(HENON, parameters={"x": 1.0})),
     (TypeError, "path", lambda: RUN.save(None)),
     (ValueError, "path", lambda: RUN.save("run")),
     (ValueError, "period", orbit(period=[6.5, 6.6]), orbit(period=-6.5)),
@@ -287,12 +274,11 @@ TABLE = [
     (TypeError, "progress", run(progress=0), motion(progress=3), run(progress=dict),
      run(progress=len), run(progress=lambda: 0), run(progress=lambda done: 0)),
     (ValueError, "q", changed(q=1)),
-    (TypeError, "quadratic", lambda: QuadraticField(lambda x: x),
-     lambda: QuadraticField([[["1"]]])),
+    (TypeError, "quadratic", lambda: Field.from_terms(lambda x: x),
+     lambda: Field.from_terms([[["1"]]])),
     (ValueError, "quadratic",
-     lambda: sf.body_from_dict({"body": "QuadraticField", "quadratic": [[["1e99999999"]]]}),
-     lambda: QuadraticField([[[Decimal("1e99999999")]]]), lambda: QuadraticField(ID),
-     lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), lambda: QuadraticField([[[10**400]]])),
+     lambda: Field.from_terms([[[Decimal("1e99999999")]]]), lambda: Field.from_terms(ID),
+     lambda: Field.from_terms(np.full((2, 1, 1, 1), NAN)), lambda: Field.from_terms([[[10**400]]])),
     (ValueError, "r", lambda: FAMILY.sel(r=20)),
     (TypeError, "rho", lambda: FAMILY["rho"]),
     (KeyError, "rho", lambda: FAMILY.sel(rho=21)),
@@ -348,13 +334,12 @@ TABLE = [
      section(time=[1.0, 2.0]), section(time=NAN), exponents(time=-1.0)),
     (ValueError, "transient", section(transient=-1.0), exponents(time=1.0, transient=-1.0)),
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
-    (TypeError, "values", terms(values=["a"])),
-    (ValueError, "which", lambda: sf.Field.from_function(lambda x, which: x, 1, which=1)),
-    (ValueError, "values", changed(values=["a", 1]), terms(values=[1, 2]), terms(values=[NAN]),
-     terms(values=[1e70]), terms(values=[[1e70]]), terms(values=[[1]] * 3, constant=[[1, 2]] * 2)),
+    (ValueError, "which", lambda: sf.Field(lambda x, which: x, 1, which=1)),
+    (ValueError, "values", changed(values=["a", 1]), changed(values=[1, 2, 3]),
+     changed(values=[NAN, 1]), changed(values=[1e70, 1]), changed(values=[[1e70, 1]])),
     (TypeError, "x", lambda: FAMILY[0](0.0, [1.0]), lambda: FIELD([True, 1]),
      lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1)),
-    (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.H([1, 2, 3])),
+    (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.energy([1, 2, 3])),
     (ValueError, "x0", motion(x0=[1.0, 2.0, 3.0]), motion(FAMILY[:2], np.ones((3, 1)))),
     (ValueError, "x1", field(lambda x, **x1: (1, 2), x1=1)),
 ]  # fmt: skip
@@ -384,28 +369,28 @@ def decay(x, k):
     return (-k * x[0],)
 
 
-WAVE = sf.Field.from_function(lambda s: (-s[0] / 2 + 0 * s[1], 1.0), "x t")
-HALF = sf.Field.from_function(lambda x: (-x[0] / 2,), "x")
-PAIR = QuadraticField.from_function(lambda x: (x[1], -x[0] / 2), "u v")
+WAVE = sf.Field(lambda s: (-s[0] / 2 + 0 * s[1], 1.0), "x t")
+HALF = sf.Field(lambda x: (-x[0] / 2,), "x")
+PAIR = Field(lambda x: (x[1], -x[0] / 2), "u v")
 
 
 # First tries of users, what the error names, and the second try that it leads to, whose last
 # number is known.
 SECOND_TRIES = [
-    (lambda: sf.Field.from_function(forced, "x"),
+    (lambda: sf.Field(forced, "x"),
      r'lambda s: \(\*f\(s\[-1\], s\[:-1\]\), 1\.0\), "x t"\)',
-     lambda: sf.flow(sf.Field.from_function(lambda s: (*forced(s[-1], s[:-1]), 1.0), "x t"),
+     lambda: sf.flow(sf.Field(lambda s: (*forced(s[-1], s[:-1]), 1.0), "x t"),
                      [0.0, 1.0], time=2.0).states[..., 0], 4.0),
-    (lambda: sf.Field.from_function(lambda x, t: forced(t, x), "x"), r"pass lambda x: f\(x, 0\)",
-     lambda: sf.Field.from_function(lambda x: forced(0, x), "x")([3.0]), 0.0),
-    (lambda: sf.Field.from_function(lambda x, t: -x, "x", t=0.0), r'rate 1.*"x t"\).* x0',
+    (lambda: sf.Field(lambda x, t: forced(t, x), "x"), r"pass lambda x: f\(x, 0\)",
+     lambda: sf.Field(lambda x: forced(0, x), "x")([3.0]), 0.0),
+    (lambda: sf.Field(lambda x, t: -x, "x", t=0.0), r'rate 1.*"x t"\).* x0',
      lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).states, 7.0),
-    (lambda: sf.Field.from_function(decay, "x"), r"\bk=1\.0",
-     lambda: sf.Field.from_function(decay, "x", k=1.0)([3.0]), -3.0),
-    (lambda: sf.Field.from_function(decay, "x", kk=2.0), r"'kk', but k\b",
-     lambda: sf.Field.from_function(decay, "x", k=2.0)([3.0]), -6.0),
-    (lambda: sf.Field.from_function(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
-     lambda: sf.Field.from_function(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
+    (lambda: sf.Field(decay, "x"), r"\bk=1\.0",
+     lambda: sf.Field(decay, "x", k=1.0)([3.0]), -3.0),
+    (lambda: sf.Field(decay, "x", kk=2.0), r"'kk', but k\b",
+     lambda: sf.Field(decay, "x", k=2.0)([3.0]), -6.0),
+    (lambda: sf.Field(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
+     lambda: sf.Field(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
     (field(lambda q, p, k: (p, -k * q), "q p", k=2.0), r"lambda x, \*\*p: f\(\*x, \*\*p\)",
      lambda: field(lambda x, **p: (lambda q, p, k: (p, -k * q))(*x, **p), "q p", k=2.0)()([1.0, 0]),
      -2.0),
@@ -415,11 +400,11 @@ SECOND_TRIES = [
      lambda: field(lambda x, a: (a * x[0],), "x", a=2.0)()([3.0]), 6.0),
     (field(lambda x, k: (k[0] * x[0],), "x", k=[1.0, 2.0]), "p0=",
      lambda: field(lambda x, p0, p1: (p0 * p1 * x[0],), "x", p0=1.0, p1=2.0)()([3.0]), 6.0),
-    (lambda: sf.Field.from_function(lambda x: np.fmod(x, 0.3), 1), r"x - y\*np\.trunc",
-     lambda: sf.Field.from_function(lambda x: x - 0.3 * np.trunc(x / 0.3), 1)([-0.5]),
+    (lambda: sf.Field(lambda x: np.fmod(x, 0.3), 1), r"x - y\*np\.trunc",
+     lambda: sf.Field(lambda x: x - 0.3 * np.trunc(x / 0.3), 1)([-0.5]),
      math.fmod(-0.5, 0.3)),
-    (lambda: sf.Field.from_function(lambda x: np.linalg.solve(ID[:2, :2], x), 2), "mass=M",
-     lambda: sf.Field.from_function(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
+    (lambda: sf.Field(lambda x: np.linalg.solve(ID[:2, :2], x), 2), "mass=M",
+     lambda: sf.Field(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
     (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
      lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).states, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"changes=Change\(times=.*, to=",
@@ -443,9 +428,9 @@ SECOND_TRIES = [
      lambda: sf.flow(HALF, [3.0], time=2, derivatives=("x0",)).derivatives["x0"], math.exp(-1)),
     (lambda: SuslovND([1.0, 2, 3, 4], [0.1, 0.2, 0.3]), r"J_i = I_ii \+ I_nn.*from_mass_tensor",
      lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2, 3, 4]))[0].J, 7.0),
-    (lambda: sf.Field.from_function(lambda x, p: p[0] * x[0], "x", parameters="mu"),
+    (lambda: sf.Field(lambda x, p: p[0] * x[0], "x", parameters="mu"),
      r"each by its name, as .*lambda x, a, b: \.\.\., names, a=1\.0",
-     lambda: sf.Field.from_function(lambda x, mu: mu * x[0], "x", mu=2.0)([3.0]), 6.0),
+     lambda: sf.Field(lambda x, mu: mu * x[0], "x", mu=2.0)([3.0]), 6.0),
     (hamiltonian(lambda q, p: (p @ p + q @ q) / 4, 4), r"lambda x: H\(x\[0:2\], x\[2:4\]\)",
      lambda: hamiltonian(lambda x: (lambda q, p: (p @ p + q @ q) / 4)(x[0:2], x[2:4]), 4)()
      ([0.0, 4.0, 0, 0]), -2.0),
@@ -464,7 +449,7 @@ def test_whole_floats_are_integers():
 
 
 def test_one_variable_needs_no_brackets():
-    decay = sf.Field.from_function(lambda x: -x[0] / 2, "x")
+    decay = sf.Field(lambda x: -x[0] / 2, "x")
     assert decay == HALF
     assert (sf.flow(decay, 3.0, time=2.0).states == sf.flow(HALF, [3.0], time=2.0).states).all()
 
@@ -478,14 +463,14 @@ def test_states_by_name():
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
     assert (RUN["x2"] == RUN.states[..., 1]).all()
     assert (MOTION.final == MOTION["Omega1", "Omega2"][-1]).all()
-    pairs = sf.Field.from_function(lambda x: -x, "x1 v1 x2 v2")
+    pairs = sf.Field(lambda x: -x, "x1 v1 x2 v2")
     assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):
         PAIR({"u": 1.0, "w": 2.0})
 
 
 # Classes that users make by a call; all others are results, errors, or made by functions.
-MADE_BY_USERS = QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, sf.Change
+MADE_BY_USERS = Field, Suslov3D, SuslovGyrostat, SuslovND, sf.Change
 # Methods of the laboratory that pages mention; the others are for searches.
 IN_LABORATORY = "jacobian determinant subs symbols to_dict __call__".split()
 
@@ -529,8 +514,8 @@ NOT_ARRAYS = [
 CALLS = {
     "I1": lambda value: Suslov3D(value, 1, -0.5, -0.3),
     "J": lambda value: SuslovND([value], [1.0]),
-    "quadratic": lambda value: QuadraticField([[[value]]]),
-    "a": lambda value: QuadraticField.from_function(lambda x, a: (a,), 1, a=value),
+    "quadratic": lambda value: Field.from_terms([[[value]]]),
+    "a": lambda value: Field(lambda x, a: (a,), 1, a=value),
     "x": lambda value: FIELD([value, value]),
     "eps": lambda value: sf.iterate(BODY, OMEGA, value, 3),
     "n": lambda value: sf.exact(BODY, [1.0, 0.5], 0.2, value),
@@ -544,12 +529,13 @@ CALLS = {
 @pytest.mark.parametrize("wrap", NOT_ARRAYS)
 def test_units_and_labels_are_refused(wrap, name):
     """20 ms must never be read as 20, and labels are neither guessed nor ignored."""
+    value = wrap(20.0)
     with pytest.raises(TypeError, match=rf"\b{name}\b"):
-        CALLS[name](wrap(20.0))
+        CALLS[name](value)
 
 
 def test_errors_that_tell_of_the_mathematics_have_one_base_class():
-    blow_up = sf.QuadraticField([[[1]]])
+    blow_up = sf.Field.from_terms([[[1]]])
     body = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
     for call, kind in (
         (lambda: sf.iterate(blow_up, [1.0], 1.0, 3, on_singular="raise"), sf.SingularStepError),

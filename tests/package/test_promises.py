@@ -17,7 +17,7 @@ from samples import POLES, random_bodies
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast.bodies.fields.field_of_terms import H_INDICES, INDICES, MATRIX
+from suslov_fast.bodies.fields.field import INDICES
 from suslov_fast.core.compiling import numba as compiling
 from suslov_fast.engine import stretches, threads
 from suslov_fast.maps import MAPS
@@ -25,7 +25,7 @@ from suslov_fast.maps.base import Method
 from suslov_fast.quantities.evaluation import evaluate
 from suslov_fast.runs import solution
 
-SHARED = INDICES, H_INDICES, MATRIX  # parts that all members of a family of fields share
+SHARED = (INDICES,)  # parts that all members of a family of fields share
 LANES = 128
 SIZE, STEPS = LANES + 13, 12
 
@@ -420,7 +420,7 @@ def test_units_and_inverse(rng, kind):
         for unit in (1e-30, 3.7, 1e25):
             found = sf.step(body, omega * unit, eps / unit) / unit
             np.testing.assert_allclose(found, there, rtol=1e-12, atol=1e-13)
-    field = sf.QuadraticField.of(body)
+    field = body.field()
     np.testing.assert_allclose(sf.step(field, omega, eps), there, rtol=1e-11, atol=1e-12)
 
 
@@ -450,7 +450,7 @@ def test_three_dimensions_are_n_dimensions(rng):
     np.testing.assert_allclose(-found[..., 1], expected[..., 0], rtol=1e-11, atol=1e-12)
 
 
-PREY = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+PREY = sf.Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
 STILL = [
     (sf.Suslov3D(2, 3, 0, 0), [[0.3, -0.7], [0.0, 0.0]], 0.5),
     (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.3, -0.7], [0.0, 0.0]], 0.0),
@@ -460,7 +460,7 @@ STILL = [
     (sf.SuslovND([1.0, 2.0, 3.0], [0.0] * 3), [0.3, 0.9, -0.6], 0.3),
     (sf.SuslovND([2.0] * 3, [0.0, 0.7, 0.0]), [0.0, -0.3, 0.0], 0.3),
     (sf.SuslovND([3.0], [0.7]), [[0.3], [-5.0]], 0.2),
-    (sf.QuadraticField([[[1]]], [[-1]]), [[0.0], [1.0]], 0.5),
+    (sf.Field.from_terms([[[1]]], [[-1]]), [[0.0], [1.0]], 0.5),
     (PREY, [[1.0, 1.0], [0.0, 0.0]], 0.3),
 ]
 
@@ -471,7 +471,7 @@ def test_states_at_rest_keep_their_bits(body, omega, eps):
     assert run.ok.all()
     assert (run.states == omega).all()
     assert (sf.step(body, omega, eps) == omega).all()
-    solved = not isinstance(body, sf.QuadraticField)
+    solved = not isinstance(body, sf.Field)
     if solved and not (isinstance(body, sf.SuslovND) and np.ptp(body.J)):
         assert (sf.exact(body, omega, eps, [-(10**12), 7, 10**12]) == omega).all()
         if np.all(eps):

@@ -15,7 +15,7 @@ import children
 import pytest
 
 import suslov_fast
-from suslov_fast.bodies.fields.names import clash
+from suslov_fast.bodies.fields.names import check_for_map, clash
 
 PACKAGE = Path(suslov_fast.__file__).parent
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
@@ -78,18 +78,18 @@ def defining(name):
 ARROWS = {
     "core": "",
     "words": "",
-    "checks": "core words",
+    "checks": "core",
     "keywords": "words",
     "errors": "",
     "versions": "keywords",
     "bodies": "core words checks keywords errors",
-    "engine": "core checks keywords bodies",
-    "maps": "core words checks bodies engine",
-    "quantities": "core checks keywords bodies engine maps",
+    "engine": "core checks bodies",
+    "maps": "core checks bodies engine",
+    "quantities": "checks keywords bodies engine maps",
     "space": "checks keywords bodies maps",
     "runs": "core words checks keywords errors bodies engine maps quantities",
     "plots": "checks keywords bodies engine maps quantities runs",
-    "integrability": "words checks keywords bodies",
+    "integrability": "checks keywords bodies",
     "compiled": "core checks keywords bodies maps",
     "command": "words bodies runs plots integrability",
     "__main__": "command",
@@ -283,13 +283,17 @@ def test_files_that_workflows_name_exist():
 
 
 def test_names_of_datasets_are_no_parameters_of_fields():
-    field = suslov_fast.QuadraticField([[[1.0]]])
+    field = suslov_fast.Field.from_terms([[[1.0]]])
     run = suslov_fast.iterate(field, [0.1], 0.1, 1)
     points = suslov_fast.crossings(field, [0.1], "x1", time=0.1)
     motion = suslov_fast.flow(field, [0.1], time=[0.0, 0.5])
-    for data in (run.to_xarray(), points.to_xarray(), motion.to_xarray()):
+    for data in (points.to_xarray(), motion.to_xarray()):
         assert [name for name in (*data.variables, *data.dims) if not clash(name, ())] == []
-    assert [clash(name, (), has_map=False) for name in motion.to_xarray().variables].count("") == 0
+    data = run.to_xarray()
+    for name in {*data.variables, *data.dims}:
+        if not clash(name, ()):
+            with pytest.raises(ValueError, match=f"'{name}' clashes"):
+                check_for_map((), [name])
     for name in "a rho f H K J I omega state names energy body table about".split():
         assert not clash(name, ())
 

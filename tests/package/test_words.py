@@ -10,12 +10,12 @@ import sympy
 from scipy.interpolate import CubicSpline
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, Suslov3D, flow, integrability
+from suslov_fast import Field, Suslov3D, flow, integrability
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
-PENDULUM = Field.from_function(lambda x, k: (x[1], -k * np.sin(x[0])), "q p", k=1.0)
-QUADRATIC = QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
-FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
+PENDULUM = Field(lambda x, k: (x[1], -k * np.sin(x[0])), "q p", k=1.0)
+QUADRATIC = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
+FAMILY = Field(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 RUN = sf.iterate(QUADRATIC, [0.1, 0.2], 0.1, 1)
 OF_FAMILY = sf.iterate(FAMILY, [1.0], 0.1, 1)
 MOTION, OF_BODY = (flow(each, [1.0, 0.5], time=[0.0, 1.0]) for each in (PENDULUM, BODY))
@@ -35,7 +35,7 @@ ROWS = [
     ("sf.lyapunov | from suslov_fast import lyapunov", "lyapunov_exponents"),
     ("sf.exact_ | sf.exactt", "exact"),
     ("sf.from_inertia", r"Suslov3D\.from_inertia"),
-    ("sf.from_function", r"Field\.from_function"),
+    ("sf.from_function", r"Field\(f, names\)"),
     ("sf.Crossings | sf.Changes", "Events"),
     ("sf.RandomStarts", r"default_rng\(seed\)"),
     ("sf.steady_states | Suslov3D.steady_states | BODY.steady_states", r"near=|equilibria"),
@@ -47,7 +47,7 @@ ROWS = [
     ("flow(PENDULUM, [1, 0], method=1)", "stiff"),
     ("flow(PENDULUM, y0=1 | u0=1 | x0=1 | omega0=1)", "second argument, x0"),
     ("sf.iterate(BODY, omega0=1, eps=1, steps=1)", "second argument, x0"),
-    ("flow(PENDULUM, [1, 0], args=1 | p=1)", r"from_function\(f, names, a=1\)"),
+    ("flow(PENDULUM, [1, 0], args=1 | p=1)", r"Field\(f, names, a=1\)"),
     ("flow(PENDULUM, [1, 0], k=1)", "with_parameters"),
     ("sf.iterate(QUADRATIC, [1, 0], 0.1, 9, rho=1)", "with_parameters"),
     ("flow(PENDULUM, [1, 0], events=1 | terminal=1 | dose_times=1 | affect=1)", r"Change\("),
@@ -87,20 +87,20 @@ ROWS = [
     ("QUADRATIC.integrals", r"report\(field\)"),
     ("Field.from_nambu", "the product of two gradients"),
     # functions of users
-    ("Field.from_function(lambda t, y: (y[1], -y[0]), 'q p')", r"rate 1.*1\.0\), \"q p t\""),
-    ("Field.from_function(lambda x: math.sin(x[0]), 'x')", r"np\.sin"),
-    ("Field.from_function(lambda x: 1 if x[0] > 0 else 2, 'x')", r"np\.where"),
-    ("Field.from_function(lambda x: float(x[0]), 'x')", r"x for float\(x\)"),
-    ("Field.from_function(in_zeros, 3)", r"np\.zeros_like\(x\)"),
-    ("Field.from_function(lambda x: x + np.ones((2, 1)) * x[0], 2)",
+    ("Field(lambda t, y: (y[1], -y[0]), 'q p')", r"rate 1.*1\.0\), \"q p t\""),
+    ("Field(lambda x: math.sin(x[0]), 'x')", r"np\.sin"),
+    ("Field(lambda x: 1 if x[0] > 0 else 2, 'x')", r"np\.where"),
+    ("Field(lambda x: float(x[0]), 'x')", r"x for float\(x\)"),
+    ("Field(in_zeros, 3)", r"np\.zeros_like\(x\)"),
+    ("Field(lambda x: x + np.ones((2, 1)) * x[0], 2)",
      r"shape \(2, 2\).*write B\[:, 0\]"),
-    ("Field.from_function(lambda x, A: A @ x, 2, A=np.eye(2))",
+    ("Field(lambda x, A: A @ x, 2, A=np.eye(2))",
      "leave a matrix out of the parameters"),
-    ("Field.from_function(lambda x, *p: p[0] * x, 2, p=(1, 2))", "parameters have names"),
-    ("Field.from_function(np.gradient, 5)", r"x\[2:\] - x\[:-2\]"),
-    ("Field.from_function(lambda x: CubicSpline([0, 1, 2], [0, 1, 0])(x[0]), 1)",
+    ("Field(lambda x, *p: p[0] * x, 2, p=(1, 2))", "parameters have names"),
+    ("Field(np.gradient, 5)", r"x\[2:\] - x\[:-2\]"),
+    ("Field(lambda x: CubicSpline([0, 1, 2], [0, 1, 0])(x[0]), 1)",
      r"np\.interp for a table, of a fine one"),
-    ("Field.from_function(lambda x: np.searchsorted([0, 1], x), 1)", r"np\.where|np\.interp"),
+    ("Field(lambda x: np.searchsorted([0, 1], x), 1)", r"np\.where|np\.interp"),
     # the laboratory
     ("sf.modified_energy(BODY, sympy.symbols('u v'), 0.1)", r"report\(system\)\.integrals"),
     ("integrability.invariant_measure | integrability.density", r"report\(field\)\.measures"),

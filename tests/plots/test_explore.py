@@ -28,7 +28,7 @@ def rates(x, friction):
 
 
 def pendulum(friction):
-    return sf.Field.from_function(rates, "angle velocity", friction=friction)
+    return sf.Field(rates, "angle velocity", friction=friction)
 
 
 def page_of(monkeypatch, *arguments, **options):
@@ -88,7 +88,7 @@ def test_vectors_of_parameters_and_many_variables(monkeypatch):
     changed = sf.SuslovND(J=[1.3, 2.5, 3.7], I=[0.4, -0.7, 0.4])
     run = sf.iterate(changed, [1.0, 1 / 2, 1 / 3], 0.2, 500)
     check(document, run.states[:, :2], run.time)
-    chain = sf.Field.from_function(lambda x: np.roll(x, 1) - x, 25)
+    chain = sf.Field(lambda x: np.roll(x, 1) - x, 25)
     document, sliders = page_of(monkeypatch, chain, np.arange(25.0), time=1.0)
     assert len(sliders) == 1 + 20
     times = np.linspace(0.0, 1.0, 2001)
@@ -98,7 +98,7 @@ def test_vectors_of_parameters_and_many_variables(monkeypatch):
 
 def test_failures_are_a_line_of_text(monkeypatch):
     """A solution that ends shows states up to there, and a system that cannot be made none."""
-    field = sf.Field.from_function(lambda x, a: (a * x[0] ** 3,), "x", a=1.0)
+    field = sf.Field(lambda x, a: (a * x[0] ** 3,), "x", a=1.0)
     document, sliders = page_of(monkeypatch, field, [0.5], time=1.0)
     sliders["a"].value, sliders["time"].value = 2.0, 2.0
     shown = document.get_model_by_name("states").data

@@ -71,12 +71,12 @@ def test_axes_are_taken_and_returned():
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it
 
 
-FAMILY = sf.QuadraticField.from_function(lorenz, 3, rho=np.linspace(20, 28, 9))
+FAMILY = sf.Field(lorenz, 3, rho=np.linspace(20, 28, 9))
 
 
 # ------------------------------------------------------------------ time, space, colours, titles
 def saddle(count):
-    field = sf.QuadraticField.from_hamiltonian(
+    field = sf.Field.from_hamiltonian(
         lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1], "x y px py"
     )
     starts = np.random.default_rng(0).uniform(-0.2, 0.2, (count, 4))

@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, equilibria
+from suslov_fast import Field, equilibria
 
 
 def _near(f, near, **parameters):
-    return equilibria(sf.Field.from_function(f, np.shape(near)[-1], **parameters), near=near)
+    return equilibria(sf.Field(f, np.shape(near)[-1], **parameters), near=near)
 
 
 TORQUES = np.array([0.0, 0.3, 0.6, 1.0, 1.2])
@@ -147,7 +147,7 @@ def test_random_networks_keep_their_totals(seeds):
     stable = 0
     for seed in seeds:
         n, f, stoichiometry, x0 = _network(np.random.default_rng(seed))
-        found = equilibria(Field.from_function(f, n), near=x0)
+        found = equilibria(Field(f, n), near=x0)
         left = np.linalg.svd(stoichiometry.T)[2][np.linalg.matrix_rank(stoichiometry) :]
         assert abs(left @ (found.states - x0)).max(initial=0.0) < 1e-12, seed
         assert abs(np.array(f(found.states))).max() < 1e-12, seed
@@ -163,7 +163,7 @@ def test_equilibria_that_newton_reaches_from_afar():
     np.testing.assert_allclose(found.states[:, 0], [0, 0, 0, 0, np.nan], atol=1e-15)
     assert found.status.tolist() == [0, 0, 0, 0, sf.Status.NONFINITE]
     assert _near(lambda x: (np.log(x[0]),), [20.0]).states.tolist() == [1.0]
-    lorenz = QuadraticField.from_function(
+    lorenz = Field(
         lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]), 3
     )
     starts = np.random.default_rng(0).normal(size=(30, 3)) * 20

@@ -41,11 +41,11 @@ def test_at_poles_and_missing_states(body, unit):
     assert sf.multipliers(unit, [0.0, -2.0], 1.0).tolist() == [np.inf, 1.0]
     assert sf.multipliers(sf.SuslovND([2.0], [1.0]), [3.0], 1.0) == 1.0
     assert sf.multipliers(sf.SuslovND([2, 3, 4], [0, 0, 0]), [3.0, 1, 2], 1.0).tolist() == [1] * 3
-    square = sf.QuadraticField([[[1]]], constant=[-1])
+    square = sf.Field.from_terms([[[1]]], constant=[-1])
     found = sf.multipliers(square, [[1.0], [np.nan], [-1.0]], 1.0)
     np.testing.assert_array_equal(found, [[np.inf], [np.nan], [0.0]])
     assert np.isnan(sf.multipliers(body, [0.6, np.nan], 0.2)).all()
-    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0], -x[1]), 2, a=[1.0, 3.0])
+    family = sf.Field(lambda x, a: (a * x[0], -x[1]), 2, a=[1.0, 3.0])
     np.testing.assert_allclose(sf.multipliers(family, [0.0, 0.0], 0.5)[:, 0], [5 / 3, 7])
 
 
@@ -83,9 +83,7 @@ def test_a_wide_spread_of_moments(rng):
 
 def test_points_that_a_solver_found_are_fixed():
     """scipy.optimize.root returns them off a component that is 0, where f has one term."""
-    field = sf.QuadraticField.from_function(
-        lambda x: (x[0] - x[0] ** 2 - x[0] * x[1], x[1] * (x[0] - 3)), 2
-    )
+    field = sf.Field(lambda x: (x[0] - x[0] ** 2 - x[0] * x[1], x[1] * (x[0] - 3)), 2)
     exact = sf.multipliers(field, [1.0, 0.0], 0.1)
     for x in ([1.0, -8e-15], [1.0 + 3e-13, 1e-12]):
         np.testing.assert_allclose(sf.multipliers(field, x, 0.1), exact, rtol=1e-11)

@@ -129,7 +129,7 @@ def test_densities_are_those_of_invariant_measures(rng, body):
 def test_a_density_where_a_pivot_is_small():
     """For eps = 1 the matrix A is [[0, -1], [-1, 2]]; its determinant is 1 - 2 eps**2."""
     H = lambda x: 2 * x[0] * x[1] + x[1] ** 2 - x[0] ** 2  # noqa: E731
-    field, eps = sf.QuadraticField.from_hamiltonian(H, 2), np.array([1, 1 - 2.0**-29, 0.5, -0.25])
+    field, eps = sf.Field.from_hamiltonian(H, 2), np.array([1, 1 - 2.0**-29, 0.5, -0.25])
     for some in (eps, eps[2:0:-1], eps[1]):
         density = sf.invariant_density(field, [0.25, -3.0], some)
         np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
@@ -150,11 +150,11 @@ def test_special_cases(body, unit):
     assert (sf.jacobian(still, [1, 2], 0.3) == np.eye(2)).all()
     far_apart = sf.SuslovND([0.6, 1.2, 0.8], [-0.95, 0.0, 0.0])  # terms in A that cancel
     assert sf.matrix(far_apart, [-0.86, -1e-12, 7e-6], 6e8)[0, 0] == 1
-    constant = sf.QuadraticField(np.zeros((2, 2, 2)), constant=[1, 2])
+    constant = sf.Field.from_terms(np.zeros((2, 2, 2)), constant=[1, 2])
     assert sf.vector_field(constant, [[5.0, 6.0]]).tolist() == [[1, 2]]
     for function, eps in ((sf.vector_field, ()), (sf.matrix, (0.1,)), (sf.jacobian, (0.1,))):
         assert np.isnan(function(constant, [[np.nan, 6.0]], *eps)).all()
-    assert sf.vector_field(sf.QuadraticField(np.zeros((2, 2, 2))), [5.0, 6.0]).tolist() == [0, 0]
+    assert sf.vector_field(sf.Field.from_terms(np.zeros((2, 2, 2))), [5.0, 6.0]).tolist() == [0, 0]
 
 
 def test_out_of_range_there_is_a_warning_and_no_number(body):
@@ -289,7 +289,7 @@ def test_poles_are_counted(rng, name, m):
 
 def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
     """Between parts Ctrl-C is heard: a family, step sizes along another axis, states that fail."""
-    family = sf.QuadraticField.from_function(
+    family = sf.Field(
         lambda x, a: (x[1] - a * x[0] ** 2, x[0] * x[1] - a), 2, a=np.linspace(1.0, 2.0, 5)[:, None]
     )
     bodies = sf.Suslov3D(4, 1, np.linspace(-0.5, 0.5, 5)[:, None], -0.3)

@@ -9,9 +9,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import Change, Field, flow
 
-PK = Field.from_function(
-    lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood", k=1.0, dose=100.0
-)
+PK = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood", k=1.0, dose=100.0)
 DOSES = Change(times=[0.0, 24.0, np.nan], to=lambda x, dose: (x[0] + dose, x[1]))
 SHARED = Change(
     lambda x, k: k * np.exp(x[1]) - np.exp(x[1]) ** 2 - 1,
@@ -126,7 +124,7 @@ def test_a_change_serves_several_systems():
     """It is traced for the names of each, and `changes` takes one or a list."""
     double = Change(times=1.0, to=lambda x: 2 * x)
     for dimension in (1, 2, 3):
-        still = Field.from_function(lambda x: 0 * x, dimension)
+        still = Field(lambda x: 0 * x, dimension)
         for given in (double, [double], (double,)):
             motion = flow(still, np.ones(dimension), time=2.0, changes=given)
             assert motion.states.tolist() == [[2.0] * dimension]
@@ -146,7 +144,7 @@ def tripled(c):
 
 def test_functions_have_the_values_of_names_when_the_change_was_made():
     """In comprehensions, in loops, and in functions that they call."""
-    body = Field.from_function(lambda c: (-0.1 * c[0],), "c")
+    body = Field(lambda c: (-0.1 * c[0],), "c")
     pairs = [*zip([0, 8, 16], [100, 50, 70], strict=True)]
     doses = [Change(times=[t], to=lambda c: c + a) for t, a in pairs]  # noqa: B023
     right = sum(a * np.exp(-0.1 * (24 - t)) for t, a in pairs)
@@ -159,7 +157,7 @@ def test_functions_have_the_values_of_names_when_the_change_was_made():
 
 
 def test_names_of_a_surface_and_of_what_it_calls(monkeypatch):
-    clock = Field.from_function(lambda x: (1.0,), "t")
+    clock = Field(lambda x: (1.0,), "t")
     change = Change(lambda x: tripled(x[0]) - 6, direction=1)
     monkeypatch.setitem(globals(), "RATE", 1.0)
     np.testing.assert_allclose(flow(clock, [0.0], time=9.0, changes=change).changes.time, [2.0])

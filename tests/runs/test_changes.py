@@ -7,7 +7,6 @@ from children import TWO_THREADS
 from suslov_fast import (
     Change,
     Field,
-    QuadraticField,
     Status,
     Suslov3D,
     crossings,
@@ -15,8 +14,8 @@ from suslov_fast import (
     periodic_orbit,
 )
 
-DECAY = Field.from_function(lambda x: (-x[0],), "x")
-GUT = Field.from_function(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",
+DECAY = Field(lambda x: (-x[0],), "x")
+GUT = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",
                           k=1.0, dose=100.0)  # fmt: skip
 DOSE = {"to": lambda x, dose: (x[0] + dose, x[1])}
 
@@ -93,20 +92,23 @@ def test_time_0_alone():
 
 @pytest.mark.parametrize("times", [[0.0, 1.0], [1.0, 0.0]])
 def test_a_start_without_a_value_is_the_state_at_time_0(times):
-    root = Field.from_function(lambda x: (np.sqrt(x[0]),), "x")
+    root = Field(lambda x: (np.sqrt(x[0]),), "x")
     with pytest.warns(RuntimeWarning, match="no value"):
         motion = flow(root, [-1.0], time=times, changes=Change(times=[0.5], to=lambda x: (4.0,)))
     np.testing.assert_array_equal(motion.states[:, 0], np.where(times, np.nan, -1.0))
 
 
 def test_other_systems():
-    """Quadratic fields have lists for changes, and bodies take steps."""
+    """Fields by terms have lists for changes, and bodies take steps."""
 
     def f(x, a):
         return a * x[0] * x[1], 1 - x[1]
 
-    change = Change(times=[1], to=lambda x, a: (x[0] * a, 0))
-    own = (each.from_function(f, "u v", a=[1.0, 2.0]) for each in (Field, QuadraticField))
+    change = Change(times=[1], to=lambda x: (x[0] / 2, 0))
+    product = np.zeros((2, 2, 2, 2))
+    product[:, 0, 0, 1] = [1.0, 2.0]
+    by_terms = Field.from_terms(product, [[0, 0], [0, -1]], [0, 1], "u v")
+    own = Field(f, "u v", a=[1.0, 2.0]), by_terms
     first, second = (flow(each, [1.0, 0.5], time=2.0, changes=change).states for each in own)
     np.testing.assert_allclose(first, second, rtol=1e-14)
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
@@ -120,10 +122,10 @@ def test_other_systems():
 
 
 # ----------------------------------------------------------------------------------- surfaces
-BALL = Field.from_function(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+BALL = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
 BOUNCE = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
 FALL = np.sqrt(2.0 / 9.81)  # the time from height 1
-CLOCK = Field.from_function(lambda x: (1.0, 0.0), "t n")
+CLOCK = Field(lambda x: (1.0, 0.0), "t n")
 
 
 def height(e, t):
@@ -157,7 +159,7 @@ def test_balls_that_come_to_rest(e):
 def test_spikes():
     """Of leaky neurons, whose period is log(I / (I - 1))."""
     current = np.linspace(1.2, 3.0, 5)
-    neuron = Field.from_function(lambda x, I: (I - x[0],), "v", I=current)
+    neuron = Field(lambda x, I: (I - x[0],), "v", I=current)
     spike = Change(lambda x: x[0] - 1, direction="up", to=lambda x: (0,))
     found = flow(neuron, [0.0], time=20.0, changes=spike).changes
     period = np.log(current / (current - 1.0))
@@ -174,7 +176,7 @@ def test_a_start_on_a_surface_is_no_change(v, direction, times):
     change = Change("h", direction=direction, to=BOUNCE.to)
     found = flow(BALL, [0.0, v], time=0.3, changes=change).changes
     np.testing.assert_allclose(found.time, times, atol=1e-7)
-    slow = Field.from_function(lambda x, e: (v * 1e-4, 0.0), "h v", e=0.9)
+    slow = Field(lambda x, e: (v * 1e-4, 0.0), "h v", e=0.9)
     assert len(flow(slow, [0.0, 0.0], time=0.3, changes=change).changes.states) == 0
 
 
@@ -190,7 +192,7 @@ def test_order_at_surfaces():
 
 
 def test_a_dose_over_a_threshold_acts_at_once():
-    rest = Field.from_function(lambda x: (-x[0], 0.0), "x n")
+    rest = Field(lambda x: (-x[0], 0.0), "x n")
     spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0.5, x[1] + 1))
     dose = Change(times=[0.0, 1.0], to=lambda x: (x[0] + 2, x[1]))
     motion = flow(rest, [0.0, 0.0], time=1.0, changes=[spike, dose])
@@ -225,7 +227,7 @@ def test_surfaces_and_new_states_with_conditions():
 @pytest.mark.parametrize("to", [None, lambda s: s])
 def test_surfaces_that_jump(surface, direction, times, to):
     """Also against their rate, and from 0 at the start, which is no change."""
-    falls = Field.from_function(lambda s: (-1.0, 1.0), "x t")
+    falls = Field(lambda s: (-1.0, 1.0), "x t")
     change = Change(surface, direction=direction, to=to)
     motion = flow(falls, [3.0, 0.0], time=8.6, changes=change, max_step=0.5)
     np.testing.assert_allclose(motion.changes.time, times, atol=1e-9)
@@ -236,7 +238,7 @@ def test_surfaces_that_jump(surface, direction, times, to):
                                lambda x: np.interp(x, [-3, -2, 2, 3], [-1, -1, 1, 1])])  # fmt: skip
 def test_changes_over_surfaces_of_f(f):
     """A state that changes over a jump or a kink of f goes on with the other choice."""
-    switched = Field.from_function(lambda x: (-f(x[0]), 0.0), "x n")
+    switched = Field(lambda x: (-f(x[0]), 0.0), "x n")
     turn = Change(lambda x: np.abs(x[0]) - 4, direction=-1, to=lambda x: (-x[0] - 1, x[1] + 1))
     motion = flow(switched, [4.5, 0.0], time=[0.25, 1.0], changes=turn)
     np.testing.assert_allclose(motion.states, [[4.25, 0.0], [-4.5, 1.0]], rtol=1e-9)
@@ -267,7 +269,7 @@ def test_endless_changes_at_one_instant():
 def test_many_that_act_once_within_an_instant_go_on(apart):
     """Seventy neurons in step spike four times, ln 3 apart."""
     N = range(70)
-    cells = Field.from_function(lambda v: tuple(1.5 - v[k] for k in N), [f"v{k}" for k in N])
+    cells = Field(lambda v: tuple(1.5 - v[k] for k in N), [f"v{k}" for k in N])
 
     def fires(k):
         to = tuple("0" if j == k else f"v{j}" for j in N)
@@ -285,9 +287,7 @@ def test_two_tanks_with_one_tap(rtol, rng):
     out = rng.uniform(0.5, 1.0, (2, 40))
     tap = out.max(axis=0) + rng.uniform(0.05, 0.9, 40) * out.min(axis=0)
     values = {"a": out[0], "b": out[1], "w": tap}
-    tanks = Field.from_function(
-        lambda s, a, b, w: (w * s[2] - a, w * (1 - s[2]) - b, 0.0), "x y first", **values
-    )
+    tanks = Field(lambda s, a, b, w: (w * s[2] - a, w * (1 - s[2]) - b, 0.0), "x y first", **values)
     turns = [Change(s, direction=-1, to=("x", "y", q)) for s, q in (("x", 1), ("y", 0))]
     full = rng.uniform(0.5, 2.0, (40, 2))
     motion = flow(tanks, np.c_[full, np.ones(40)], time=1000.0, changes=turns, rtol=rtol)
@@ -331,7 +331,7 @@ def test_derivatives_of_spikes_by_the_current_and_the_threshold():
         period = np.log(I / (I - threshold))
         return I * (1.0 - np.exp(np.floor(np.real(7.3 / period)) * period - 7.3))
 
-    neuron = Field.from_function(lambda x, I, threshold: (I - x[0],), "v", I=1.5, threshold=1.0)
+    neuron = Field(lambda x, I, threshold: (I - x[0],), "v", I=1.5, threshold=1.0)
     spike = Change(lambda x, threshold: x[0] - threshold, direction=1, to=lambda x: (0,))
     motion = flow(neuron, [0.0], time=7.3, changes=spike, derivatives=("I", "threshold"))
     found = [motion.derivatives[name][0, 0] for name in ("I", "threshold")]
@@ -353,7 +353,7 @@ def test_derivatives_of_doses_at_time_0_and_later():
 
 def test_a_second_change_at_an_instant_has_the_time_of_the_first():
     """A crossing makes the clock cross another surface: its columns move with the first one."""
-    clock = Field.from_function(lambda x, a: (1.0 + 0.5 * x[1], 0.0), "t r", a=1.0)
+    clock = Field(lambda x, a: (1.0 + 0.5 * x[1], 0.0), "t r", a=1.0)
     changes = [
         Change(lambda x, a: x[0] - a, direction=1, to=lambda x: (x[0] + 1, 1)),
         Change(lambda x: x[0] - 1.5, direction=1, to=lambda x: (2 * x[0], 3 * x[1])),
@@ -367,7 +367,7 @@ def test_a_second_change_at_an_instant_has_the_time_of_the_first():
 
 def test_derivatives_where_f_jumps_at_a_change():
     """Friction and a bounce: f has the other sign after it."""
-    f = Field.from_function(lambda x, mu: (x[1], -1 - mu * np.sign(x[1])), "h v", mu=0.25)
+    f = Field(lambda x, mu: (x[1], -1 - mu * np.sign(x[1])), "h v", mu=0.25)
     bounce = Change("h", direction=-1, to=lambda x: (x[0], -x[1]))
 
     def state(h, mu):  # at t = 3: falls with 1 - mu, and rises with 1 + mu
@@ -390,7 +390,7 @@ def test_a_dose_over_a_section_is_recorded():
 
 @pytest.mark.parametrize(("start", "period"), [([0.0, 0.5], 1.0), ([0.3, 1.5], None)])
 def test_spiking_cycles(start, period):
-    f = Field.from_function(lambda x, I, a: (I - x[0], -a * x[1]), "v w", I=1.5, a=0.3)
+    f = Field(lambda x, I, a: (I - x[0], -a * x[1]), "v w", I=1.5, a=0.3)
     spike = Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
     orbit = periodic_orbit(f, start, period, changes=spike)
     T = np.log(3.0)
@@ -420,7 +420,7 @@ def test_the_simplest_walker():
         c = np.cos(2 * s[0])
         return -s[0], -2 * s[0], c * s[2], c * (1 - c) * s[2]
 
-    field = Field.from_function(legs, "theta phi u v")
+    field = Field(legs, "theta phi u v")
     strike = Change(lambda s: s[1] - 2 * s[0], direction=1, to=step)
     orbit = periodic_orbit(field, [0.2, 0.4, -0.2, -0.02], changes=strike)
     found = flow(field, orbit.state, time=orbit.period, changes=strike).changes.states
@@ -437,7 +437,7 @@ def test_a_ball_on_a_vibrating_table():
     e, T = 0.5, 2 * np.pi
     of_cos, of_sin = T / 2 * (1 - e) / (1 + e), 1.5 / (1 + e) ** 2
     A, p = np.hypot(of_cos, of_sin), np.arctan2(of_sin, of_cos)
-    ball = Field.from_function(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
     hit = Change(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
                  to=lambda s, A: (s[0], -e * s[1] + (1 + e) * A * np.cos(s[2]), s[2]))  # fmt: skip
     start = [A * np.sin(p) + T**2 / 8 + 0.01, 0.01, p + T / 2]
@@ -456,7 +456,7 @@ def test_a_ball_on_a_vibrating_table():
 @pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
 def test_balls_that_come_to_rest_on_a_vibrating_table():
     """The height above it is rounding long before 12 bounces follow one another at once."""
-    ball = Field.from_function(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
     hit = Change(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
                  to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
     motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, changes=hit)
@@ -472,7 +472,7 @@ def test_balls_that_come_to_rest_on_a_vibrating_table():
 
 def test_a_change_at_a_knot_of_f():
     """From there a step ends on the knot, so near that the state does not move."""
-    spring = Field.from_function(lambda s: (s[1], np.interp(s[0], [-1, 0.4, 1], [1, 0, -2])), "x v")
+    spring = Field(lambda s: (s[1], np.interp(s[0], [-1, 0.4, 1], [1, 0, -2])), "x v")
     bounce = Change(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
     motion = flow(spring, [0.4, -0.5], time=2.0, changes=bounce)
     np.testing.assert_allclose(
@@ -483,9 +483,7 @@ def test_a_change_at_a_knot_of_f():
 @pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
 def test_bounces_that_accumulate_away_from_0():
     """There the state does not move any more while its value on the surface is not 0."""
-    push = Field.from_function(
-        lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2
-    )
+    push = Field(lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2)
     bounce = Change(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
     starts = np.random.default_rng(1).normal(size=(20, 2))
     motion = flow(push, starts, time=10.0, changes=bounce)

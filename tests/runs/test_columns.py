@@ -32,7 +32,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
         run = sf.iterate(PREY, STARTS, 0.1, 60, save_every=20, on_singular="ignore")
         assert (run.first_pole >= 0).any()
     else:
-        escaping = sf.QuadraticField.from_function(lambda x: (x[0] ** 2, -x[1]), "x y")
+        escaping = sf.Field(lambda x: (x[0] ** 2, -x[1]), "x y")
         with pytest.warns(sf.PoleWarning):
             run = sf.flow(escaping, STARTS, time=[2.0, 0.0, 6.0])
     assert (run.status < 0).any()

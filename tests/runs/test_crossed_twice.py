@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 import suslov_fast as sf
 
-field = sf.Field.from_function
+field = sf.Field
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from children import TWO_THREADS
 from series import solution_and_derivatives
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, flow, lyapunov_exponents
+from suslov_fast import Field, flow, lyapunov_exponents
 
 
 def _of(name):
@@ -100,7 +100,7 @@ WANTED = json.loads((Path(__file__).parents[1] / "data" / "derivatives.json").re
 def errors(name, rtol, **options):
     """Return the largest errors of states, and of derivatives by starts and by parameters."""
     f, x, time, _, parameters = (CASES | STIFF)[name]
-    field, wanted = Field.from_function(f, len(x), **parameters), WANTED[name]
+    field, wanted = Field(f, len(x), **parameters), WANTED[name]
     by = ["x0", *parameters]
     motion = flow(field, x, time=time, rtol=rtol, derivatives=by, **options)
     found = {"x": motion.states[0]} | {each: motion.derivatives[each][0] for each in by}
@@ -131,7 +131,7 @@ def test_stiff_equations_against_series(name, stiff):
     ],
 )
 def test_stiff_derivatives_take_about_the_steps_of_states(f, start, time, parameters):
-    field = Field.from_function(f, len(start), **parameters)
+    field = Field(f, len(start), **parameters)
     for rtol, factor in ((1e-6, 1.6), (1e-8, 2.2)):
         states, columns = (
             flow(field, start, time=time, rtol=rtol, derivatives=by)
@@ -156,7 +156,7 @@ def test_the_series():
         np.testing.assert_allclose(value, WANTED["pendulum"][key], rtol=1e-14, atol=0)
 
 
-PREDATORS = Field.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)
+PREDATORS = Field(predators, "u v", a=[1.0, 1.5], b=0.8)
 
 
 def test_batches_and_families(rng):
@@ -181,7 +181,7 @@ def test_batches_and_families(rng):
 
 
 def test_quadratic_fields_keep_their_function():
-    quadratic = QuadraticField.from_function(predators, "u v", a=[1.0, 1.5], b=0.8)
+    quadratic = Field(predators, "u v", a=[1.0, 1.5], b=0.8)
     own, other = (
         flow(field, [1.0, 2.0], time=3.0, derivatives=("x0", "a"))
         for field in (quadratic, PREDATORS)
@@ -190,7 +190,7 @@ def test_quadratic_fields_keep_their_function():
     terms = flow(quadratic[1], [1.0, 2.0], time=3.0, derivatives="x0")
     assert abs(terms.derivatives["x0"] - own.derivatives["x0"][:, 1]).max() < 1e-6
     energy = lambda x, w: x[1] ** 2 / 2 + w * x[0] ** 2 / 2  # noqa: E731
-    for kind in (Field, QuadraticField):
+    for kind in Field:
         oscillator = kind.from_hamiltonian(energy, "q p", w=4.0)
         motion = flow(oscillator, [1.0, 0.0], time=0.5, rtol=1e-12, derivatives="w")
         exact = [-np.sin(1.0) / 8, -np.sin(1.0) / 4 - np.cos(1.0) / 4]
@@ -206,7 +206,7 @@ def test_bodies_by_starts():
 
 
 def test_a_steady_state_at_a_tie():
-    field = Field.from_function(lambda x: (np.log(2.0) - np.logaddexp(0.0, x[0]),), "x")
+    field = Field(lambda x: (np.log(2.0) - np.logaddexp(0.0, x[0]),), "x")
     motion = flow(field, [0.0], time=[0.5, 1.0], derivatives="x0")
     assert (motion.states == 0.0).all()
     found = motion.derivatives["x0"].ravel()
@@ -217,7 +217,7 @@ def test_a_steady_state_at_a_tie():
 def test_small_and_large_parameters_and_states():
     """Columns have the size of states, whatever the units."""
     for size, rate in ((1e-9, 1e-6), (1e9, 1e6), (1.0, 0.0)):
-        field = Field.from_function(lambda x, k: (-k * x[0] + x[1] * 0, 0.0), 2, k=rate)
+        field = Field(lambda x, k: (-k * x[0] + x[1] * 0, 0.0), 2, k=rate)
         time = 2.0 / (rate or 1.0)
         motion = flow(field, [size, 0.1 * size], time=time, derivatives=("x0", "k"))
         factor = np.exp(-rate * time)
@@ -228,7 +228,7 @@ def test_small_and_large_parameters_and_states():
 
 def test_atol_for_each_component():
     f, x, _, _, parameters = STIFF["robertson"]
-    field = Field.from_function(f, 3, **parameters)
+    field = Field(f, 3, **parameters)
     options = {"rtol": 1e-7, "atol": [1e-8, 1e-13, 1e-8], "derivatives": "k1"}
     found = flow(field, x, time=4e4, **options).derivatives["k1"][0]
     h = 1e-6
@@ -240,7 +240,7 @@ def test_atol_for_each_component():
 
 
 def test_solutions_that_end():
-    family = Field.from_function(lambda x, a: (a * x[0] ** 2,), 1, a=[0.1, 2.0])
+    family = Field(lambda x, a: (a * x[0] ** 2,), 1, a=[0.1, 2.0])
     with pytest.warns(sf.PoleWarning):
         motion = flow(family, [1.0], time=[0.2, 1.0], derivatives=("a", "x0"))
     exact = 1 / (1 - np.outer([0.2, 1.0], [0.1, 2.0])) ** 2
@@ -261,7 +261,7 @@ def test_what_was_not_asked_for():
 
 def test_states_keep_their_tolerance_beside_large_derivatives():
     """Derivatives of a jump are 1e9 times as large as the states, and do not loosen theirs."""
-    field = Field.from_function(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+    field = Field(lambda x: (x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]), 2)
     x0, T = [-1.74548624, 8.52819734e-4], 1614.4011258
     wanted = flow(field, x0, time=T, rtol=1e-12).states[0]
     found = flow(field, x0, time=T, rtol=1e-8, derivatives="x0")

@@ -15,8 +15,8 @@ import suslov_fast as sf
 from suslov_fast import Change, Field, Suslov3D, ensemble, flow, iterate
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
-WELL = Field.from_function(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
-LORENZ = sf.QuadraticField.from_function(
+WELL = Field(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
+LORENZ = sf.Field(
     lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
     "x y z",
     rho=np.linspace(10.0, 40.0, 3)[:, None],
@@ -199,7 +199,7 @@ def test_errors_come_before_any_work(tmp_path):
 
 
 def test_one_warning_counts_what_fails(tmp_path):
-    field = sf.QuadraticField([[[1.0]]])  # x' = x**2
+    field = sf.Field.from_terms([[[1.0]]])  # x' = x**2
     x0 = np.linspace(-1.1, 2.2, 10)[:, None]
     with pytest.warns(sf.PoleWarning, match=r"4 of 10 trajectories failed: 4 ENDED") as told:
         data = ensemble(field, x0, tmp_path / "run", time=1.0, chunks=4)

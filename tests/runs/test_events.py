@@ -8,7 +8,7 @@ from systems import three_bodies
 
 import suslov_fast as sf
 
-OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), "q p")
+OSCILLATOR = sf.Field(lambda x: (x[1], -x[0]), "q p")
 MU = 0.01215058560962404
 
 
@@ -63,7 +63,7 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
         speed * np.cos(angle), 0 * r,
     ])  # fmt: skip
     surfaces = (lambda x: distance(x) - 0.25**2, lambda x: 0.005**2 - distance(x))
-    field = sf.Field.from_function(three_bodies, "x y z u v w", mu=MU)
+    field = sf.Field(three_bodies, "x y z u v w", mu=MU)
     points = sf.crossings(field, x0, surface=surfaces, time=4.0, most=1, direction="up")
     events = [lambda t, x, s=s: s(x) for s in surfaces]
     for event in events:
@@ -108,7 +108,7 @@ def test_a_surface_twice():
 @pytest.mark.parametrize("most", [None, 3, 6])
 def test_turning_points_until_friction_holds(direction, most):
     """Where the solution slides, rounding decides on the sign of v: that is one crossing."""
-    field = sf.Field.from_function(lambda s: (s[1], -s[0] - 0.15 * np.sign(s[1])), "x v")
+    field = sf.Field(lambda s: (s[1], -s[0] - 0.15 * np.sign(s[1])), "x v")
     wanted = {1: [1, 3], -1: [2], 0: [1, 2, 3]}[direction][:most]  # the start is none
     points = sf.crossings(
         field, [1.0, 0.0], surface=lambda s: s[..., 1], time=12.0, direction=direction, most=most,
@@ -118,7 +118,7 @@ def test_turning_points_until_friction_holds(direction, most):
 
 
 def test_surfaces_crossed_where_f_jumps():
-    field = sf.Field.from_function(lambda s: (np.where(s[1] < 1.0, 1.0, 2.0), 1.0), "x t")
+    field = sf.Field(lambda s: (np.where(s[1] < 1.0, 1.0, 2.0), 1.0), "x t")
     surfaces = (lambda s: s[..., 1] - 1, lambda s: s[..., 0] - 1, lambda s: 1 - s[..., 0])
     points = sf.crossings(field, [0.0, 0.0], surface=surfaces, time=3.0, direction=0)
     assert sorted(points.which) == [0, 1, 2]
@@ -128,7 +128,7 @@ def test_surfaces_crossed_where_f_jumps():
 
 def test_surfaces_crossed_just_before_a_kink():
     """The step ends on the kink; before it f has the other branch."""
-    rise = sf.Field.from_function(lambda x: (1 + 3 * abs(x[0]),), "x")
+    rise = sf.Field(lambda x: (1 + 3 * abs(x[0]),), "x")
     below = np.linspace(0.06, 1.0, 50)
     points = sf.crossings(
         rise, -below[:, np.newaxis], surface=lambda x: x[0] + 0.05, time=3.0, direction="up"
@@ -141,9 +141,7 @@ def test_surfaces_crossed_just_before_a_kink():
 def test_ripples_that_a_step_does_not_see(rng):
     """Fast forces that are allowed errors of x, almost: v changes its sign many times in a step."""
     w, a = 10 ** rng.uniform(0.2, 2, 100), 10 ** rng.uniform(-3, 0, 100)
-    field = sf.Field.from_function(
-        lambda s, w, a: (s[1], -s[0] + a * np.cos(w * s[2]), 1.0), "x v t", w=w, a=a
-    )
+    field = sf.Field(lambda s, w, a: (s[1], -s[0] + a * np.cos(w * s[2]), 1.0), "x v t", w=w, a=a)
     points = sf.crossings(field, [1.0, 0.1, 0.0], surface="v", time=20.0, direction=0)
     t, part = np.linspace(0, 20, 100_001)[:, np.newaxis], a / (1 - w * w)
     v = 0.1 * np.cos(t) - np.sin(t) + part * (np.sin(t) - w * np.sin(w * t))
@@ -170,7 +168,7 @@ def test_a_start_on_the_surface_is_no_crossing(direction, sign):
     np.testing.assert_allclose(later.time, sign * np.pi, atol=1e-8)
     up = np.array([False, True, True]) if sign > 0.0 else np.array([True, False, False])
     assert (later.count[..., 0] == (1 if direction == 0 else up == (direction > 0))).all()
-    pendulum = sf.Field.from_function(lambda x: (x[1], -np.sin(x[0])), "angle v")
+    pendulum = sf.Field(lambda x: (x[1], -np.sin(x[0])), "angle v")
     points = sf.crossings(
         pendulum, [0.0, -1.0], surface="angle", time=20.0 * sign, direction=direction, most=1
     )
@@ -210,9 +208,7 @@ def test_crossings_in_the_transient_are_ignored():
 def test_a_family_and_a_surface_of_each_member():
     rates = np.array([1.0, 2.0, 3.0])
     level = np.array([0.1, 0.2, 0.3])
-    field = sf.Field.from_function(
-        lambda x, w, level: (w * x[1], -w * x[0]), "q p", w=rates, level=level
-    )
+    field = sf.Field(lambda x, w, level: (w * x[1], -w * x[0]), "q p", w=rates, level=level)
     points = sf.crossings(
         field, [0.0, 1.0], surface=lambda x, level: x[0] - level, time=1.0, direction="up"
     )
@@ -220,7 +216,7 @@ def test_a_family_and_a_surface_of_each_member():
 
 
 def test_solutions_that_end():
-    field = sf.QuadraticField.from_function(lambda x: (x[0] ** 2,), "x")
+    field = sf.Field(lambda x: (x[0] ** 2,), "x")
     x0 = [[1.0], [-1.0], [np.nan], [0.5]]
     with pytest.warns(sf.PoleWarning, match="1 of 4"):
         points = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5)
@@ -267,7 +263,7 @@ def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
 def test_crossings_beside_gaps(rng):
     """Where x > 0 its logarithm passes a level up and down; else it has no value."""
     level, r, p = rng.uniform(-6, 0, 100), rng.uniform(1, 3, 100), rng.uniform(0, 6, 100)
-    field = sf.Field.from_function(lambda s, level: (s[1], -s[0]), "x v", level=level)
+    field = sf.Field(lambda s, level: (s[1], -s[0]), "x v", level=level)
     x0 = np.stack([r * np.cos(p), -r * np.sin(p)], axis=-1)
     found = sf.crossings(field, x0, surface=lambda s, level: np.log(s[0]) - level, time=30.0)
     angle = np.arccos(np.exp(level) / r)
@@ -279,7 +275,7 @@ def test_crossings_beside_gaps(rng):
 
 @pytest.mark.parametrize("pull", [-9.81, 0.0, 9.81])
 def test_a_body_at_rest_on_the_surface_does_not_cross_it(pull):
-    field = sf.Field.from_function(lambda s: (s[1], pull + 0 * s[0]), "h v")
+    field = sf.Field(lambda s: (s[1], pull + 0 * s[0]), "h v")
     for surface in ("h", lambda s: -s[0]):
         assert sf.crossings(field, [0.0, 0.0], surface=surface, time=1.0).count.tolist() == [0]
 

@@ -37,8 +37,8 @@ def test_memory(body):
         sf.iterate(body, np.ones((10**6, 2)), 0.1, 10**9)
     with pytest.raises(MemoryError):
         sf.exact(body, np.ones((10**6, 2)), 0.1, np.arange(10**6))
-    field, many = sf.QuadraticField.of(body), np.ones((10**6, 2))
-    family = sf.Field.from_function(lambda x, a: (a * x[1], x[0]), 2, a=many[:, :1])
+    field, many = body.field(), np.ones((10**6, 2))
+    family = sf.Field(lambda x, a: (a * x[1], x[0]), 2, a=many[:, :1])
     for system, starts in ((field, np.broadcast_to(1.0, (10**13, 2))), (family, many)):
         with pytest.raises(MemoryError):
             sf.flow(system, starts, time=1.0)

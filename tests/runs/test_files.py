@@ -123,7 +123,7 @@ def test_damaged_files(path):
             assert sf.load(path) == run_of("batch")
 
 
-FORCED = sf.Field.from_function(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
+FORCED = sf.Field(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
 SETTINGS = {"atol": 1e-12, "stiff": False, "max_step": 0.125, "derivatives": ("x0", "a")}
 OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),

@@ -47,7 +47,7 @@ class System:
         found = [Change(value(n, c), direction=way, to=function(*own))
                  for n, c, way, own in self.surfaces]  # fmt: skip
         found += [Change(times=times, to=function(*own)) for times, own in self.times]
-        field = Field.from_function(function(self.A, self.b), " ".join("abc"[: self.D]))
+        field = Field(function(self.A, self.b), " ".join("abc"[: self.D]))
         return field, found
 
     def reference(self, parts=2000):

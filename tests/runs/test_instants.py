@@ -21,7 +21,7 @@ def table(rng, n):
 def test_balls_rest_on_floors_anywhere(rng, stiff):
     """The last bounces are sought among heights that are rounding beside the floor."""
     floor, g, e, h, v = table(rng, 60)
-    ball = Field.from_function(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
+    ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
     bounce = Change(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
     speed = np.sqrt(v * v + 2 * g * h)
     first = (v + speed) / g
@@ -34,7 +34,7 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
 
 
 def test_a_ball_at_rest_is_kicked_at_time_0():
-    ball = Field.from_function(lambda x: (x[1], -9.8), "h v")
+    ball = Field(lambda x: (x[1], -9.8), "h v")
     changes = [Change("h", direction=-1, to=("h", "-v/2")), Change(times=[0], to=(0, 5))]
     motion = flow(ball, [0.0, 0.0], time=[0.1, 1.1], changes=changes)
     s = 1.1 - 10 / 9.8
@@ -47,7 +47,7 @@ def test_a_ball_at_rest_is_kicked_at_time_0():
 def test_no_ball_falls_through_a_table_that_vibrates(rtol):
     """A table whose acceleration is less than g never throws a ball that has come to rest."""
     A = np.append(np.linspace(0.0, 0.999, 501), [0.5625, 0.6])
-    ball = Field.from_function(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
     hit = Change(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
                  to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
     motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, changes=hit, rtol=rtol)
@@ -57,12 +57,12 @@ def test_no_ball_falls_through_a_table_that_vibrates(rtol):
 
 
 def test_a_state_that_stays_where_its_change_put_it_is_no_event():
-    line = Field.from_function(lambda x: (x[1], 0 * x[1]), "x v")
+    line = Field(lambda x: (x[1], 0 * x[1]), "x v")
     stop = Change(lambda x: x[0] - 1, to=("x", 0))
     motion = flow(line, [0.0, 1.0], time=[0.5, 2, 100], changes=stop)
     np.testing.assert_allclose(motion.states[:, 0], [0.5, 1, 1], rtol=1e-14)
     assert motion.changes.count.tolist() == [1]
-    valve = Field.from_function(lambda s: ((1 - s[1]) * (10 - s[0]), 0.0), "out sat")
+    valve = Field(lambda s: ((1 - s[1]) * (10 - s[0]), 0.0), "out sat")
     full = Change(lambda s: s[0] - 1, to=("out", 1))
     freed = Change(times=[5], to=(0.5, 0))
     motion = flow(valve, [0, 0], time=[0.05, 0.2, 4, 5.02, 10], changes=[full, freed])
@@ -78,7 +78,7 @@ def test_bodies_slide_along_walls(rng):
     v, offset = rng.normal(size=(200, 2)), rng.uniform(-100, 100, (200, 2))
     into = (n * v).sum(axis=1)
     c = (n * offset).sum(axis=1) + into
-    body = Field.from_function(lambda s, m, n, c: (s[2], s[3], 0, 0), "x y u v",
+    body = Field(lambda s, m, n, c: (s[2], s[3], 0, 0), "x y u v",
                                m=n[:, 0], n=n[:, 1], c=c)  # fmt: skip
 
     def slide(s, m, n):
@@ -95,7 +95,7 @@ def test_bodies_slide_along_walls(rng):
 
 @pytest.mark.parametrize("to", [None, lambda x: x])
 def test_records_see_each_state_of_an_instant(to):
-    clock = Field.from_function(lambda x: (1.0,), "x")
+    clock = Field(lambda x: (1.0,), "x")
     changes = [
         Change(times=[0.5], to=lambda x: (x[0] + 5,)),
         Change(lambda x: x[0] - 1, to=to),
@@ -111,7 +111,7 @@ def test_records_see_each_state_of_an_instant(to):
 @pytest.mark.filterwarnings("ignore:.*more than 250,000")
 def test_changes_between_two_times_are_bounded():
     """The number grows as exp(10 t): 248,396 by 1.3."""
-    field = Field.from_function(lambda s: (-s[1], 0 * s[1]), "x y")
+    field = Field(lambda s: (-s[1], 0 * s[1]), "x y")
     more = Change("x", direction=-1, to=("x + 1/10", "y + 1"))
     motion = flow(field, [0.1, 1.0], time=[1.3, 3.0], changes=more)
     assert motion.status == Status.TOO_MANY_STEPS
@@ -122,7 +122,7 @@ def test_changes_between_two_times_are_bounded():
 @pytest.mark.parametrize("direction", ["up", "down", "both"])
 @pytest.mark.parametrize("rate", [-1.0, 0.0, 1.0])
 def test_a_start_on_a_surface_is_no_event_beside_others(direction, rate):
-    field = Field.from_function(lambda p: (rate, 0.0), "p q")
+    field = Field(lambda p: (rate, 0.0), "p q")
     changes = [
         Change("p - 0.3", direction=direction, to=("p", "q + 1")),
         Change(times=[0], to=("p", 5)),
@@ -139,7 +139,7 @@ def test_a_start_on_a_surface_is_no_event_beside_others(direction, rate):
 def test_a_time_asked_at_a_surface_has_the_state_after_it(surface):
     """Also as the last time alone, and where the surface lies beyond it by rounding."""
     at = np.arange(1, 200) / 10
-    field = Field.from_function(lambda s, at: (0.0, 1.0, -s[2]), "n t y", at=at)
+    field = Field(lambda s, at: (0.0, 1.0, -s[2]), "n t y", at=at)
     change = Change(surface, to=lambda s: (s[0] + 1, s[1], s[2]))
     inputs = [0.0, 0.0, 1.0]
     motion = flow(field, inputs, time=at, changes=change)
@@ -152,14 +152,14 @@ def test_a_time_asked_at_a_surface_has_the_state_after_it(surface):
 
 
 def test_a_time_that_never_comes_is_told_of():
-    clock = Field.from_function(lambda x: (1.0,), "t")
+    clock = Field(lambda x: (1.0,), "t")
     for times in ([6], [-2, -1]):
         with pytest.warns(UserWarning, match="number 1 never acts"):
             flow(clock, [5.0], time=4.0, changes=[Change(times=[1]), Change(times=times)])
 
 
 def test_a_new_state_without_a_value_is_no_pole():
-    clock = Field.from_function(lambda x: (1.0,), "x")
+    clock = Field(lambda x: (1.0,), "x")
     change = Change("x - 1", to=lambda x: (np.sqrt(x[0] - 2),))
     with pytest.warns(RuntimeWarning, match="new state, `to`, has no value"):
         motion = flow(clock, [0.0], time=2.0, changes=change)
@@ -168,5 +168,5 @@ def test_a_new_state_without_a_value_is_no_pole():
 
 def test_a_clock_that_equals_a_number_is_an_event():
     with pytest.raises(ValueError, match=r"Change\(times=\[10\]"):
-        Field.from_function(lambda s: (np.where(s[1] == 10, 5.0, -s[0]), 1.0), "x t")
-    Field.from_function(lambda s: (np.where(s[0] == 0, 1.0, np.sin(s[0]) / s[0]), 1.0), "x t")
+        Field(lambda s: (np.where(s[1] == 10, 5.0, -s[0]), 1.0), "x t")
+    Field(lambda s: (np.where(s[0] == 0, 1.0, np.sin(s[0]) / s[0]), 1.0), "x t")

@@ -9,12 +9,12 @@ from systems import FRICTION, HENON_HEILES, LORENZ, SPRING
 from test_orders import FLOWS, SQUARE, motion
 
 import suslov_fast as sf
-from suslov_fast import Field, PoleWarning, QuadraticField, Status, flow
+from suslov_fast import Field, PoleWarning, Status, flow
 from suslov_fast.core.motion import engine
 
 
 def of(f, dimension, **parameters):
-    return QuadraticField.from_function(f, dimension, **parameters)
+    return Field(f, dimension, **parameters)
 
 
 SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
@@ -22,7 +22,7 @@ SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
 
 PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
 # Populations with a saturating response, whose f has quotients.
-FOOD_CHAIN = Field.from_function(
+FOOD_CHAIN = Field(
     lambda x, a: (
         x[0] * (1 - x[0]) - a * x[0] * x[1] / (1 + 3 * x[0]),
         a * x[0] * x[1] / (1 + 3 * x[0]) - 0.4 * x[1],
@@ -69,7 +69,7 @@ def test_exact_solutions_of_bodies(rng):
     start, times = rng.normal(size=(40, 2)), [20.0, 3.0]
     for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(2, 1, -0.5, -0.3, 0.1)):
         exact = flow(body, start, time=times)
-        found = flow(QuadraticField.of(body), start, time=times)
+        found = flow(body.field(), start, time=times)
         assert abs(found.states - exact.states).max() < 1e-8
         assert not exact.steps.any()
         assert found.steps.all()
@@ -82,7 +82,7 @@ def test_bodies_without_a_closed_form_go_member_by_member():
     for k in range(2):
         own = flow(bodies[k], [1.0, 1, 1], time=[0.5, 2.0])
         assert (own.states == whole.states[:, k]).all()
-    by_field = flow(QuadraticField.of(bodies), [1.0, 1, 1], time=[0.5, 2.0])
+    by_field = flow(bodies.field(), [1.0, 1, 1], time=[0.5, 2.0])
     assert abs(by_field.states - whole.states).max() < 1e-8
 
 
@@ -138,15 +138,15 @@ def test_a_drive_that_is_on_for_a_while(rtol):
     def on(t, first, last, width):
         return (np.tanh((t - first) / width) - np.tanh((t - last) / width)) / 2
 
-    slow = Field.from_function(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
+    slow = Field(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
     assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.16411389, abs=10 * rtol)
-    dose = Field.from_function(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
+    dose = Field(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
     assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.45965246, abs=100 * rtol)
 
 
 def test_max_step_finds_pulses():
     """A pulse of 0.01 in a time of 100; its area is 1."""
-    pulse = Field.from_function(
+    pulse = Field(
         lambda s: (1.0, np.exp(-((1e3 * (s[0] - 61.7)) ** 2)) * 1e3 / np.sqrt(np.pi)), "t y"
     )
     motion = flow(pulse, [0.0, 0.0], time=100.0, max_step=1e-3)
@@ -274,7 +274,7 @@ def test_one_warning_names_the_first():
 
 
 def test_times_that_look_like_values_of_a_clock():
-    field = Field.from_function(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")
+    field = Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")
     times = np.linspace(5.0, 10.0, 6)
     with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
         found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)

@@ -7,23 +7,19 @@ from scipy.optimize import brentq
 from systems import LORENZ, three_bodies
 
 import suslov_fast as sf
-from suslov_fast import Field, QuadraticField, flow, periodic_orbit
+from suslov_fast import Field, flow, periodic_orbit
 from suslov_fast.runs import shooting
 
 # Those of integrals that are not known are told by one warning, which a test below asks for.
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
 
-VOLTERRA = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-VAN_DER_POL = Field.from_function(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
-KEPLER = Field.from_function(
-    lambda s: (s[2], s[3], *(-s[:2] / (s[0] ** 2 + s[1] ** 2) ** 1.5)), "x y u v"
-)
+VOLTERRA = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+VAN_DER_POL = Field(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
+KEPLER = Field(lambda s: (s[2], s[3], *(-s[:2] / (s[0] ** 2 + s[1] ** 2) ** 1.5)), "x y u v")
 
 
 def roessler(c):
-    return QuadraticField.from_function(
-        lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - c)), 3
-    )
+    return Field(lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - c)), 3)
 
 
 def morris_lecar(s):
@@ -42,8 +38,8 @@ def of_masses(s):
     return rates
 
 
-HALO = Field.from_function(three_bodies, 6, mu=0.01215058560962404)
-ARENSTORF = Field.from_function(three_bodies, 6, mu=0.012277471)
+HALO = Field(three_bodies, 6, mu=0.01215058560962404)
+ARENSTORF = Field(three_bodies, 6, mu=0.012277471)
 X, V = np.array([0.97000436, -0.24308753]), np.array([-0.93240737, -0.86473146])
 # A field, a start, an approximate period or None, the period and how exact it is, or None.
 KNOWN = {
@@ -58,9 +54,9 @@ KNOWN = {
     "Arenstorf": (
         ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 2e-9
     ),
-    "Morris-Lecar": (Field.from_function(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 2e-9),
+    "Morris-Lecar": (Field(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 2e-9),
     "figure eight": (
-        Field.from_function(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
+        Field(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
         2e-8,
     ),
 }  # fmt: skip
@@ -105,7 +101,7 @@ def test_a_family_is_followed_to_its_bifurcation():
 
 def test_several_arcs():
     """The orbit of a circle beside a saddle whose differences grow by 2e27 in a period."""
-    field = QuadraticField.from_function(lambda x: (x[1], -x[0], 10 * x[2]), 3)
+    field = Field(lambda x: (x[1], -x[0], 10 * x[2]), 3)
     orbit = periodic_orbit(field, [1.0, 0.0, 0.0], 6.0)
     assert orbit.period == pytest.approx(2 * np.pi, rel=1e-12)
     assert orbit.multipliers[0] == pytest.approx(np.exp(20 * np.pi), rel=1e-8)
@@ -130,7 +126,7 @@ def test_systems_with_an_integral():
 
 def test_forces_keep_their_period():
     """By a variable t, and the same by two variables: the orbit is known."""
-    forced = Field.from_function(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
+    forced = Field(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
     amplitude = 1 / (1 - 4 + 2j)  # of q = Re(amplitude exp(2 i t))
     for t in (0.0, 0.7):
         orbit = periodic_orbit(forced, [0.5, 0.1, t], np.pi)
@@ -142,9 +138,7 @@ def test_forces_keep_their_period():
         assert abs(orbit.multipliers) == pytest.approx(np.exp(-np.pi / 2))
     with pytest.raises(ValueError, match="period"):
         periodic_orbit(forced, [0.5, 0.1, 0.0])
-    own = QuadraticField.from_function(
-        lambda s: (s[1], -s[0] - s[1] + s[2], -2 * s[3], 2 * s[2]), "q p c s"
-    )
+    own = Field(lambda s: (s[1], -s[0] - s[1] + s[2], -2 * s[3], 2 * s[2]), "q p c s")
     orbit = periodic_orbit(own, [-0.2, 0.3, 1.0, 0.0], np.pi)
     turned = amplitude * complex(*orbit.state[2:])
     assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-9
@@ -158,12 +152,12 @@ def test_forces_keep_their_period():
         pytest.param(LORENZ, [8.4, 8.4, 27.1], 0.7, "equilibrium", marks=pytest.mark.slow),
         (VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, "equilibrium"),
         (LORENZ, [1e200, 1, 1], 1.0, "ends"),
-        (QuadraticField([[[1.0]]]), [1.0], 2.0, "ends"),
-        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], 2.0, "equilibrium"),
-        (QuadraticField.from_function(lambda x: (1 - x[0],), 1), [0.5], None, "falls to"),
-        (QuadraticField.from_function(lambda x: (1 + x[1] ** 2, x[0]), 2), [1, 1], 0.5, "orbit"),
+        (Field.from_terms([[[1.0]]]), [1.0], 2.0, "ends"),
+        (Field(lambda x: (1 - x[0],), 1), [0.5], 2.0, "equilibrium"),
+        (Field(lambda x: (1 - x[0],), 1), [0.5], None, "falls to"),
+        (Field(lambda x: (1 + x[1] ** 2, x[0]), 2), [1, 1], 0.5, "orbit"),
         (
-            QuadraticField.from_function(lambda x: (x[1], -x[0], 400 * x[2]), 3), [1, 0, 0],
+            Field(lambda x: (x[1], -x[0], 400 * x[2]), 3), [1, 0, 0],
             2 * np.pi, "range",
         ),
     ],
@@ -176,7 +170,7 @@ def test_what_is_no_orbit_is_told(field, start, period, reason):
 @pytest.mark.slow
 def test_a_tolerance_that_works_is_named():
     """Differences of large numbers have errors above the tolerance, not both small by luck."""
-    field = Field.from_function(  # friction, because two sets may be lucky
+    field = Field(  # friction, because two sets may be lucky
         lambda x: (x[1], 3e6 - (3e6 + x[0]) - 1e-99 * x[1], x[3], 6e6 - (6e6 + x[2])), 4
     )
     start = [1.0, 0.0, 1.0, 0.0]
@@ -188,7 +182,7 @@ def test_a_tolerance_that_works_is_named():
 
 
 def test_a_period_that_is_none_of_the_force():
-    forced = Field.from_function(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
+    forced = Field(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
     for period in (3.0, np.pi / 2, 3.1416):
         with pytest.raises(ValueError, match="period"):
             periodic_orbit(forced, [0.5, 0.1, 0.0], period)
@@ -198,7 +192,7 @@ def test_a_period_that_is_none_of_the_force():
 @pytest.mark.parametrize("rtol", [1e-9, 1e-13])
 @pytest.mark.parametrize("about", [None, 5.6])
 def test_an_orbit_across_jumps(rtol, about):
-    field = Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    field = Field(lambda x: (x[1], -np.sign(x[0])), 2)
     orbit = periodic_orbit(field, [1.0, 0.0], about, rtol=rtol)
     assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-10)
     np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
@@ -207,7 +201,7 @@ def test_an_orbit_across_jumps(rtol, about):
 @pytest.mark.parametrize("start", [(1.0, 0.0), (0.0, 0.4), (0.243, 1.801), (0.774, 0.281)])
 def test_a_return_is_found_wherever_steps_end(start, monkeypatch):
     """Here they end where x'' = -sign x jumps alone, and pass each half of the orbit in one."""
-    x0, field = np.array(start), Field.from_function(lambda x: (x[1], -np.sign(x[0])), 2)
+    x0, field = np.array(start), Field(lambda x: (x[1], -np.sign(x[0])), 2)
     motion = shooting.OfMotion(field, x0, 1e-6)
     x, v = start
     speed = np.sqrt(v * v + 2 * abs(x))
@@ -218,19 +212,15 @@ def test_a_return_is_found_wherever_steps_end(start, monkeypatch):
 
 
 def van_der_pol(mu):
-    return Field.from_function(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+    return Field(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
 
 
 def fitzhugh_nagumo(e):
-    return Field.from_function(
-        lambda s: ((s[0] - s[0] ** 3 / 3 - s[1] + 0.5) / e, s[0] + 0.7 - 0.8 * s[1]), 2
-    )
+    return Field(lambda s: ((s[0] - s[0] ** 3 / 3 - s[1] + 0.5) / e, s[0] + 0.7 - 0.8 * s[1]), 2)
 
 
 def brusselator(b):
-    return Field.from_function(
-        lambda s: (1 + s[0] ** 2 * s[1] - (b + 1) * s[0], b * s[0] - s[0] ** 2 * s[1]), 2
-    )
+    return Field(lambda s: (1 + s[0] ** 2 * s[1] - (b + 1) * s[0], b * s[0] - s[0] ** 2 * s[1]), 2)
 
 
 # A field, its parameter, a time in which it settles from (1, 0.5), and the level of the first
@@ -302,7 +292,7 @@ def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
 @pytest.mark.parametrize(("mu", "A", "w"), [(5.0, 25.0, 0.7), (20.0, 100.0, 0.6)])
 def test_a_forced_relaxation_cycle_from_its_jump(mu, A, w, rtol):
-    field = Field.from_function(
+    field = Field(
         lambda s: (s[1], mu * (1 - s[0] ** 2) * s[1] - s[0] + A * np.cos(w * s[2]), 1.0), "x v t"
     )
     period = 2 * np.pi / w
@@ -330,7 +320,7 @@ REST = {
 def test_rest_states_of_forced_systems(name, way):
     """Their multipliers are the question; Newton's method comes to them, too."""
     force, period, rest = REST[name]
-    field = Field.from_function(lambda s: (s[1], force(*s), 1.0), "x v t")
+    field = Field(lambda s: (s[1], force(*s), 1.0), "x v t")
     orbit = periodic_orbit(field, [rest + way, 0.0, 0.25], period)
     np.testing.assert_allclose(orbit.state, [rest, 0.0, 0.25], atol=1e-9)
     motion = flow(field, [rest, 0.0, 0.25], time=period, rtol=1e-12, derivatives="x0")
@@ -339,7 +329,7 @@ def test_rest_states_of_forced_systems(name, way):
 
 
 def test_an_orbit_far_from_the_origin():
-    field = Field.from_function(lambda x: (x[1], (1 - (x[0] - 1e5) ** 2) * x[1] - (x[0] - 1e5)), 2)
+    field = Field(lambda x: (x[1], (1 - (x[0] - 1e5) ** 2) * x[1] - (x[0] - 1e5)), 2)
     for about in (6.6, None):
         orbit = periodic_orbit(field, [1e5 + 2.0, 0.0], about)
         assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
@@ -355,9 +345,7 @@ def test_a_multiple_of_a_period_is_named(k):
 def test_time_scales_with_its_unit():
     """In another unit of time and of the state the orbit is the same."""
     unit = 2.0**-14
-    fast = QuadraticField.from_function(
-        lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2
-    )
+    fast = Field(lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2)
     for about in (None, 6.5):
         one = periodic_orbit(VOLTERRA, [1.0, 2.0], about)
         other = periodic_orbit(fast, [0.125, 0.25], about and about * unit)
@@ -367,7 +355,7 @@ def test_time_scales_with_its_unit():
 
 def test_an_orbit_far_from_what_was_asked_for():
     """The orbit about the first point of Lagrange has the velocity 0.1625, and the period 2.78."""
-    moon = sf.Field.from_function(three_bodies, "x y z u v w", mu=0.01215)
+    moon = sf.Field(three_bodies, "x y z u v w", mu=0.01215)
     with pytest.warns(UserWarning, match="period 2.04.* far from 2.8"):
         periodic_orbit(moon, [0.82, 0, 0, 0, 0.15, 0], period=2.8)
     assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
@@ -383,8 +371,8 @@ def test_clocks_that_nothing_depends_on_or_that_stand():
         return x * r - y + 0.1 * np.cos(t), y * r + x, 1.0, rate
 
     with pytest.raises(ValueError, match="depend on t,"):
-        periodic_orbit(Field.from_function(f, "x y phi t", rate=1.0), [1.0, 0.0, 0.0, 0.0])
-    orbit = periodic_orbit(Field.from_function(f, "x y phi t", rate=0.0), [1, 0, 0, np.pi / 2])
+        periodic_orbit(Field(f, "x y phi t", rate=1.0), [1.0, 0.0, 0.0, 0.0])
+    orbit = periodic_orbit(Field(f, "x y phi t", rate=0.0), [1, 0, 0, np.pi / 2])
     assert orbit.period == pytest.approx(2 * np.pi)
     np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-4 * np.pi)], atol=1e-9)
 
@@ -395,7 +383,7 @@ FORCED = "x v c s", lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * s[2], s[3],
 @pytest.mark.parametrize(
     ("field", "start", "period"),
     [
-        (Field.from_function(FORCED[1], FORCED[0]), [0, 0, 1, 0], 2 * np.pi),
+        (Field(FORCED[1], FORCED[0]), [0, 0, 1, 0], 2 * np.pi),
         (VOLTERRA, [1.0, 2.0], None),
         (KEPLER, [1.0, 0.0, 0.0, 1.1], None),
     ],
@@ -411,16 +399,14 @@ def test_a_member_of_a_family_is_told(field, start, period):
 def test_known_integrals_and_isolated_orbits_are_no_families():
     H = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
     assert periodic_orbit(H, [1.0, 0.0]).period == pytest.approx(6.699975664370, rel=1e-11)
-    time = Field.from_function(
-        lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * np.cos(s[2]), 1.0), "x v t"
-    )
+    time = Field(lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * np.cos(s[2]), 1.0), "x v t")
     orbit = periodic_orbit(time, [0.0, 0.0, 0.0], 2 * np.pi)
     right = solve_ivp(
         lambda t, y: (y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * np.cos(t)),
         (0, 100 * np.pi), [0, 0], "DOP853", rtol=1e-11, atol=1e-12,
     ).y[:, -1]  # fmt: skip
     np.testing.assert_allclose(orbit.state[:2], right, atol=1e-8)
-    cycle = Field.from_function(  # x + y + z is constant, and given by the start
+    cycle = Field(  # x + y + z is constant, and given by the start
         lambda x: (
             x[1],
             (1 - x[0] ** 2) * x[1] - x[0],
@@ -438,7 +424,7 @@ def test_motions_that_fall_to_an_equilibrium(seed):
     A = rng.normal(size=(2, 2))
     B = A @ np.array([[0.0, 1.0], [-1.0, -rng.uniform(0.05, 0.5)]]) @ np.linalg.inv(A)
     rest = rng.normal(size=2)
-    field = Field.from_function(lambda x: [*(B @ (np.array(x) - rest))], 2)
+    field = Field(lambda x: [*(B @ (np.array(x) - rest))], 2)
     with pytest.raises(RuntimeError, match="the equilibrium") as told:
         periodic_orbit(field, rest + rng.normal(size=2))
     found = str(told.value).split("equilibrium [")[1].split("]")[0]

@@ -7,7 +7,7 @@ import pytest
 
 import suslov_fast as sf
 
-FAMILY = sf.QuadraticField.from_function(lambda x, k: (x[1], -k * x[0]), "q v", k=[1.0, 4.0])
+FAMILY = sf.Field(lambda x, k: (x[1], -k * x[0]), "q v", k=[1.0, 4.0])
 X0 = [[1.0, 0.0], [0.0, 2.0]]
 RESULTS = {
     "map": sf.iterate(FAMILY, X0, [0.1, 0.2], 30, save_every=10),

@@ -14,11 +14,9 @@ from suslov_fast.runs.columns import in_datasets
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.0, 0.9, 1.8])
-LOTKA = sf.QuadraticField.from_function(
-    lambda x, a: (x[0] * (1 - a * x[1]), x[1] * (x[0] - 1)), 2, a=[1, 2, 3]
-)
-HENON = sf.QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3, 2)
-THIRDS = sf.QuadraticField.from_function(lambda x, rho: (x[0] / 3 - rho * x[0] ** 2,), 1, rho=2)
+LOTKA = sf.Field(lambda x, a: (x[0] * (1 - a * x[1]), x[1] * (x[0] - 1)), 2, a=[1, 2, 3])
+HENON = sf.Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3, 2)
+THIRDS = sf.Field(lambda x, rho: (x[0] / 3 - rho * x[0] ** 2,), 1, rho=2)
 STARTS = np.random.default_rng(3).normal(size=(5, 2))
 RUNS = {
     "batch": (BODY, STARTS, 0.2, 20, {"save_every": 5}),

@@ -51,14 +51,14 @@ def heat(x):
     return (near - 4 * u + u - u * u).ravel()
 
 def of(f, D, **parameters):
-    return sf.QuadraticField.from_function(f, D, **parameters)
+    return sf.Field(f, D, **parameters)
 
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
 bodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)
 gyrostat = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 solid = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
 field, family = of(lorenz, 3, rho=28.0), of(lorenz, 3, rho=np.linspace(20, 30, 1500))
-henon = sf.QuadraticField.from_hamiltonian(
+henon = sf.Field.from_hamiltonian(
     lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3, 4)
 kick = sf.Change(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
 """
@@ -121,8 +121,8 @@ sf.periodic_orbit(of(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2), [1.0, 2
 sf.equilibria(field, x(3))
 sf.integrability.report(of(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3), degree=2)""",
     "many variables": """
-run(sf.QuadraticField(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), 36, .02, 3)
-run(sf.QuadraticField(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), (64, 36), .02, 3)
+run(sf.Field.from_terms(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), 36, .02, 3)
+run(sf.Field.from_terms(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), (64, 36), .02, 3)
 run(of(chain, 128), 128, .02, 5), run(of(chain, 128), (64, 128), .02, 20, save_every=None)
 run(of(heat, 256), (32, 256), .02, 5, save_every=None)""",
 }

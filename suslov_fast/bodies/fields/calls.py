@@ -49,7 +49,7 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
             near = get_close_matches(unknown[0], known, 1, 0.6)
             how = f"it has no parameter {unknown[0]!r}, but {either(near or known or ['none'])}"
             if known and not near:
-                call = "from_function(lambda x, a, b: ..., names, a=1.0, b=2.0)"
+                call = "Field(lambda x, a, b: ..., names, a=1.0, b=2.0)"
                 how += f": pass the value of each by its name, as {call}"
         elif missing:
             values = ", ".join(f"{name}=1.0" for name in missing)
@@ -111,7 +111,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
             elif "'Symbols' object has no" in text or "valid indices" in text:
                 how = f"write x[0] for a component, and {TABLES}"
             elif "Cannot cast ufunc" in text:
-                how = "for M(x) x' = f(x) pass mass=M to Field.from_function, or formulas"
+                how = "for M(x) x' = f(x) pass mass=M to Field, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error

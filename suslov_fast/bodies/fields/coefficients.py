@@ -1,25 +1,147 @@
-"""Coefficients that a user passes, as arrays or as lists of terms: checked, without zeros."""
+"""Coefficients of degree 2: of a list of operations, of arrays, and of files."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ... import checks
 from ...checks import OTHERS, within, wrong
+from ...core.lists.step import FUNCTIONS
+from .equations import Equations
 from .names import check_order
-from .polynomials import as_given, coefficients, exact, numbers
+from .polynomials import as_given, exact, numbers
 from .terms import Terms, collected, fractions, joined
 
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
-_COMMON_BITS = 2**12  # of the denominator that the numbers of a Hamiltonian share
+# A polynomial: coefficients by sorted indices, of which (0, 0, 1) stands for x1 x1 x2. They are
+# fractions, or floats, or the floats (...) of the members of a family.
+Polynomial = dict[tuple[int, ...], Any]
 
 
+# ------------------------------------------------------------------------- of lists of operations
+class NotQuadratic(TypeError):
+    """The reason why equations have no coefficients of degree 2."""
+
+
+def of_equations(
+    equations: Equations,
+    results: Sequence[Any],
+    degree: int,
+    parameters: Sequence[Any],
+    exactly: Callable[[float], Fraction] | None = None,
+) -> Terms:
+    """Return the terms of f (degree 2), or of H (degree 3, one result), by its list of operations.
+
+    `parameters` are numbers, or arrays (...) of the members of a family, which are computed in one
+    pass. Values are floats, or, for numbers and a function that makes a fraction of a float,
+    fractions.
+    """
+    D, shape = len(equations.names), np.broadcast_shapes(*map(np.shape, parameters))
+    ratios = equations.ratios
+
+    def number(a: Any) -> Any:
+        if exactly is None:
+            return a if isinstance(a, float) else np.asarray(a, np.float64)[()]
+        a = ratios.get(a, a) if isinstance(a, float) else a
+        return exactly(a) if isinstance(a, float) else Fraction(a)
+
+    known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
+    known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
+    with np.errstate(all="ignore"):
+        for name, place, operands in equations.values.operations:
+            of = [_constant(number(a)) if isinstance(a, float) else known[a] for a in operands]
+            rule = _RULES.get(name, partial(_of_constants, name, number))
+            known[place] = rule(*of)
+            if known[place] is None:
+                raise NotQuadratic(f"{equations.shown(place)} is no polynomial")
+    found: dict[tuple[int, ...], Any] = {}
+    for i, a in enumerate(results):
+        terms = _constant(number(a)) if isinstance(a, float) else known[a]
+        if (highest := max(map(len, terms), default=0)) > degree:
+            raise NotQuadratic(f"a formula has the degree {highest}")
+        row = (i,) if degree == 2 else ()
+        found |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
+    values: Any = np.empty((*shape, len(found)), np.float64 if exactly is None else object)
+    for k, c in enumerate(found.values()):
+        values[..., k] = c
+    within("coefficients of f", values, OTHERS)
+    return collected(np.array([*found], np.int64).reshape(-1, 3).T, values, D, degree)
+
+
+def _is_there(c: Any) -> bool:
+    return bool(c.any() if isinstance(c, np.ndarray) else c)
+
+
+def _constant(c: Any) -> Polynomial:
+    return {(): c} if _is_there(c) else {}
+
+
+def _sum(*parts: Polynomial) -> Polynomial:
+    """Return the sum; adding few terms to many takes hardly longer than a copy."""
+    sums = dict(parts[0])
+    for part in parts[1:]:
+        few, many = (part, sums) if len(part) <= len(sums) else (sums, dict(part))
+        for m, c in few.items():
+            many[m] = many[m] + c if m in many else c
+            if not _is_there(many[m]):
+                del many[m]
+        sums = many
+    return sums
+
+
+def _sum_of_products(*operands: Polynomial) -> Polynomial:
+    """Return the sum of a start, if there is one, and of products of pairs."""
+    odd = len(operands) % 2
+    pairs = zip(operands[odd::2], operands[odd + 1 :: 2], strict=True)
+    return _sum(*(operands[:odd] or [{}]), *(_product(a, b) for a, b in pairs))
+
+
+def _difference(a: Polynomial, b: Polynomial) -> Polynomial:
+    return _sum(a, {m: -c for m, c in b.items()})
+
+
+def _product(a: Polynomial, b: Polynomial) -> Polynomial:
+    a, b = sorted((a, b), key=len)
+    products = ({tuple(sorted(m + n)): c * d for n, d in b.items()} for m, c in a.items())
+    return _sum({}, *products)
+
+
+def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
+    if b.keys() != {()}:  # also a quotient by 0
+        return None
+    return {m: c / b[()] for m, c in a.items()}
+
+
+_RULES: dict[str, Callable[..., Any]] = {
+    "fadd": _sum, "sum": _sum_of_products, "fsub": _difference, "fmul": _product, "fdiv": _quotient,
+}  # fmt: skip
+
+
+def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
+    """Return the value of a function of constants, None for other operands.
+
+    A choice by constants takes polynomials. Truth values are arrays.
+    """
+    if name == "select" and not isinstance(operands[0], dict):
+        condition, *(a, b) = operands
+        zero = number(0.0)
+        chosen = {m: np.where(condition, a.get(m, zero), b.get(m, zero))[()] for m in {**a, **b}}
+        return {m: c for m, c in chosen.items() if _is_there(c)}
+    if any(isinstance(a, dict) and a.keys() - {()} for a in operands):
+        return None
+    values = [np.float64(a.get((), 0.0)) if isinstance(a, dict) else a for a in operands]
+    value = FUNCTIONS[name](*values)
+    is_truth = np.asarray(value).dtype == bool
+    return np.asarray(value) if is_truth else _constant(number(np.asarray(value)[()]))
+
+
+# -------------------------------------------------------------------------------------- of arrays
 def entries(name: str, array: Any) -> Entries:
     """Return the entries of a single array that are not 0, exactly: as floats or fractions."""
     if array.dtype.kind not in "iufO":  # such as booleans and texts, which `exact` refuses
@@ -37,7 +159,7 @@ def entries(name: str, array: Any) -> Entries:
     return np.array(where, np.int64).reshape(array.ndim, -1), within(name, values, OTHERS)
 
 
-def of_array(name: str, value: Any, axes: int, D: int) -> Entries:
+def _of_array(name: str, value: Any, axes: int, D: int) -> Entries:
     """Return the entries of an array with `axes` axes of length D, or of a family of them."""
     array = as_given(name, value)
     if D == 0 or array.shape[-axes:] != (D,) * axes:
@@ -50,97 +172,58 @@ def of_array(name: str, value: Any, axes: int, D: int) -> Entries:
     return np.array(where, np.int64).reshape(axes, -1), array[(..., *where)]
 
 
-def with_arrays(parts: dict[str, Entries], linear: Any, constant: Any, D: int) -> Terms:
-    """Return the terms of a field with these entries, and with linear terms and constants."""
+def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
+    """Return the terms of a field with these arrays, and the number of variables."""
+    if callable(quadratic):
+        received = "a function: use Field(f, names)"
+        raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
+    array = as_given("quadratic", quadratic)
+    D = (0, *array.shape)[-1]
+    parts = {"quadratic": _of_array("quadratic", array, 3, D)}
     for name, value, axes in (("linear", linear, 2), ("constant", constant, 1)):
         if value is not None:
-            parts[name] = of_array(name, value, axes, D)
+            parts[name] = _of_array(name, value, axes, D)
     # Indices of the factor 1 for those that linear terms and constants lack.
     indices = [np.vstack([i, np.full((3 - len(i), i.shape[1]), D)]) for i, _ in parts.values()]
     batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
     values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]
     values = [v.astype(np.float64) for v in values] if batch else values
-    return collected(np.hstack(indices), joined(values), D, 2)
+    return collected(np.hstack(indices), joined(values), D, 2), D
 
 
-def checked_indices(name: str, given: Any, D: int, symbols: str) -> Any:
-    """Return integers (rows, T) from 0 to D, one row for each of these symbols.
+def of_file(indices: Any, values: Any, D: int) -> Terms:
+    """Return the terms in a dictionary: i, j, k (3, T) and v (..., T)."""
+    places = _indices("indices", indices, (D, D + 1, D + 1))
+    array = _values("values", values, places.shape[1])
+    if array.ndim == 1:
+        (which,), array = entries("values", array)
+        places = places[:, which]
+    else:
+        array = within("values", checks.real_array("values", array), OTHERS)
+    terms = collected(places, array, D, 2)
+    if terms.indices.shape[1] < places.shape[1]:
+        raise wrong("indices", "hold each term once", "one of them again")
+    return terms
 
-    The first of "ijk" is below D, as are both of "ij".
-    """
-    indices, rows = np.asarray(given), len(symbols)
+
+def _indices(name: str, given: Any, ends: tuple[int, ...]) -> Any:
+    """Return integers (rows, T), those of each row below its end."""
+    indices = np.asarray(given)
     if indices.size == 0:
-        indices = np.zeros((rows, 0), np.int64)
-    if indices.dtype.kind not in "iu":
-        received = f"{checks.short(given)} of dtype {indices.dtype}"
-        raise wrong(name, "hold integers", received, TypeError)
-    if indices.ndim != 2 or len(indices) != rows:
-        how = ": pass the transpose" if indices.ndim == 2 and indices.shape[1] == rows else ""
-        shape = f"have the shape ({rows}, T): {', '.join(symbols)} of each term"
-        raise wrong(name, shape, f"{indices.shape}{how}")
-    most = {"ijk": [D - 1, D, D], "ij": [D - 1, D - 1]}.get(symbols, [D] * rows)
-    is_wrong = (indices < 0) | (indices > np.reshape(most, (rows, 1)))
-    if is_wrong.any():
-        t = int(np.argmax(is_wrong.any(axis=0)))
-        ranges = ", ".join(f"{s} from 0 to {high}" for s, high in zip(symbols, most, strict=True))
-        one = f", where {D} stands for a factor 1" if symbols == "ijk" else ""
-        raise wrong(name, f"hold {ranges}{one}", f"{indices[:, t].tolist()} in term {t}")
+        return np.zeros((len(ends), 0), np.int64)
+    if indices.dtype.kind not in "iu" or indices.shape != (len(ends), indices.shape[-1]):
+        raise wrong(name, f"integers of the shape ({len(ends)}, T)", checks.short(given))
+    if ((indices < 0) | (indices >= np.reshape(ends, (-1, 1)))).any():
+        raise wrong(name, f"integers from 0, in rows below {ends}", checks.short(given))
     return indices.astype(np.int64)
 
 
-def _checked_values(name: str, given: Any, count: int) -> Any:
+def _values(name: str, given: Any, count: int) -> Any:
     """Return values (..., count) as they are."""
     array = as_given(name, given)
     if array.ndim == 0 or array.shape[-1] != count:
         raise wrong(name, f"have the shape (..., {count}), one for each term", array.shape)
     return array
-
-
-def of_terms(indices: Any, values: Any, D: int) -> Entries:
-    """Return checked indices (3, T) and values (..., T) of terms of a field."""
-    indices = checked_indices("indices", indices, D, "ijk")
-    array = _checked_values("values", values, indices.shape[1])
-    if array.ndim > 1:
-        return indices, within("values", checks.real_array("values", array), OTHERS)
-    (which,), found = entries("values", array)
-    return indices[:, which], found
-
-
-def of_file(indices: Any, values: Any, D: int) -> Entries:
-    """Return the entries of terms in a dictionary, where none is repeated.
-
-    Sums of repeated ones could take minutes, and :meth:`to_dict` writes none.
-    """
-    places, found = of_terms(indices, values, D)
-    i, (j, k) = places[0], np.sort(places[1:], axis=0)
-    if len(np.unique((i * (D + 1) + j) * (D + 1) + k)) < len(i):
-        raise wrong("indices", "hold each term once", "one of them again")
-    return places, found
-
-
-def check_denominators(name: str, values: Iterable[Any]) -> None:
-    """Raise ValueError for numbers whose common denominator is so long that sums take minutes."""
-    common = 1
-    for value in values:
-        if isinstance(value, Fraction):
-            common = math.lcm(common, value.denominator)
-            if common.bit_length() > _COMMON_BITS:
-                raise wrong(name, f"fractions with a denominator below 2**{_COMMON_BITS}", "others")
-
-
-def of_hamiltonian(H: Any, D: int) -> Terms:
-    """Return the exact terms of H from its entry in a dictionary."""
-    _check_entry("H", H)
-    indices = checked_indices("H", H["indices"], D, "mnp")
-    values = coefficients("H", _checked_values("H", H["values"], indices.shape[1]), False)
-    check_denominators("H", values.flat)
-    return collected(indices, values, D, 3)
-
-
-def _check_entry(name: str, given: Any) -> None:
-    checks.instance(name, given, Mapping)
-    if {*given} != {"indices", "values"}:
-        raise wrong(name, "have the entries indices and values", ", ".join(map(str, given)))
 
 
 def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
@@ -150,24 +233,26 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
     """
     if K is None:
         if D % 2:
-            raise wrong("dimension", "even where K is left out, the matrix of x' = K grad H", D)
+            raise wrong(
+                "names", "even in number where K is left out, the matrix of x' = K grad H", D
+            )
         check_order(names)
         q, p, one = np.arange(D // 2), np.arange(D // 2, D), np.full(D // 2, Fraction(1))
         places, values = np.array([[*q, *p], [*p, *q]]), np.concatenate([one, -one])
     elif isinstance(K, Mapping):
-        _check_entry("K", K)
-        places = checked_indices("K", K["indices"], D, "ij")
-        (which,), values = entries("K", _checked_values("K", K["values"], places.shape[1]))
+        if {*K} != {"indices", "values"}:
+            raise wrong("K", "have the entries indices and values", ", ".join(map(str, K)))
+        places = _indices("K", K["indices"], (D, D))
+        (which,), values = entries("K", _values("K", K["values"], places.shape[1]))
         places = places[:, which]
-        check_denominators("K", values.tolist())
     else:
         if callable(K):
-            how = "a function: for K(x) pass from_function(lambda x: K(x) @ dH(x), names)"
+            how = "a function: for K(x) pass Field(lambda x: K(x) @ dH(x), names)"
             raise wrong("K", "a constant matrix", how, TypeError)
         array = as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
-        places, values = of_array("K", array, 2, D)
+        places, values = _of_array("K", array, 2, D)
     values = fractions(values)
     found = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
     for (i, j), v in found.items():

@@ -1,306 +1,674 @@
-"""Quadratic vector fields, whose Kahan maps the package iterates and analyses.
-
-A field is a list of terms: with x_D = 1, component i is the sum of v x_j x_k over its terms. A
-Hamiltonian of degree 3 is a list of terms v x_i x_j x_k. The values of a single field are floats or
-fractions, those of a family floats.
-"""
+"""Fields x' = f(x): equations of any right-hand side, and families of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ... import checks
-from ...checks import FloatArray, short, wrong
+from ...checks import FloatArray, arguments_of, short, wrong
+from ...core.lists.changes import Act
 from ...keywords import public, public_class
-from ..base import Body
-from .calls import operands_of_function
-from .coefficients import of_array, of_file, of_hamiltonian, of_terms, structure_matrix, with_arrays
-from .field_of_terms import (
-    H_INDICES,
-    H_VALUES,
-    INDICES,
-    MATRIX,
-    NAMES,
-    TYPED,
-    VALUES,
-    _FieldOfTerms,
-    parts_of,
-)
-from .names import labels, variables
-from .polynomials import as_given, named_parameters, to_lists
-from .terms import (
-    Terms,
-    components_of,
-    polynomial_in,
-    slopes_at,
-    values_at,
-)
-from .tracing import terms_of
+from ..base import Body, Parameters, frozen, summary
+from . import coefficients, motion_lists
+from .calls import called_by_name, check_function, operands_of_function
+from .equations import LONGEST, Equations, check_equalities, of_hamiltonian
+from .latex import symbol
+from .mass import parted, rates
+from .motion_lists import OfMembers
+from .names import check_for_map, labels, variables
+from .polynomials import from_text, named_parameters, to_lists
+from .symbolic import Symbol, Symbols, Tracer
+from .terms import Terms, slopes_at, texts_of, values_at, without_zeros
+from .texts import values_of
+
+_LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
+# Parts of a field other than its named parameters. They hold spaces, because a parameter can have
+# any name that Python accepts.
+NAMES, EQUATIONS, INDICES, VALUES = "names of variables", "equations", "indices of f", "values of f"
 
 
 @public_class
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class QuadraticField(_FieldOfTerms):
-    """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
+class Field(Body):
+    """The equations ``x' = f(x)``, or with a mass matrix ``M(x) x' = f(x)``; or a family of them.
 
-    Make it with :meth:`from_function` or :meth:`from_hamiltonian`; the constructor takes arrays.
-    Its map is Kahan's discretization, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2
-    for each x_j x_k and (x_j + x_next_j) / 2 for each x_j.
+    :func:`flow` computes solutions of any field. A field whose f is a polynomial of degree 2 or
+    less also has Kahan's map, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for
+    each x_j x_k and (x_j + x_next_j) / 2 for each x_j, which :func:`iterate` iterates.
+
+    f is kept as a list of operations, from which its exact derivative follows. It is a formula of
+    + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their inverses,
+    arctan2, hypot, expm1, log1p, exp2, log2, log10, logaddexp, abs, sign, minimum, maximum, clip,
+    heaviside, floor, where, comparisons joined by & | ~, interp with a table of numbers, and
+    SciPy's expit and erf. Sums, products and shifts of arrays are made of these.
 
     Parameters
     ----------
-    quadratic : array_like(shape=(..., D, D, D))
-        q, of which only the part symmetric in j and k counts. Coefficients are 0 or between 1e-60
-        and 1e60 in modulus, in any units. A single field keeps integers, fractions and floats
-        exactly: 0.1 is the double nearest to 1/10, which is ``Fraction(1, 10)``. A batch of fields
-        has floats.
-    linear : array_like(shape=(..., D, D)), optional
-        l, by default 0.
-    constant : array_like(shape=(..., D)), optional
-        c, by default 0.
-    names : str or sequence of str, optional
-        Names of the D variables, by default x1, ..., xD: ``"u v w"``, ``"u, v, w"`` or a list.
+    f : callable
+        Takes the state x, an array of D variables, and parameters by name, and returns the D
+        derivatives. Time is a variable with the rate 1: ``lambda s: (..., 1.0)`` and names
+        ``"x v t"``. f is called with symbols, twice.
+    names : str, sequence of str or int
+        The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
+    mass : callable or array_like(float, shape=(D, D)), optional
+        The matrix M of equations ``M(x) x' = f(x)``: numbers, or a function of the state, and of
+        parameters by name, that returns it. M is eliminated as formulas, without row exchanges:
+        where it depends on x, for D up to some 12, if it is not sparse. Where a pivot becomes 0
+        solutions end. If f itself takes `mass`, it is a parameter.
+    **parameters : float or array_like(float, shape=(...))
+        Named parameters of f, and of `mass`. Arrays broadcast, and make a family of fields, of
+        which each parameter is one number. Names of variables, t and names in datasets are
+        refused.
 
     Attributes
     ----------
-    names : tuple of str
-        Names of the variables in equations, plots, datasets and reports. ``==`` ignores them.
-    terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
-        i, j, k and v of the terms v x_j x_k of x_i', with D for a factor 1; see :meth:`from_terms`.
-    quadratic, linear, constant : ndarray
-        q, l and c, made when they are first used. MemoryError if D is too large for q. Exact
-        fractions, if given so: ``field.linear.astype(float)`` is an array for NumPy.
-    H, K : Hamiltonian and ndarray(shape=(D, D)), or None
-        Of :meth:`from_hamiltonian`: the Hamiltonian, a function of a state, and the matrix K.
+    dimension, names : int, tuple of str
+        The number of variables, D, and their names. ``==`` ignores the names.
     parameters : dict
-        Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
+        Named parameters, which are coordinates of datasets. ``==`` ignores their names.
+    terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
+        Of a field of degree 2: i, j, k and v of the terms v x_j x_k of x_i', j <= k, sorted. The
+        index D stands for a factor 1.
 
     Raises
     ------
     TypeError, ValueError
-        If shapes do not match, or a coefficient is not a number in its range.
+        If f does not take the state as one argument, lacks a parameter, returns another number of
+        derivatives, calls a function without a rule, asks for the value of a symbol as Python's
+        ``if`` does, or returns something else when it is called again; if M is singular, or has
+        another shape.
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField
-    >>> QuadraticField([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
-    QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
+    >>> import numpy as np
+    >>> from suslov_fast import Field
+    >>> pendulum = Field(lambda x: (x[1], -np.sin(x[0])), "q p")
+    >>> pendulum
+    Field(q' = p, p' = -sin(q))
+    >>> pendulum([0.5, 2.0]).round(3)
+    array([ 2.   , -0.479])
+    >>> def lotka_volterra(x, a):
+    ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
+    >>> family = Field(lotka_volterra, "u v", a=[0.5, 1, 2])
+    >>> family
+    <Field, a family of shape (3,): variables u v, a: 3 values from 0.5 to 2>
+    >>> family.sel(a=2)
+    Field(u' = u - u*v, v' = a*(u*v - v), a = 2.0)
+
+    A bead on a parabola q**2 / 2, whose inertia depends on q:
+
+    >>> Field(
+    ...     lambda x: (x[1], -x[0] * (x[1] ** 2 + 1)),
+    ...     "q v",
+    ...     mass=lambda x: [[1, 0], [0, 1 + x[0] ** 2]],
+    ... )
+    Field(q' = v, v' = -q*(v**2 + 1)/(1 + q**2))
     """
 
-    texts: ClassVar[Any] = "names", "typed"
+    axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
+    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
+    variable: ClassVar[str] = "x"
+    called: ClassVar[str] = "a field"
+    may_escape = True
+
+    names: tuple[str, ...]
+    _equations: Equations | None  # None where terms are the parts of the field
 
     def __init__(
-        self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
+        self,
+        f: Callable[..., Any],
+        /,
+        names: int | str | Sequence[str],
+        *,
+        mass: Any = None,
+        **parameters: Any,
     ) -> None:
-        if callable(quadratic):
-            received = "a function: use QuadraticField.from_function(f, dimension)"
-            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
-        array = as_given("quadratic", quadratic)
-        D = (0, *array.shape)[-1]
-        if any(isinstance(each, str) for each in array.flat):
-            received = f"{short(quadratic)}: use from_function(f, dimension) for equations"
-            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
-        if array.ndim == 2:
-            how = f"for x' = A x pass QuadraticField.from_function(lambda x: A @ x, {D})"
-            raise wrong("quadratic", "have the shape (..., D, D, D)", f"{array.shape}: {how}")
-        terms = with_arrays({"quadratic": of_array("quadratic", array, 3, D)}, linear, constant, D)
-        self._take(parts_of(terms, variables("names", names, D)))
+        if not callable(f) and np.ndim(f):
+            how = "for coefficients Field.from_terms(quadratic, linear, constant)"
+            raise wrong("f", "a function of x", f"an array: {how}", TypeError)
+        names = variables("names", names)
+        if mass is not None and "mass" in arguments_of(f):
+            parameters, mass = {**parameters, "mass": mass}, None
+        if mass is None:
+            check_function("f", f, names, parameters)
+        else:
+            f, mass = parted(f, mass, names, parameters)
+        values = named_parameters(parameters, names)
+        tracer, rows = operands_of_function("f", f, names, values)
+        rows = rows if mass is None else rates(tracer, mass, rows)
+        check_equalities(tracer.values, names, rows)
+        equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
+        self._take({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        names: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> Field:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        If H is a polynomial of degree 3 or less, Kahan's map conserves :func:`modified_energy`
+        exactly, so that the energy does not drift; orders 4 to 8 of the map do not conserve it.
+
+        Parameters
+        ----------
+        H : callable
+            Takes the state x, an array of D variables, and parameters by name, and returns a
+            number, a formula as in f of a field.
+        names : str, sequence of str or int
+            As of a field.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
+            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
+            momenta.
+        **parameters : float or array_like(float, shape=(...))
+            As of a field.
+
+        Returns
+        -------
+        Field
+            Its method `energy` is H.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for a field; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field
+        >>> Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
+        """
+        names = variables("names", names)
+        check_function("H", H, names, parameters)
+        values = named_parameters(parameters, names)
+        matrix = coefficients.structure_matrix(K, len(names), names)
+        tracer, [energy] = operands_of_function("H", H, names, values)
+        equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
+        return cls._of({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_equations(cls, text: str, /, **parameters: Any) -> Field:
+        """Return the field of equations that are written as a text.
+
+        Parameters
+        ----------
+        text : str
+            An equation ``x' = formula`` for each variable, in the order of the state, on lines of
+            their own or between semicolons. Formulas are those of Python, with the functions of
+            NumPy by their names. ``a = 2`` gives the value of a parameter.
+        **parameters : float or array_like(float, shape=(...))
+            Values of further parameters; arrays make a family.
+
+        Returns
+        -------
+        Field
+
+        Raises
+        ------
+        ValueError
+            If the text cannot be read, or uses a name that has no equation and no value.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
+        Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
+        """
+        equations: dict[str, str] = {}
+        for part in filter(str.strip, re.split("[;\n]", text)):
+            name, sign, value = (each.strip() for each in part.partition("="))
+            name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
+            own = name.removesuffix("'").rstrip()
+            if not (sign and own and value) or "'" in own or re.search("(^|[^<>=!])=[^=]", value):
+                how = f"write equations of order 1, with a ; between two: {_LIKE}"
+                raise ValueError(f"equations: {part.strip()!r} cannot be read: {how}")
+            if own in equations or own in parameters:
+                raise ValueError(f"equations: {own} has two lines or values: write one")
+            if name.endswith("'"):
+                equations[own] = value
+                continue
+            try:
+                parameters[own] = from_text(value) if "/" in value else float(value)
+            except ValueError:
+                how = f"a parameter is a number; if it is an equation write {own}' = {value}"
+                raise ValueError(f"equations: {part.strip()}: {how}") from None
+        if not equations:
+            raise wrong("equations", f"like {_LIKE}", repr(text))
+        return cls.read([*equations], [*equations.values()], parameters=parameters)
 
     @classmethod
     @public
     def from_terms(
         cls,
-        indices: Any,
-        values: Any,
-        dimension: int | str | Sequence[str],
-        *,
+        quadratic: Any,
         linear: Any = None,
         constant: Any = None,
-    ) -> QuadraticField:
-        """Return the field with given terms, such as one of many variables with few terms.
-
-        Time and memory grow with the number of terms, not with D**3 as for arrays of coefficients.
+        names: str | Sequence[str] | None = None,
+    ) -> Field:
+        """Return the field ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
         Parameters
         ----------
-        indices : array_like(int, shape=(3, T))
-            i, j, k of each term v x_j x_k of the derivative of x_i, counted from 0. The index D
-            stands for a factor 1: (i, j, D) is a linear term, (i, D, D) a constant. The order of j
-            and k does not matter, and repeated terms are added.
-        values : array_like(shape=(..., T))
-            v of each term. A single field keeps integers, fractions and floats exactly.
-        dimension : int, str or sequence of str
-            The number of variables, D, or their names.
+        quadratic : array_like(shape=(..., D, D, D))
+            q, of which only the part symmetric in j and k counts. Coefficients are 0 or between
+            1e-60 and 1e60 in modulus, in any units.
         linear : array_like(shape=(..., D, D)), optional
-            Coefficients of linear terms, which are added.
+            l, by default 0.
         constant : array_like(shape=(..., D)), optional
-            Constants, which are added.
+            c, by default 0.
+        names : str or sequence of str, optional
+            Names of the D variables, by default x1, ..., xD.
 
         Returns
         -------
-        QuadraticField
-            Its coefficients are the sums of the terms, rounded once in a batch.
+        Field
+            A single field, or a family of the batch shape of the arrays.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If shapes do not match, or a coefficient is not a number in its range.
 
         Examples
         --------
-        A lattice of 1000 variables, with the derivative x_(i-1) (x_(i+1) - x_(i-2)) - x_i + 8:
-
-        >>> import numpy as np
-        >>> from suslov_fast import QuadraticField
-        >>> D = 1000
-        >>> i = np.arange(D)
-        >>> products = [[*i, *i], [*(i - 1) % D] * 2, [*(i + 1) % D, *(i - 2) % D]]
-        >>> values, damping = np.repeat([1, -1], D), [i, i, np.full(D, D)]
-        >>> indices = np.hstack([products, damping])
-        >>> field = QuadraticField.from_terms(
-        ...     indices, [*values, *-np.ones(D)], D, constant=np.full(D, 8)
-        ... )
-        >>> field.terms[0].shape
-        (3, 4000)
+        >>> from suslov_fast import Field
+        >>> Field.from_terms([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
+        Field(x1' = x1*x2, x2' = -x1**2 + 1/2)
         """
-        names = variables("dimension", dimension)
-        D = len(names)
-        terms = with_arrays({"values": of_terms(indices, values, D)}, linear, constant, D)
-        return cls._of(parts_of(terms, names))
+        terms, D = coefficients.of_arrays(quadratic, linear, constant)
+        return cls.of_terms(terms, variables("names", names, D))
 
     @classmethod
-    def _by_function(
-        cls, f: Any, names: tuple[str, ...], values: dict[str, Any], M: None
-    ) -> QuadraticField:
-        from .general import Equations
+    def of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
+        """Return the field with checked terms."""
+        return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
 
-        tracer, rows = operands_of_function("f", f, names, values)
-        typed = Equations(names, [*values], tracer.values, rows)
-        terms = terms_of("f", typed, typed.results, values)
-        field = cls._of({**parts_of(terms, names), **values, TYPED: typed})
-        return field._made_by(cls.from_function, f, names)
-
-    @classmethod
-    def _by_hamiltonian(
-        cls, H: Any, names: tuple[str, ...], values: dict[str, Any], K: Any
-    ) -> QuadraticField:
-        matrix = structure_matrix(K, len(names), names)
-        from .general import of_hamiltonian as equations_of_hamiltonian
-
-        tracer, [energy] = operands_of_function("H", H, names, values)
-        typed = equations_of_hamiltonian(tracer, names, [*values], energy, matrix)
-        own = _of_energy(typed)
-        energy = terms_of("H", own, [own.H], values)
-        typed = own.__class__(names, [*values], typed.values, typed.results)
-        field = cls._of_hamiltonian(energy, matrix, {NAMES: names, **values, TYPED: typed})
-        return field._made_by(cls.from_hamiltonian, H, names, K)
-
-    @classmethod
-    def _of_hamiltonian(cls, H: Terms, K: Any, others: Mapping[str, Any]) -> QuadraticField:
-        """Return the field of the exact terms of H and a matrix K, if its terms are in range."""
-        field = cls._of({H_INDICES: H.indices, H_VALUES: H.values, MATRIX: K, **others})
-        checks.within("H", field.parts[VALUES], checks.OTHERS)
-        return field
-
-    @classmethod
     @public
-    def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, or of a batch, as a field.
-
-        Coefficients of a single body are exact functions of its parameters, which are doubles.
+    def with_parameters(self, /, **parameters: Any) -> Field:
+        """Return the field with other values of named parameters; f is not called again.
 
         Parameters
         ----------
-        body : Suslov3D, SuslovGyrostat, SuslovND or QuadraticField
-            The body, or a batch; a field is returned as it is.
+        **parameters : float or array_like(float, shape=(...))
+            New values; the other parameters stay as they are.
 
         Returns
         -------
-        QuadraticField
-            In the components of the angular velocity.
+        Field
+            A single field, or a family.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the field has no such parameter, or a value is not a finite number.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> decay = Field(lambda x, k: (-k * x[0],), "c", k=1.0)
+        >>> decay.with_parameters(k=2.0)([3.0])
+        array([-6.])
+        """
+        known = self.parameters
+        if unknown := [name for name in parameters if name not in known]:
+            how = f"it has {', '.join(known)}" if known else "it has none"
+            how += ": Field takes the value of each, and defaults of f are constants"
+            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
+        return self.with_parts({**self.parts, **named_parameters(parameters, self.names)})
+
+    # ------------------------------------------------------------------------------ parts
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        names, equations, axes = parts[NAMES], parts.get(EQUATIONS), self.axes
+        kept = {n: a for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
+        if equations is None:
+            indices, values = without_zeros(kept[INDICES], np.asarray(kept[VALUES]))
+            kept = {INDICES: indices, VALUES: values}
+        vars(self).update(
+            parts={name: frozen(value) for name, value in kept.items()},
+            coordinates=tuple(name for name in kept if name not in axes),
+            dimension=len(names),
+            names=names,
+            labels=names,
+            _equations=equations,
+        )
+
+    @property
+    def _shared(self) -> dict[str, Any]:
+        """The parts that all members share, beside arrays."""
+        return {NAMES: self.names, EQUATIONS: self._equations}
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Any:
+        return self._of({**parts, **self._shared})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self.parts, **self._shared},)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        arrays = [np.asarray(a, np.float64) for a in self.parts.values()]
+        values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
+        return self.dimension, self._equations and self._equations.key, values
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return Parameters({name: self.parts[name] for name in self.coordinates})
+
+    @public
+    def field(self) -> Field:
+        return self
+
+    # ------------------------------------------------------------------------------ values
+    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
+        """Return f(x) (..., D) at states x (..., D)."""
+        if others or named:
+            how = "for solve_ivp pass lambda t, x: field(x)"
+            if named:
+                how = f"for another value field.with_parameters({next(iter(named))}=...)(x)"
+            raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
+        if isinstance(x, Symbols):
+            return self._traced_at(x)
+        x = checks.states("x", x, self.names, later=True)
+        if self._equations is None:
+            return values_at(self._own_terms, x)
+        found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
+        return np.moveaxis(found, 0, -1)
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side.
+
+        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i with respect to variable j at [..., i, j]. Where f
+            chooses, as ``np.where`` does, it is that of the branch.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> field = Field(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        x = checks.states("x", x, self.names)
+        if self._equations is None:
+            return slopes_at(self._own_terms, x)
+        found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
+
+    @public
+    def energy(self, x: Any) -> FloatArray:
+        """Return the Hamiltonian H(x) of a field that :meth:`from_hamiltonian` made.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
 
         Raises
         ------
         TypeError
-            If `body` is no body, or a `Field`, whose equations need not be quadratic.
+            If the field has no Hamiltonian.
 
         Examples
         --------
-        >>> from suslov_fast import QuadraticField, Suslov3D
-        >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=0))
-        QuadraticField(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1^2)
+        >>> from suslov_fast import Field
+        >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        >>> float(well.energy([2.0, 1.0]))
+        6.5
         """
-        checks.instance("body", body, Body)
-        return body.field()
-
-    @public
-    def field(self) -> QuadraticField:
-        return self
-
-    def _value_at(self, x: Any) -> Any:
-        """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
-        terms = Terms(self.parts[INDICES], self.parts[VALUES])
-        found = values_at(terms, x, self.names, 2)
-        return tuple(found) if isinstance(found, list) else found
-
-    def _slopes_at(self, x: FloatArray) -> FloatArray:
-        return slopes_at(self._exact, x)
+        if not self.is_hamiltonian:
+            raise TypeError(
+                "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
+                "that of another field call energy(another, run.states)"
+            )
+        x = checks.states("x", x, self.names, later=True)
+        where, parameters = np.moveaxis(x, -1, 0), self._inputs
+        shape = np.broadcast_shapes(where.shape[1:], parameters.shape[1:])
+        found = np.array(np.broadcast_to(self._equations.energy(where, parameters), shape))
+        return found + 0.0 * x.sum(axis=-1)  # NaN where the state is
 
     @property
+    def is_hamiltonian(self) -> bool:
+        return self._equations is not None and self._equations.H is not None
+
+    @property
+    def _inputs(self) -> FloatArray:
+        """The parameters (P, ...) of all members."""
+        rows = [np.broadcast_to(a, self.shape) for a in self.arrays.values()]
+        return np.array(rows, np.float64).reshape(len(rows), *self.shape)
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        """The values of f that depend on parameters alone, of all members."""
+        return self._equations.right_hand_side.table_of(self._inputs)
+
+    def _traced_at(self, x: Symbols) -> Any:
+        """Return f(x) of symbols."""
+        tracer, D = x[0].tracer, self.dimension
+        known = {i: x[i].operand for i in range(D)}
+        given = tracer.parameters
+        for k, (name, value) in enumerate(self.parameters.items(), D):
+            if self.shape and name not in given:
+                raise TypeError(f"f(x) of a family needs its parameter {name} here")
+            known[k] = given[name].operand if name in given else float(value)
+        if self._equations is None:
+            return Symbols.of(self._of_symbols(x))
+        for instruction, number, operands in self._equations.values.operations:
+            of = (a if isinstance(a, float) else known[a] for a in operands)
+            known[number] = tracer.values.emit(instruction, *of)
+        results = (a if isinstance(a, float) else known[a] for a in self._equations.results)
+        return Symbols.of([Symbol(tracer, a) for a in results])
+
+    def _of_symbols(self, x: Symbols) -> list[Any]:
+        """Return f(x) of symbols by the terms of a single field."""
+        if self.shape:
+            raise TypeError("f(x) of a family has no symbols: take that of a single field")
+        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
+        for (i, *factors), value in self._own_terms.floats.members():
+            rows[i] = rows[i] + value * math.prod(x[k] for k in factors if k < len(rows))
+        return rows
+
+    # ------------------------------------------------------------------------------ motion
+    def motion_lists(
+        self, names: tuple[str, ...] = (), twice: bool = False, acts: tuple[Act, ...] = ()
+    ) -> list[OfMembers]:
+        """Return right-hand sides for the engine, as `motion_lists.of_equations` does."""
+        if self._equations is None:
+            return motion_lists.of_terms(self._own_terms, self.dimension, twice, acts)
+        return motion_lists.of_equations(self._equations, self._inputs, names, twice, acts)
+
+    @cached_property
+    def right_hand_sides(self) -> list[OfMembers]:
+        return self.motion_lists()
+
+    @cached_property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
+        return self.motion_lists(twice=True)
+
+    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """Return those of variational equations, with the derivatives of f by parameters."""
+        return self.motion_lists(names, twice=True)
+
+    # ------------------------------------------------------------------------------ degree 2
+    @property
+    def _own_terms(self) -> Terms:
+        return Terms(self.parts[INDICES], self.parts[VALUES])
+
+    def exact_terms(self, exactly: Any = Fraction, of_energy: bool = False) -> Terms:
+        """Return the terms of f, or of H, of a single field of degree 2, as fractions.
+
+        ``exactly(a)`` is the fraction as which a float counts. TypeError for other fields.
+        """
+        return self._terms_of(of_energy, exactly)
+
+    def _terms_of(self, of_energy: bool, exactly: Any = None) -> Terms:
+        shared, values = self._equations, [*self.parameters.values()]
+        if shared is None:
+            return self._own_terms if exactly is None else self._own_terms.read(exactly)
+        results, degree = ([shared.H], 3) if of_energy else (shared.results, 2)
+        try:
+            return coefficients.of_equations(shared, results, degree, values, exactly)
+        except coefficients.NotQuadratic as error:
+            what = "H is not of degree 3" if of_energy else "f is not of degree 2"
+            raise TypeError(
+                f"system: {what} ({error}), so it has no Kahan map: its motion is "
+                "flow(field, x0, time=T)"
+            ) from None
+
+    @cached_property
+    def _terms(self) -> Terms:
+        """The terms of f for kernels of maps; TypeError if f is not of degree 2."""
+        terms = self._terms_of(of_energy=False).floats
+        check_for_map(self.names, self.coordinates)
+        return terms
+
+    @cached_property
+    def energy_terms(self) -> Terms:
+        """The terms of H for kernels of maps."""
+        return self._terms_of(of_energy=True).floats
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The terms that are not 0: i, j, k, an array (3, T), and v (..., T)."""
+        indices, values = self._terms
+        order = np.lexsort(indices[::-1])
+        return frozen(indices[:, order]), frozen(values[..., order])
+
+    # ------------------------------------------------------------------------------ texts
+    @property
     def _formulas(self) -> Iterator[str]:
-        for row in components_of(self._exact, self.dimension):
-            yield polynomial_in(row, self.dimension).text(self.names)
+        if self._equations is None:
+            return texts_of(self._own_terms, self.names)
+        return map(self._equations.shown, self._equations.results)
+
+    @property
+    def _numbers(self) -> list[tuple[str, Any]]:
+        """The Hamiltonian and the parameters of a single field, by name."""
+        H = [("H", self._equations.shown(self._equations.H))] if self.is_hamiltonian else []
+        return [*H, *self.parameters.items()]
+
+    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        names = [*map(symbol, self.names)]
+        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(names, self._formulas, strict=True)]
+        return rows + [(symbol(name), str(value)) for name, value in self._numbers], {}
+
+    def __repr__(self) -> str:
+        if self.shape:
+            is_named = self.names != labels(self.dimension)
+            names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<Field, a family of shape {self.shape}: {', '.join([names, *values])}>"
+        rows, length = [], 0
+        for name, formula in zip(self.names, self._formulas, strict=True):
+            rows.append(f"{name}' = {formula}")
+            length += len(rows[-1])
+            if length > LONGEST:
+                break
+        rows += [f"{name} = {value}" for name, value in self._numbers]
+        return f"Field({textwrap.shorten(', '.join(rows), LONGEST, placeholder=' ...')})"
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        parts = self.parts
-        found = {"indices": parts[INDICES], "values": parts[VALUES]}
-        if self.H is not None:
-            H = {"indices": parts[H_INDICES], "values": parts[H_VALUES]}
-            indices, values = parts[MATRIX][:2].astype(np.int64), parts[MATRIX][2]
-            found = {"H": H, "K": {"indices": indices, "values": values}}
-        values = {"parameters": self.parameters} if self.parameters else {}
-        named = self.names != labels(self.dimension)
-        texts: dict[str, Any] = {"names": [*self.names]} if named else {}
-        if (field := self._as_typed[1]) is not None:
-            written = field.to_dict()
-            own = {n: written[n] for n in ("definitions", "equations") if n in written}
-            texts["typed"] = own
-        size = {"body": type(self).__name__, "dimension": self.dimension}
-        return {**size, **to_lists(found | values), **texts}
+        shared = self._equations
+        found: dict[str, Any] = {"body": type(self).__name__, "names": [*self.names]}
+        if shared is None:
+            return found | to_lists({"indices": self.parts[INDICES], "values": self.parts[VALUES]})
+        definitions, texts = shared.texts
+        found |= {"definitions": definitions} if definitions else {}
+        if shared.K is None:
+            found["equations"] = texts
+        else:
+            i, j, values = map(list, zip(*shared.K, strict=True)) if shared.K else ([], [], [])
+            K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+            found |= {"H": texts[0], "K": K}
+        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
 
     @classmethod
     def read(
         cls,
-        dimension: Any,
-        indices: Any = None,
-        values: Any = None,
+        names: Any,
+        equations: Any = None,
+        definitions: Any = None,
         H: Any = None,
         K: Any = None,
         parameters: Any = None,
-        names: Any = None,
-        typed: Any = None,
-    ) -> QuadraticField:
+        indices: Any = None,
+        values: Any = None,
+    ) -> Field:
+        names = variables("names", names)
+        rows = [H] if H is not None else equations
+        if indices is not None and rows is None and not parameters:
+            return cls.of_terms(coefficients.of_file(indices, values, len(names)), names)
         checks.instance("parameters", parameters or {}, Mapping)
-        D = len(variables("dimension", dimension))
-        names = variables("names", names, D)
-        others = {NAMES: names, **named_parameters(parameters or {}, names)}
-        if typed is not None:
-            checks.instance("typed", typed, Mapping)
-            from .general import Field
+        checks.instance("definitions", definitions or {}, Mapping)
+        given = named_parameters(parameters or {}, names)
+        is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
+        if not is_list or (H is None) == (equations is None):
+            expected = f"a list of {len(names)} texts, or left out beside H"
+            raise wrong("equations", expected, short(equations))
+        tracer = Tracer(names, [*given])
+        known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
+        texts = [*(definitions or {}).items(), *enumerate(rows)]
+        found = values_of(texts, known, called_by_name)
+        try:
+            operands = [tracer.result(found[k]) for k in range(len(rows))]
+        except TypeError as error:
+            raise ValueError(f"equations: {error}") from None
+        if H is None:
+            shared = Equations(names, [*given], tracer.values, operands, ratios=tracer.ratios)
+        else:
+            matrix = coefficients.structure_matrix(K, len(names))
+            shared = of_hamiltonian(tracer, names, [*given], operands[0], matrix)
+        return cls._of({**given, NAMES: names, EQUATIONS: shared})
 
-            others[TYPED] = Field.read(names, **typed, parameters=parameters)._equations
-        if H is None and K is None:
-            terms = with_arrays({"values": of_file(indices, values, D)}, None, None, D)
-            return cls._of({**parts_of(terms, names), **others})
-        if indices is not None or values is not None:
-            raise ValueError("the parameters hold both coefficients and H: keep one of them")
-        energy, matrix = of_hamiltonian(H, D), structure_matrix(K, D)
-        return cls._of_hamiltonian(energy, matrix, others)
 
+def system_of(system: Any, x0: Any) -> Any:
+    """Return a system; a function of the state is a field with as many variables as x0 has.
 
-def _of_energy(equations: Any) -> Any:
-    """Return equations with the list of H alone."""
-    from .general import Equations
-
-    names, parameters = equations.names, equations.parameters
-    return Equations(names, parameters, equations.values, [], equations.H)
+    It is for functions such as `flow`. Other objects than functions are returned as they are.
+    """
+    if isinstance(system, (Body, type)) or not callable(system):
+        return system
+    D = len(x0) if isinstance(x0, Mapping) else (1, *np.shape(x0))[-1]
+    others = arguments_of(system)[1:]
+    if others and not {"t", "time"} & {*arguments_of(system)}:
+        values = ", ".join(f"{name}=..." for name in others)
+        how = f"Field(f, {D}, {values})"
+        raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
+    return Field(system, D)

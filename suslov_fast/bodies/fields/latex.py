@@ -57,7 +57,7 @@ def formula(text: str, names: Mapping[str, str] | None = None) -> str:
 
 def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
     """Return the LaTeX of a formula, and how tightly its sign binds."""
-    if isinstance(node, ast.Constant):
+    if isinstance(node, ast.Constant) and node.value is not Ellipsis:
         text = repr(node.value)
         if "e" in text:
             digits, exponent = text.split("e")

@@ -16,10 +16,8 @@ TIME = {"t", "time"}
 # Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
     **dict.fromkeys(TIME, "time, which is a variable"),
-    "dimension": "an argument of from_function and from_hamiltonian",
     "method": "an argument of sel",
     **dict.fromkeys(("x", "states"), "the name of the states"),
-    **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (
             *("before", "component", "count", "end", "event", "final", "space", "status"),
@@ -28,7 +26,7 @@ _TAKEN = {
         "a name in datasets",
     ),
 }
-# Further ones, of fields that have a map.
+# Further ones, of fields with which maps are iterated.
 _OF_MAPS = {
     "eps": "the step size",
     **dict.fromkeys(
@@ -49,7 +47,7 @@ _AXIS = re.compile(r"batch_\d+")
 def of_time(names: Sequence[str], f: str = "...", more: str = "") -> str:
     """Return, for messages, how time enters a field with these variables, and `more` arguments."""
     given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
-    field = f"from_function(lambda s{more}: ({f}, 1.0), {given}{', a=1.0' * bool(more)})"
+    field = f"Field(lambda s{more}: ({f}, 1.0), {given}{', a=1.0' * bool(more)})"
     return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
 
 
@@ -68,14 +66,11 @@ def latex(name: str) -> str:
     return f"{letter}_{{{match['index']}}}" if match["index"] else letter
 
 
-def variables(
-    argument: str, given: Any, D: int | None = None, *, has_map: bool = True
-) -> tuple[str, ...]:
+def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
     """Return the checked names of variables; x1, ..., xD if only their number is known.
 
     `given` is a text with names between spaces or commas, a sequence of names, the number of
-    variables, or None. If D is known there must be D names. `has_map` is whether the field has a
-    map, whose datasets have the names eps and n.
+    variables, or None. If D is known there must be D names.
     """
     if given is None and D:
         return labels(D)
@@ -99,12 +94,14 @@ def variables(
         raise wrong(
             argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
         )
-    for i, name in enumerate(names):
+    if len(names) > _MOST_VARIABLES:
+        raise wrong(argument, f"at most {_MOST_VARIABLES} names", f"{len(names)}")
+    before: set[str] = set()
+    for name in names:
         reason = _refused(name)
-        if name in names[:i]:
+        if name in before:
             reason = "appears twice: give each variable its own name"
-        if has_map and name == "eps":
-            reason = "has the name of the step size: call it eps_, for example"
+        before.add(name)
         if reason:
             raise ValueError(f"{argument}: the variable {short(name)} {reason}")
     return tuple(names)
@@ -129,29 +126,35 @@ def check_order(names: Sequence[str]) -> None:
     ):
         right, given = " ".join([*q, *p]), " ".join(names)
         raise ValueError(
-            "dimension: all coordinates come first, then all momenta, here and in the state of H: "
+            "names: all coordinates come first, then all momenta, here and in the state of H: "
             f"{right!r}, not {given!r}; for another order pass K"
         )
 
 
-def clash(name: str, names: Collection[str], *, has_map: bool = True) -> str:
+def clash(name: str, names: Collection[str]) -> str:
     """Return what the name of a parameter already stands for; "" if it is free.
 
-    `names` are those of the variables, and `has_map` is as in `variables`.
+    `names` are those of the variables.
     """
     if name in names:
         return "the variable of that name"
-    if _AXIS.fullmatch(name):
-        return "a name in datasets"
-    return _TAKEN.get(name, "") or (_OF_MAPS.get(name, "") if has_map else "")
+    return "a name in datasets" if _AXIS.fullmatch(name) else _TAKEN.get(name, "")
 
 
-def check_parameter(name: str, names: Sequence[str], *, has_map: bool = True) -> None:
+def check_parameter(name: str, names: Sequence[str]) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if name in TIME:
         raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
     if reason := _refused(name):
         raise ValueError(f"parameters: {short(name)} {reason}")
-    if what := clash(name, names, has_map=has_map):
+    if what := clash(name, names):
         how = f"rename it, to {name}_ for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")
+
+
+def check_for_map(variables: Sequence[str], parameters: Collection[str]) -> None:
+    """Raise ValueError if a name of a field stands for something else in runs of its map."""
+    for name in (*(each for each in variables if each == "eps"), *parameters):
+        if what := _OF_MAPS.get(name):
+            how = f"make the field again with another name, {name}_ for example"
+            raise ValueError(f"system: {name!r} clashes with {what}: {how}")

@@ -1,15 +1,13 @@
-"""Exact numbers, named parameters, and the polynomials with which functions of users are called."""
+"""Exact numbers, named parameters, and texts of polynomials."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import partial
-from itertools import product
 from numbers import Rational
 from typing import Any
 
@@ -27,8 +25,7 @@ from ...checks import (
     within,
     wrong,
 )
-from .names import check_parameter, labels
-from .symbolic import Untraceable
+from .names import check_parameter
 
 # Of a text "p/q" in a file, in characters; and of the exponent of 10 in a decimal.
 _LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
@@ -83,16 +80,11 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named_parameters(
-    parameters: Mapping[str, Any], variables: Sequence[str], *, has_map: bool = True
-) -> dict[str, Any]:
-    """Return checked parameters by name: numbers as they are, arrays as floats.
-
-    `has_map` is as in `names.variables`.
-    """
+def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats."""
     checked: dict[str, Any] = {}
     for name, value in parameters.items():
-        check_parameter(name, variables, has_map=has_map)
+        check_parameter(name, variables)
         array = as_given(name, value)
         checked[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
@@ -143,103 +135,17 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
-class NoPolynomial(Untraceable):
-    """An operation on a polynomial whose result is not a polynomial."""
+def text_of(terms: Mapping[tuple[int, ...], Any], names: Sequence[str]) -> str:
+    """Return a polynomial with these coefficients, by sorted indices, as text.
 
-    def __init__(self, what: str) -> None:
-        super().__init__(f"{what}: QuadraticField takes polynomials; use Field, and flow")
-
-
-Number = int | Fraction  # integers stay such, because fractions take ten times as long
-
-
-def number(value: Any) -> Number:
-    """Return a coefficient that an expression contains; raise unless it is a real number."""
-    if type(value) is int or type(value) is Fraction:
-        return value
-    if type(value) is float and math.isfinite(value):
-        return int(value) if value.is_integer() else Fraction(value)
-    return exact("coefficients", value)
-
-
-class Polynomial:
-    """A polynomial with exact coefficients, none of which is 0."""
-
-    __slots__ = ("terms",)
-
-    def __init__(self, terms: dict[tuple[int, ...], Number]) -> None:
-        self.terms = terms  # by sorted indices: (0, 0, 1) stands for x1 x1 x2
-
-    @classmethod
-    def of(cls, value: Any) -> Polynomial:
-        """Return a polynomial unchanged; a number is a constant."""
-        if type(value) is cls:
-            return value
-        constant = number(value)
-        return cls({(): constant} if constant else {})
-
-    def __add__(self, other: Any) -> Polynomial:
-        """Return the sum; adding few terms to many takes hardly longer than a copy."""
-        few, sums = self.terms, Polynomial.of(other).terms
-        if len(few) > len(sums):
-            few, sums = sums, few
-        sums = sums.copy()
-        for indices, c in few.items():
-            total = sums.get(indices, 0) + c
-            if total:
-                sums[indices] = total
-            else:
-                del sums[indices]
-        return Polynomial(sums)
-
-    def __sub__(self, other: Any) -> Polynomial:
-        return self + -Polynomial.of(other)
-
-    def __neg__(self) -> Polynomial:
-        return Polynomial({indices: -c for indices, c in self.terms.items()})
-
-    def __mul__(self, other: Any) -> Polynomial:
-        few, many = self.terms, Polynomial.of(other).terms
-        if len(few) > len(many):
-            few, many = many, few
-        if len(few) == 1:  # for speed: no two products are alike
-            ((i, c),) = few.items()
-            if not i:
-                return Polynomial({j: c * d for j, d in many.items()})
-            return Polynomial({tuple(sorted(i + j)): c * d for j, d in many.items()})
-        sums = defaultdict[tuple[int, ...], Number](int)
-        for (i, c), (j, d) in product(few.items(), many.items()):
-            sums[tuple(sorted(i + j))] += c * d
-        return Polynomial({indices: c for indices, c in sums.items() if c})
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def inverse(self) -> Polynomial:
-        """Return the inverse of a constant; raise if it is 0, or if this is not a constant."""
-        if not self.terms:
-            raise ZeroDivisionError("division by zero")
-        if self.terms.keys() == {()}:
-            return Polynomial({(): 1 / Fraction(self.terms[()])})
-        raise NoPolynomial("divides by an expression of x")
-
-    def __pow__(self, power: Any) -> Polynomial:
-        if isinstance(power, int) and power < 0:
-            return self.inverse() ** -power
-        if power not in range(100):
-            raise ValueError(f"raises an expression of x to the power {short(power)}")
-        return math.prod([self] * int(power), start=Polynomial({(): 1}))
-
-    def __repr__(self) -> str:
-        return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
-
-    def text(self, names: Sequence[str]) -> str:
-        """Return the polynomial as text in variables with these names."""
-        text = ""
-        for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
-            size = -c if c < 0 else c
-            factors = [] if indices and size == 1 else [spelled(size)]
-            for i in dict.fromkeys(indices):
-                power = indices.count(i)
-                factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
-            text += (" - " if c < 0 else " + ") + "*".join(factors)
-        return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
+    The indices (0, 0, 1) stand for the product of the first variable twice and the second.
+    """
+    text = ""
+    for indices, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
+        size = -c if c < 0 else c
+        factors = [] if indices and size == 1 else [spelled(size)]
+        for i in dict.fromkeys(indices):
+            power = indices.count(i)
+            factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
+        text += (" - " if c < 0 else " + ") + "*".join(factors)
+    return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"

@@ -11,6 +11,8 @@ import functools
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +40,7 @@ class Tracer:
         self.values = Expressions(count, range(D, count))
         self.state = Symbols.of([Symbol(self, i) for i in range(D)])
         self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, D)}
+        self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest ones
 
     def is_truth(self, operand: Any) -> bool:
         of: Mapping[Any, Any] = self.values.of
@@ -51,7 +54,10 @@ class Tracer:
             return value.operand
         if isinstance(value, (bool, np.bool_)):
             return bool(value)
-        return constant(value)
+        operand = constant(value)
+        if isinstance(value, Rational) and value != operand:
+            self.ratios[operand] = Fraction(value)
+        return operand
 
     def number(self, value: Any) -> Any:
         """Return the operand of a number; a truth value counts as 0 or 1."""

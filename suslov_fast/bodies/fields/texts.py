@@ -6,10 +6,12 @@ What is read is bounded in size and depth, so that no file can keep its reader b
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
 from itertools import count
 from typing import Any
 
@@ -28,6 +30,8 @@ _INSTRUCTIONS = {
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
+_OF_DECIMALS, _OF_RATIOS = 14, 999  # characters, and a denominator
+_NONE: dict[float, Fraction] = {}
 # How tightly signs bind, as in Python.
 _CALL, _UNARY = 10, 8
 _LEVELS = {
@@ -49,9 +53,14 @@ def _node(values: Any, number: int) -> tuple[str, Sequence[Any], Sequence[Any]]:
     return _INSTRUCTIONS[instruction], operands, ()
 
 
-def _number(c: float) -> tuple[str, int]:
+def _number(c: float, ratios: Mapping[float, Fraction] = _NONE) -> tuple[str, int]:
+    """Return the text of a constant, such as 0.1, or 8/3 where a quotient was written."""
     is_whole = c == np.floor(c) and abs(c) < 1e15 and not same(c, -0.0)
     text = str(int(c)) if is_whole else repr(c)
+    if len(text) > _OF_DECIMALS and math.isfinite(c):
+        ratio = ratios.get(c) or Fraction(c).limit_denominator(_OF_RATIOS)
+        if float(ratio) == c and max(abs(ratio.numerator), ratio.denominator) < 2**53:
+            return str(ratio), _LEVELS["divide"]
     return text, _UNARY if text.startswith("-") else _CALL
 
 
@@ -79,12 +88,18 @@ def _joined(name: str, parts: Sequence[tuple[str, int]], tables: Sequence[Any]) 
     return f"{left}{space}{sign}{space}{right}", own
 
 
-def brief(values: Any, operand: Any, names: Sequence[str], length: int = 60) -> str:
+def brief(
+    values: Any,
+    operand: Any,
+    names: Sequence[str],
+    length: int = 60,
+    ratios: Mapping[float, Fraction] = _NONE,
+) -> str:
     """Return the text of a value for readers, whose middle is left out if it is long."""
 
     def text_of(a: Any, depth: int) -> tuple[str, int]:
         if isinstance(a, float):
-            return _number(a)
+            return _number(a, ratios)
         if a < len(names):
             return names[a], _CALL
         if depth > 12:
@@ -108,7 +123,10 @@ def size_of(values: Any, operand: Any, most: int) -> int:
 
 
 def written(
-    values: Any, results: Sequence[Any], names: Sequence[str]
+    values: Any,
+    results: Sequence[Any],
+    names: Sequence[str],
+    ratios: Mapping[float, Fraction] = _NONE,
 ) -> tuple[dict[str, str], list[str]]:
     """Return definitions of values that occur twice or deep inside, and the texts of results."""
     of, order = {}, []
@@ -131,13 +149,14 @@ def written(
     definitions: dict[str, str] = {}
     for a in order:
         name, operands, tables = of[a]
-        parts = [_number(b) if isinstance(b, float) else texts[b] for b in operands]
+        parts = [_number(b, ratios) if isinstance(b, float) else texts[b] for b in operands]
         texts[a] = _joined(name, parts, tables)
         depths[a] = 1 + max((depths.get(b, 0) for b in _numbers(operands)), default=0)
         if (uses[a] > 1 and operands) or depths[a] >= _DEEPEST:
             own = next(each for each in free if each not in names)
             definitions[own], texts[a], depths[a] = texts[a][0], (own, _CALL), 0
-    return definitions, [_number(a)[0] if isinstance(a, float) else texts[a][0] for a in results]
+    rows = [_number(a, ratios) if isinstance(a, float) else texts[a] for a in results]
+    return definitions, [text for text, _ in rows]
 
 
 def _numbers(operands: Sequence[Any]) -> set[int]:
@@ -146,9 +165,16 @@ def _numbers(operands: Sequence[Any]) -> set[int]:
 
 
 # --------------------------------------------------------------------------------- reading
+def _divided(a: Any, b: Any) -> Any:
+    """Return a quotient; of integers a fraction, as which it was typed."""
+    if isinstance(a, float) and isinstance(b, float) and a.is_integer() and b.is_integer() and b:
+        return Fraction(int(a), int(b))
+    return a / b
+
+
 _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
-    ast.Div: operator.truediv, ast.Pow: operator.pow, ast.Mod: operator.mod,
+    ast.Div: _divided, ast.Pow: operator.pow, ast.Mod: operator.mod,
     ast.FloorDiv: operator.floordiv, ast.BitAnd: operator.and_, ast.BitOr: operator.or_,
     ast.BitXor: operator.xor, ast.Lt: operator.lt, ast.Gt: operator.gt, ast.LtE: operator.le,
     ast.GtE: operator.ge, ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.USub: operator.neg,
@@ -229,7 +255,8 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
         sides = (_value(side, known, calls, depth) for side in (node.left, node.comparators[0]))
         return _OPERATORS[type(node.ops[0])](*sides)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        return calls(node.func.id, [_value(each, known, calls, depth) for each in node.args])
+        arguments = [_value(each, known, calls, depth) for each in node.args]
+        return calls(node.func.id, [float(a) if isinstance(a, Fraction) else a for a in arguments])
     if isinstance(node, ast.Tuple):
         return tuple(_value(each, known, calls, depth) for each in node.elts)
     return _no(node)

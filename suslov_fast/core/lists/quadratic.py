@@ -5,14 +5,13 @@ import numpy as np
 from .right_hand_side import Expressions
 
 
-def expressions_of(indices, D, is_one, is_minus_one, others):
+def expressions_of(indices, D, is_one, is_minus_one):
     """Return `Expressions` of f_i = sum of v x_j x_k, the operands that are f, and P.
 
     Terms are (3, T), with x_D = 1. `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for
-    all members; the other v are parameters, in the order of terms: see `parameters_of`. There are
-    `others` before these.
+    all members; the other v are parameters, in the order of terms: see `parameters_of`.
     """
-    given, first = ~(is_one | is_minus_one), D + others
+    given, first = ~(is_one | is_minus_one), D
     numbers = iter(range(first, first + int(given.sum())))
     values = Expressions(first + int(given.sum()), range(D, first + int(given.sum())))
     terms = [[] for _ in range(D)]
@@ -26,7 +25,7 @@ def expressions_of(indices, D, is_one, is_minus_one, others):
             product = values.emit("fmul", product, factor)
         terms[i].append((minus, product))
     results = [_sum(values.emit, each) for each in terms]
-    return values, results, others + given.sum().item()
+    return values, results, given.sum().item()
 
 
 def parameters_of(terms, is_one, is_minus_one):

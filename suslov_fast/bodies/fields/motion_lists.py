@@ -1,0 +1,119 @@
+"""Right-hand sides of fields for the engine of the motion: of equations, and of terms."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...checks import FloatArray
+from ...core.lists.changes import Act
+from ...core.lists.conditions import with_fixed_choices
+from ...core.lists.dense import DenseRightHandSide, dense_parameters
+from ...core.lists.quadratic import expressions_of, parameters_of
+from ...core.lists.right_hand_side import RightHandSide, in_order
+from .equations import Equations
+from .terms import Terms
+
+_MOST_CHANGES = 16  # lists of changes, whose right-hand sides a field keeps
+_LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
+
+
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
+
+@lru_cache(64)
+def _of_list(
+    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...]
+) -> RightHandSide:
+    values, results = in_order(equations.values, equations.results)
+    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    P = len(equations.parameters)
+    return with_fixed_choices(values, results, P, by, twice, acts)
+
+
+def of_equations(
+    equations: Equations,
+    parameters: FloatArray,
+    names: tuple[str, ...] = (),
+    twice: bool = False,
+    acts: tuple[Act, ...] = (),
+) -> list[OfMembers]:
+    """Return the right-hand side of all members, whose choices are fixed within a step.
+
+    Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
+    differentiate f by, `twice` asks for second derivatives, and `acts` are changes of the state.
+    """
+    f = _of_list(equations, names, twice, acts)
+    shape = parameters.shape[1:]
+    choices = np.zeros((f.P - len(parameters), *shape))  # of no state yet
+    count = math.prod(shape)
+    table = f.table_of(np.concatenate([parameters, choices])).reshape(len(f.table), count)
+    return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+
+def of_terms(
+    terms: Terms, D: int, twice: bool = False, acts: tuple[Act, ...] = ()
+) -> list[OfMembers]:
+    """Return the right-hand sides of members of a family of terms, by the terms that are not 0.
+
+    Arguments are as in `of_equations`.
+    """
+    (indices, values), found = terms.floats, []
+    rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+    exists = rows != 0.0
+    patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+    if not exists.all():
+        patterns, which = np.unique(exists, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
+        members = np.flatnonzero(which.reshape(-1) == k)
+        places, own = indices[:, pattern], rows[np.ix_(members, pattern)]
+        if not (acts or twice) and _LONG < places.shape[1] > D**3 / 4:
+            f, parameters = _dense(D), dense_parameters(places, own, D)
+        else:
+            units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
+            f = _of_form(*(each.tobytes() for each in (places, *units)), D, acts, twice)
+            given = [*parameters_of(own, *units)]
+            given += [np.zeros(len(members))] * (f.P - len(given))  # starts of clocks
+            parameters = np.array(given).reshape(-1, len(members))
+        found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+    return found
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
+@lru_cache(256)
+def _of_form(
+    indices: bytes, one: bytes, minus_one: bytes, D: int, acts: tuple[Act, ...], twice: bool
+) -> Any:
+    """Return the right-hand side that fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
+    values, results, count = expressions_of(places, D, is_one, is_minus_one)
+    if not acts:
+        return RightHandSide(values, results, count)
+    return with_fixed_choices(values, results, count, (), twice, acts)
+
+
+def with_changes(
+    field: Any, acts: tuple[Act, ...], names: tuple[str, ...] = (), twice: bool = False
+) -> list[OfMembers]:
+    """Return the right-hand sides of members of a field with changes of the state.
+
+    Arguments are as in `of_equations`, with `acts` in the order of code.
+    """
+    key, known = (acts, names, twice), vars(field).setdefault("_with_changes", {})
+    if key not in known:
+        if len(known) >= _MOST_CHANGES:
+            known.clear()
+        known[key] = field.motion_lists(names, twice, acts)
+    return known[key]

@@ -426,7 +426,7 @@ def _next_stop(lines, bits):
 
 def _keep_largest(lines, truth):
     """Let the largest moduli of components include those before a change; forget which are low."""
-    for i in lines.text.each(lines.half.low):
+    for i in lines.text.each(lines.half.block.D):
         low = lines.line.low[i]
         lines.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
     for i in lines.text.each(lines.D):

@@ -21,7 +21,7 @@ from ..code.text import Carried, Intervals
 from ..lists.numbers import larger
 from ..lists.tables import Table, is_table
 from . import inside
-from .errors import GROWN
+from .growth import GROWN
 from .rows import State
 from .rules import AT_ONCE, rule
 from .scope import Lines
@@ -172,8 +172,7 @@ def _choose(lines, truth, acted):
     """Make choices anew at the new state of lanes, and f and columns with them."""
     text, line, work, f = lines.text, lines.line, lines.work, lines.f
     has_columns = lines.half.block is not f and f.conditions.jumps > 0
-    if lines.half.low or has_columns:
-        text.copy(work.f_new, work.f_old, lines.half.block.D)
+    text.copy(work.f_new, work.f_old, lines.half.block.D)
     if has_columns:
         lines.call("slopes", work.new, lines.table, work.slopes)
     choose_all(lines, truth)
@@ -185,7 +184,7 @@ def _choose(lines, truth, acted):
                 lines.keep_largest(own, i, work.new[i])
             _change_columns(lines, own)
             lines.call("f", work.new, lines.table, work.f_new)
-    for i in text.each(lines.half.low):
+    for i in text.each(lines.half.block.D):
         of_f = {"before": work.f_old[i], "after": work.f_new[i]}
         line.low.choose(truth, i, lines.apply(INFLOW, i, **of_f)["low"])
 

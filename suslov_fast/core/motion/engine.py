@@ -180,7 +180,7 @@ class Motion:
     states   (count, B, D), to which the states are written; where a solution has ended they stay
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `State`
-    grown    pairs: numbers of trajectories of which a component fell and grew, see `errors.LOW`,
+    grown    pairs: numbers of trajectories of which a component fell and grew, see `growth.LOW`,
              and that component of each
     causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
     stops    `Stops` of changes, if f has them; times may then begin with 0

@@ -11,13 +11,11 @@ for m > 10. For columns of derivatives it is 2**-20. Clocks, which have constant
 error, and count there with their change in the step, because time may be large where all others are
 small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
 weighted sum of columns, if that is more.
-
-A component that has been large, falls below its allowed error in two steps in a row, and grows to
-GROWN times that again, or a tenth of its size, may have no digits, and is told of (`LOW`).
 """
 
 from ..code.text import Carried
-from ..lists.numbers import larger, smaller
+from ..lists.numbers import larger
+from .growth import FALLEN
 from .rules import TINY, rule
 from .scope import weighted
 from .stormer import is_rough
@@ -26,7 +24,6 @@ from .stormer import is_rough
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 # An error may be noise if it is less than NOISY of the largest component.
 NOISY = 2.0**-48
-GROWN, STAYS = 1000.0, 0.125
 CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
 
 
@@ -99,39 +96,15 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
-def _grown(rtol):
-    """Return the part of its allowed error to which a component has grown again."""
-    return smaller(GROWN, 0.1 / rtol)
-
-
-def _is_low(new, largest, f_new, inverse, last, rtol):
-    """Whether a component that was large is below what is allowed, and does not just cross 0."""
-    stays = abs(f_new) * inverse * (last * rtol) < STAYS
-    return (abs(new) * inverse < 1.0) & (largest * inverse > _grown(rtol)) & stays
-
-
-@rule
-def FALLEN(new, largest, rtol, fallen):
-    """1 where a component may be low."""
-    return {"fallen": (abs(new) < rtol * largest).select(1.0, fallen)}
-
-
-@rule
-def LOW(new, largest, f_new, inverse, last, rtol, low, watches):
-    """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
-    since = (low >= 2.0).select((abs(new) * inverse > _grown(rtol)).select(3.0, low), 0.0)
-    is_low = _is_low(new, largest, f_new, inverse, last, rtol)
-    now = (low >= 3.0).select(low, is_low.select(smaller(low + 1.0, 2.0), since))
-    return {"low": now, "watches": larger((now < 3.0).select(now, 0.0), watches)}
-
-
 def find_errors(lines, own, sizes):
     """Return sums over components: the largest ratio of an error by what is allowed, and others.
 
     The inverse of what is allowed takes the place of the error.
     """
     text, half, work = lines.text, lines.half, lines.work
-    names = ["ratio", "total", "apart"] + ([] if half.is_implicit else ["rates", "states"])
+    names = ["ratio", "total", "apart", "fallen"] + (
+        [] if half.is_implicit else ["rates", "states"]
+    )
     names += [] if half.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     for (first, count), of_part in zip(half.parts, sizes, strict=True):
@@ -141,6 +114,8 @@ def find_errors(lines, own, sizes):
                 inputs["noise"] = _noise(lines, own, i)
             inverse = lines.apply(half.allowed, i, **inputs)["inverse"]
             found = lines.apply(RATIO, i, inverse=inverse, **vars(sums))
+            if first == 0:
+                found |= lines.apply(FALLEN, i, inverse=inverse, fallen=sums.fallen)
             if not half.has_atol:
                 own_sums = {"inverse": inverse, "large": sums.large, "noisy": of_part["noisy"]}
                 found |= lines.apply(LARGE, i, **own_sums)
@@ -202,18 +177,3 @@ def differences_of_sets(lines):
     A, B = sums
     limit = lines.number("limit")
     return {"rates": A.rates * B.rates, "states": A.states * B.states, "limit": limit * limit}
-
-
-def watch_small(lines):
-    """Note which components have fallen below what is allowed, and grown again."""
-    text, line, work = lines.text, lines.line, lines.work
-    accepted = work.accepted[0] > 0.0
-    looks = accepted & ((work.fallen[0] > 0.0) | (line.watches[0] > 0.0))
-    with text.when(looks.any(), likely=False):
-        largest = Carried(watches=0.0)
-        for i in text.each(lines.half.low, largest):
-            inputs = {"inverse": work.error[i], "watches": largest.watches}
-            found = lines.apply(LOW, i, **inputs)
-            line.low.choose(accepted, i, found["low"])
-            largest.watches = found["watches"]
-        line.watches.choose(accepted, 0, largest.watches)

@@ -27,7 +27,7 @@ from .rows import BEGINS, OF_CHANGES, State
 
 _KEPT = 1024  # times that memory is kept of
 _NAN = array("d", [math.nan])
-_GREW = array("d", [3.0]).tobytes()  # of a component, see `errors.LOW`
+_GREW = array("d", [3.0]).tobytes()  # of a component, see `growth.LOW`
 
 
 class _Memory:

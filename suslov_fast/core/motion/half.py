@@ -38,7 +38,6 @@ class Half:
     numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
     allowed      the rule for the error that one may have
-    low          how many components are told of that fall and grow
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
@@ -71,7 +70,6 @@ class Half:
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.is_long = f.is_dense or f.work > LONGEST
         self.changes = f.changes
-        self.low = 0 if has_atol else self.block.D
         self.sets = None if is_implicit else sets_of(f)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
@@ -102,7 +100,7 @@ class Half:
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
         of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
         self.rows = firsts_of(Rows, of_f | {
-            "x": D, "largest": D, "mode": D, "low": self.low, "far": watched,
+            "x": D, "largest": D, "mode": D, "low": self.block.D, "far": watched,
             "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
             "counts": count, "acted": 2 * surfaces,
             "of_changes": changes * len(OF_CHANGES),

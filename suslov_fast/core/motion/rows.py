@@ -46,7 +46,7 @@ class Rows(NamedTuple):
     f: int  # f(x), and its denominators of clocks (D + denominators)
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
-    low: int  # of components that have fallen, see `errors.LOW` (none with `atol`, else those of x)
+    low: int  # of components that have fallen, see `growth.LOW` (those of x)
     far: int  # the state after a step of length `outer` (watched)
     chosen_at: int  # time at which choices of f changed last (1 if f chooses)
     chosen_often: int  # how often in a row they changed at once (1 if f chooses)
@@ -132,7 +132,6 @@ class Work(NamedTuple):
     accepted: int  # 1 where the step is taken, else 0
     served: int  # 1 where a step aside has reached its time, else 0
     t: int  # time before the step
-    fallen: int  # 1 where a component may be low, see `errors.LOW`
     at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
     points: int  # surfaces at the beginning of a step and at POINTS of it, and what `Hidden` needs

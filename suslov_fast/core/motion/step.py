@@ -14,7 +14,7 @@ step in this half have length 0 and stay as they are.
 """
 
 from ..code.text import Carried
-from . import changes, choosing, errors, inside, lengths, second_trial, surfaces
+from . import changes, choosing, errors, growth, inside, lengths, second_trial, surfaces
 from .columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from .implicit import derive, find_apart
 from .rules import rule
@@ -66,6 +66,9 @@ def take_step(lines):
         sums |= errors.differences_of_sets(lines)
     sums |= {"on_trial": text.value(0.0), "of_length": sums["ratio"]}
     sums |= second_trial.try_again(lines, own, of_error, sums)
+    if half.is_implicit:
+        least = growth.longest_step(lines)
+        kept = (work.taken[0] > least).select(0.0, kept)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}
     before = line.t[0]
     found = lines.apply(lengths.AFTER, **sums, **lines.goal())
@@ -75,6 +78,8 @@ def take_step(lines):
         own = {"before": line.wanted[0], "state_before": line.state[0]}
         own |= {name: found[name] for name in ("t", "wanted", "state")}
         found |= lines.apply(lengths.AT_STOP, accepted=sums["accepted"], **own)
+    if half.is_implicit:
+        found |= lines.apply(growth.AT_MOST, wanted=found["wanted"], least=least)
     lines.keep(line, found)
     if half.sets:
         lines.keep(line, lines.apply(lengths.REFUSALS, ratio=sums["ratio"]))
@@ -89,8 +94,7 @@ def take_step(lines):
     inside.save_states(lines)
     if half.kinks:
         choosing.choose(lines)
-    if half.low:
-        errors.watch_small(lines)
+    growth.watch_small(lines, sums["fallen"])
     if half.changes:
         changes.change(lines)
         inside.save_at_end(lines)
@@ -102,8 +106,7 @@ def take_step(lines):
 def _next_states(lines, own, of_error):
     """Write the next states, f there, and errors; return which are kept, and sizes of parts."""
     text, half, line, work = lines.text, lines.half, lines.line, lines.work
-    names = [*half.largest.results] + (["fallen"] if half.low else [])
-    sums, sizes = Carried(**dict.fromkeys(names, 0.0), kept=1.0), []
+    sums, sizes = Carried(**dict.fromkeys(half.largest.results, 0.0), kept=1.0), []
     for first, count in half.parts:
         for i in text.each(count, sums):
             i = i + first
@@ -119,16 +122,12 @@ def _next_states(lines, own, of_error):
             work.new.put_chosen(i, new)
             work.error[i] = weighted(of_error, ends)
             sums.update(lines.apply(half.largest, i, **vars(sums) | {"new": new}))
-            if half.low and first == 0:
-                sums.update(lines.apply(errors.FALLEN, i, new=new, fallen=sums.fallen))
         size = {name: getattr(sums, name) for name in half.largest.results}
         if size:
             smallest = errors.SMALLEST if first == 0 else errors.SMALLEST_OF_COLUMNS
             size |= lines.apply(errors.LEAST_ALLOWED, smallest=smallest, **size)
         sizes.append(size)
     kept = sums.kept
-    if half.low:
-        work.fallen[0] = sums.fallen
     lines.call("f", work.new, lines.table, work.f_new)
     for k in range(lines.D, lines.extended):  # denominators of clocks
         kept = lines.apply(SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]

@@ -5,7 +5,7 @@ is large. The error estimate refuses such a step where the component counts, but
 its allowed error. Let L be the components that are below it, not 0, and not fed by others. The
 equations grow there at a rate above 1 / h if 1 - h J, with rows and columns of J for L alone, has a
 negative determinant; or a negative pivot, where no component of L takes from another. Such a step
-is refused. The least h / (1 - pivot), at both ends of the step, is the longest length.
+is refused: h / (1 - pivot), at both ends of it, is the longest length.
 
 Where none takes from another, growth shows as h f_i / x_i > 1 as long as none changes its sign. So
 those that decay keep it in an implicit step, which costs less than the allowed error.
@@ -99,12 +99,6 @@ def LONGEST(length, sign, feeds, least):
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
-@rule
-def AT_MOST(wanted, least):
-    """The next length."""
-    return {"wanted": smaller(wanted, least)}
-
-
 def _grown(rtol):
     """Return the part of its allowed error to which a component has grown again."""
     return smaller(GROWN, 0.1 / rtol)
@@ -168,19 +162,19 @@ def _factor_alone(lines, x):
     for i in text.each(lines.half.block.D):
         inputs = {"x": x[i], "fed": work.f[i], "inverse": work.error[i]}
         work.start[i] = lines.apply(REMEMBERS, **inputs)["remembers"]
-    lines.call("j", x, lines.table, work.jacobian)
+    lines.call("j", x, lines.table, work.alone)
     places = [(i, j, float(i == j)) for i, j in f.pattern]
     rows, columns, diagonal = map(text.constants, zip(*places, strict=True))
     sums = Carried(feeds=1.0)
     for k in text.each(f.entries, sums):
-        inputs = {"entry": work.jacobian[k], "is_diagonal": diagonal[k]}
+        inputs = {"entry": work.alone[k], "is_diagonal": diagonal[k]}
         inputs |= {"of_row": work.start[rows[k]], "of_column": work.start[columns[k]]}
         found = lines.apply(ENTRY, **inputs, **vars(sums))
-        work.jacobian.put_chosen(k, found.pop("entry"))
+        work.alone.put_chosen(k, found.pop("entry"))
         work.start.put_chosen(rows[k], found.pop("of_row"))
         sums.update(found)
-    work.jacobian[f.entries] = work.signed[0]
-    lines.call("factor", work.jacobian, lines.table, work.factors)
+    work.alone[f.entries] = work.signed[0]
+    lines.call("factor", work.alone, lines.table, work.factors)
     return sums.feeds
 
 

@@ -112,6 +112,7 @@ class Half:
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
             "jacobian": f.entries + 1 + D if self.is_implicit else 0,
+            "alone": f.entries + 1 if self.is_implicit else 0,
             "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
             "point": watched, "quartic": block.D if watched else 0, "told": 3,
             "moving": 2 * watched + 1,

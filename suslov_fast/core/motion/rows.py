@@ -125,7 +125,8 @@ class Work(NamedTuple):
     error: int  # (D)
     jacobian: int  # entries of f', s, and a vector (D)
     factors: int  # of 1 - s f'
-    right: int  # (D)
+    right: int  # (D), after the factors
+    alone: int  # entries of f' of components that remember, and s, see `growth`
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     aside: int  # 1 where it is a step aside

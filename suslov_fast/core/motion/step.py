@@ -78,8 +78,6 @@ def take_step(lines):
         own = {"before": line.wanted[0], "state_before": line.state[0]}
         own |= {name: found[name] for name in ("t", "wanted", "state")}
         found |= lines.apply(lengths.AT_STOP, accepted=sums["accepted"], **own)
-    if half.is_implicit:
-        found |= lines.apply(growth.AT_MOST, wanted=found["wanted"], least=least)
     lines.keep(line, found)
     if half.sets:
         lines.keep(line, lines.apply(lengths.REFUSALS, ratio=sums["ratio"]))

@@ -15,7 +15,7 @@ def solved(f, x0, time, **options):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         motion = sf.flow(f, x0, time=[time], **options)
-    return np.asarray(motion.x[-1]), [str(each.message) for each in caught]
+    return np.asarray(motion.states[-1]), [str(each.message) for each in caught]
 
 
 def in_logarithms(f, x0, time):
@@ -97,7 +97,7 @@ def test_decay_and_rotation_below_allowed_errors_take_long_steps():
         "a b c d",
     )
     motion = sf.flow(f, [1.0, 1.0, 1.0, 1.0], time=100.0, stiff=True)
-    np.testing.assert_allclose(motion.x[-1, 3], np.exp(-10.0), rtol=1e-4)
+    np.testing.assert_allclose(motion.states[-1, 3], np.exp(-10.0), rtol=1e-4)
     assert motion.steps < 400
 
 

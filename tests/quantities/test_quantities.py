@@ -7,7 +7,7 @@ import mpmath
 import naive
 import numpy as np
 import pytest
-from test_field import HENON
+from systems import HENON_HEILES
 
 import suslov_fast as sf
 
@@ -117,7 +117,7 @@ ALONG = [sf.SuslovND([1.3, 2.1, 3.7], I) for I in np.diag([0.7, -1.3, 0.4])]
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, HENON])
+@pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, HENON_HEILES])
 def test_densities_are_those_of_invariant_measures(rng, body):
     """rho(next) det DPhi = rho."""
     omega, eps = rng.normal(size=(9, body.dimension)), rng.uniform(-1, 1, 9)

@@ -83,7 +83,7 @@ def test_rows_that_are_exchanged_change_no_sign(c):
     assert (len(texts), run.first_pole) == ((1, 1) if c > 0 else (0, -1))
     exponents, texts = told(sf.lyapunov_exponents, field, [1.0, 0.5], 2.0, 3)
     assert len(texts) == (c > 0)
-    assert exponents.sum() == pytest.approx(np.log(abs(np.linalg.det(back))), abs=1e-14)
+    assert 2 * exponents.sum() == pytest.approx(np.log(abs(np.linalg.det(back))), abs=1e-14)
 
 
 @quiet
@@ -235,7 +235,7 @@ def test_signs_agree_for_all_ways_to_compute(rng):
     for k in np.flatnonzero(run.first_pole >= 0)[:3]:
         one = iterate(PREY, starts[k], 0.1, 300, on_singular="ignore")
         assert (one.first_pole, one.status) == (run.first_pole[k], run.status[k])
-        assert np.array_equal(one.x, run.states[:, k], equal_nan=True)
+        assert np.array_equal(one.states, run.states[:, k], equal_nan=True)
 
 
 @pytest.mark.sampled(1)

@@ -118,7 +118,6 @@ class Field(Body):
     texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
     variable: ClassVar[str] = "x"
     called: ClassVar[str] = "a field"
-    may_escape = True
 
     names: tuple[str, ...]
     _equations: Equations | None  # None where terms are the parts of the field
@@ -557,6 +556,14 @@ class Field(Body):
         terms = self._terms_of(of_energy=False).floats
         check_for_map(self.names, self.coordinates)
         return terms
+
+    @cached_property
+    def may_escape(self) -> bool:  # type: ignore[override]
+        """False for linear equations, whose solutions exist at all times."""
+        try:
+            return bool((self._terms.indices[2] < self.dimension).any())
+        except (TypeError, ValueError):
+            return True
 
     @cached_property
     def energy_terms(self) -> Terms:

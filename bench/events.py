@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from work import OTHERS, OURS, Work, load
 
-from suslov_fast import Change, Field, flow
+from suslov_fast import Event, Field, flow
 
 
 def ball(x, e):
@@ -61,9 +61,9 @@ def by_flow(name, rtol=1e-9):
     """A function of the number of trajectories, as of the peers: last states, number of changes."""
     f, names, where, to, T, _ = PROBLEMS[name]
     if isinstance(where, np.ndarray):
-        change = Change(times=where, to=to)
+        change = Event(times=where, to=to)
     else:
-        change = Change(where[0], direction=where[1], to=to)
+        change = Event(where[0], direction=where[1], to=to)
 
     @cache
     def of(count):
@@ -72,8 +72,8 @@ def by_flow(name, rtol=1e-9):
 
     def call(count):
         field, x = of(count)
-        motion = flow(field, x, time=T, changes=change, rtol=rtol, threads=1)
-        return motion.states[0], len(motion.changes.time)
+        motion = flow(field, x, time=T, events=change, rtol=rtol, threads=1)
+        return motion.states[0], len(motion.events.time)
 
     return call
 

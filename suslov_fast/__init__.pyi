@@ -6,8 +6,7 @@ from .bodies.fields.field import Field as Field
 from .bodies.nd import NotIntegrableError as NotIntegrableError, SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D, SuslovGyrostat as SuslovGyrostat
 from .engine.status import (
-    PoleWarning as PoleWarning,
-    SingularStepWarning as SingularStepWarning,
+    IntegrationWarning as IntegrationWarning,
     Status as Status,
 )
 from .errors import SuslovError as SuslovError
@@ -33,9 +32,9 @@ from .quantities.derivatives import (
     vector_field as vector_field,
 )
 from .quantities.equilibria import Equilibria as Equilibria, equilibria as equilibria
-from .runs.change import Change as Change
 from .runs.crossings import crossings as crossings
 from .runs.ensemble import ensemble as ensemble
+from .runs.event import Event as Event
 from .runs.events import Events as Events
 from .runs.failures import SingularStepError as SingularStepError
 from .runs.flow import flow as flow

@@ -31,27 +31,27 @@ TABLE = (
    "a package for noise, such as diffrax: here equations have none"),
   ("bode transferfunction statespace lti ss", "",
    "scipy.signal, with A = field.jacobian(x) of an equilibrium x"),
-  ("change", "changes Change",
-   "flow(system, x0, time=t, changes=...), lyapunov_exponents or periodic_orbit: maps "
+  ("change changes", "events Event",
+   "flow(system, x0, time=t, events=...), lyapunov_exponents or periodic_orbit: maps "
    "have none"),
   ("after newstate", "states", ""),
-  ("event section condition value trigger", "surface",
+  ("section condition value trigger", "surface",
    "crossings(system, x0, time=T, surface=lambda x: x[..., 0], direction=0), or "
-   "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there, and "
-   "ends=True in place of to, where it ends"),
-  ("crossings changes", "Events changes", "crossings(system, x0, surface, time=T)"),
+   "events=Event(lambda x: x[0], to=lambda x: ...) of flow, where the state changes there, and "
+   "terminal=True in place of to, where it ends"),
+  ("crossings", "Events events", "crossings(system, x0, surface, time=T)"),
   ("jump dose impulse dosetime tstop schedule bolus infusion presettime discretecallback",
    "times",
-   "changes=Change(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),
+   "events=Event(times=[1, 2], to=lambda x: (x[0] + 1, x[1])) of flow"),
   ("reset bounce bouncing restitution impact contact collision affect effect action spike kick",
    "to",
-   "changes=Change(lambda x: x[0], direction=-1, to=lambda x: (x[0], -x[1])) of flow"),
+   "events=Event(lambda x: x[0], direction=-1, to=lambda x: (x[0], -x[1])) of flow"),
   ("callback cb callbackset continuouscallback outputfcn outputfunction", "",
-   "changes=Change(lambda x: x[0], to=lambda x: ...) of flow, where the state changes, or "
+   "events=Event(lambda x: x[0], to=lambda x: ...) of flow, where the state changes, or "
    "progress=f, which is told how far a run is"),
   ("poincare poincaremap poincaresection poincaresos tevents yevents te ye xe ie brentq "
    "returnmap",
-   "crossings changes", ""),
+   "crossings events", ""),
   ("maxima peak localmaxima extrema", "",
    "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), maxima of component 0"),
   ("stroboscopic stroboscope stroboscopicmap", "",
@@ -63,9 +63,11 @@ TABLE = (
   ("monodromy variational", "",
    "flow(field, x0, time=T, derivatives='x0').derivatives['x0'], of which [-1] is that of T"),
   ("count maxevents maxcrossings", "most", ""),
+  ("ends", "terminal", ""),
+  ("polewarning singularstepwarning", "IntegrationWarning", ""),
   ("terminal terminate stop stopwhen until firstpassage escape escapetime exittime firsthit "
-   "firstreturn", "ends most",
-   "changes=Change(lambda x: x[0], ends=True) of flow, or crossings(system, x0, time=T, "
+   "firstreturn", "terminal most",
+   "events=Event(lambda x: x[0], terminal=True) of flow, or crossings(system, x0, time=T, "
    "surface=lambda x: x[..., 0], direction=0, most=1)"),
   ("basin basinsofattraction", "",
    "flow(field, grid, time=T).states[-1], or crossings(..., most=1)"),

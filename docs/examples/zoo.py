@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import to_rgba
 
-from suslov_fast import PoleWarning, iterate, lyapunov_exponents
+from suslov_fast import IntegrationWarning, iterate, lyapunov_exponents
 from suslov_fast.integrability import zoo
 
 
@@ -21,7 +21,7 @@ def random(dimension, size, count=8):
 
 
 # Here the maps count, also where their orbits pass through infinity.
-warnings.simplefilter("ignore", PoleWarning)
+warnings.simplefilter("ignore", IntegrationWarning)
 
 ZOO = {name: (field, eps) for name, (field, eps) in zoo().items() if eps is not None}
 TOP = [[0.3, 0.2, each, 0.1, 0.4, 0.8] for each in (0.5, 1)]

@@ -45,8 +45,8 @@ _OF_PROGRESS = 1000  # parts of the time
 # Segments after which a trajectory has a frame, if they are less than a part of the time; most
 # components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
-# With changes: part of the transient and of a phase, which segments end at first. They should not
-# end where a state comes from a surface, because they begin without memory, and changes often act
+# With events: part of the transient and of a phase, which segments end at first. They should not
+# end where a state comes from a surface, because they begin without memory, and events often act
 # at simple parts of the time.
 _LESS, _FIRST = 1.0 - 2.0**-20 / np.pi, 1.0 / np.e
 
@@ -62,7 +62,7 @@ def exponents_of(
     """Return exponents (B, n) over the time that is asked, the largest first, and ends.
 
     n counts the components whose rate is not constant in some member, or that a change sets.
-    `acts` are changes of the state, in the order of code.
+    `acts` are events, in the order of code.
     """
     (time,), report, stops = asked.times.tolist(), asked.report, asked.stops
     found = nothing_found(starts, 0)
@@ -136,7 +136,7 @@ class _Run:
         has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)
         self.has_frames = np.full(len(x), has_frames)
         self.count = np.zeros(len(x), np.int64)  # of segments
-        self.passed = np.zeros(len(x), np.int64)  # times of changes
+        self.passed = np.zeros(len(x), np.int64)  # times of events
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
@@ -215,7 +215,7 @@ class _Run:
         matters[:, -1] &= is_changed | ~lives.all(axis=1)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
-        # With changes, columns may have become infinite in place of the state.
+        # With events, columns may have become infinite in place of the state.
         is_end = ended & (is_last | (self.stops is None))
         self.status[which[is_end]] = status[is_end]
         self.t[which[is_end]] += engine.t[is_end]
@@ -273,7 +273,7 @@ class _Run:
         return is_good, is_good & (4.0 * off <= most)
 
     def _stops_of(self, which: NDArray[np.int64]) -> Stops | None:
-        """Return the times of changes that are left, counted from here."""
+        """Return the times of events that are left, counted from here."""
         if self.stops is None or not self.stops.times.size:
             return self.stops
         both = self.stops.times, self.stops.which
@@ -285,7 +285,7 @@ class _Run:
         return Stops(np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1))
 
     def _changes_of(self, engine: Engine, K: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Return where changes of the state have acted, and how many at given times, of all."""
+        """Return where events have acted, and how many at given times, of all."""
         if self.stops is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])

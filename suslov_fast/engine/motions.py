@@ -39,16 +39,16 @@ class Asked(NamedTuple):
     settings: Settings
     threads: int | None = None
     report: Callable[[int], bool] | None = None  # takes the number of states that are done
-    stops: Stops | None = None  # times of changes, if the right-hand side has changes
+    stops: Stops | None = None  # times of events, if the right-hand side has events
     most: float = math.inf  # crossings that are recorded, before a trajectory stops
     since: float = -1.0  # modulus of the time after which they count
 
 
 class Records(NamedTuple):
-    """Records of changes of the state, ordered by trajectory and time."""
+    """Records of events, ordered by trajectory and time."""
 
     trajectory: NDArray[np.int64]  # (K,)
-    which: NDArray[np.int64]  # (K,), numbers of changes in the order of code
+    which: NDArray[np.int64]  # (K,), numbers of events in the order of code
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the change; `before` where none acts
@@ -62,7 +62,7 @@ class Found(NamedTuple):
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
-    records: Any = None  # `Records` of changes, if there are any; of `_of_group` those of `Engine`
+    records: Any = None  # `Records` of events, if there are any; of `_of_group` those of `Engine`
     causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `Cause`, or all unknown
     grown: NDArray[np.int64] | None = None  # (B,), see `core.motion.engine.Motion`; None if all -1
     is_good: bool = False  # True if it is known that there is nothing to warn of

@@ -14,7 +14,7 @@ from ..core.motion.lengths import MOST_STEPS
 from ..core.motion.rows import Cause
 from .arguments import flat_arrays
 from .motions import Found
-from .status import PoleWarning, Status
+from .status import IntegrationWarning, Status
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 # The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
@@ -22,7 +22,7 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of those that only motions have.
 _OF_MAPS = {"method": "auto"}
-_OF_MOTIONS = Settings(RTOL)._asdict() | {"changes": ()}
+_OF_MOTIONS = Settings(RTOL)._asdict() | {"events": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 _ENDS = {
     Cause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
@@ -39,12 +39,12 @@ _CAUSES = {
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
     ),
     Status.TOO_MANY_STEPS: (
-        f"take more than {MOST_STEPS:,} steps, or as many changes, from one time to the next (pass "
+        f"take more than {MOST_STEPS:,} steps, or as many events, from one time to the next (pass "
         "more times, or a larger rtol)"
     ),
     Status.ACCUMULATES: (
-        "have changes that follow one another without end, as a ball that comes to rest "
-        "(Change(..., most=n) ends them before)"
+        "have events that follow one another without end, as a ball that comes to rest "
+        "(Event(..., most=n) ends them before)"
     ),
     Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }
@@ -108,9 +108,9 @@ def checked_settings(
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return the initial states (B, D), and the batch shape; `others` is that of changes."""
+    """Return the initial states (B, D), and the batch shape; `others` is that of events."""
     x = checks.states("x0", x0, system.labels)
-    batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of changes": others})
+    batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 
 
@@ -134,7 +134,7 @@ def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
     others = found.t, found.is_stopped, x, batch, found.causes
     if message := ends_in_words(found.status, *others):
-        checks.warn(message, PoleWarning)
+        checks.warn(message, IntegrationWarning)
 
 
 def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:

@@ -20,7 +20,7 @@ class Status(IntEnum):
     no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
     the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
     dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
-    :class:`PoleWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
+    :class:`IntegrationWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
     `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
     at the start, and `STOPPED`, which is positive, those that a change of the state ends.
     `DEGENERATE`, which is positive, and `NOT_FOUND` are for :func:`equilibria`. `message` explains
@@ -74,7 +74,7 @@ _MESSAGES = {
         "stopped before the last time: too many steps from one time to the next, or progress "
         "returned False"
     ),
-    Status.ACCUMULATES: "changes of the state follow one another without end",
+    Status.ACCUMULATES: "events follow one another without end",
     Status.STOPPED: "finished: a change of the state ended it",
     Status.DEGENERATE: (
         "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"
@@ -83,34 +83,26 @@ _MESSAGES = {
 }
 
 
-class SingularStepWarning(RuntimeWarning):
-    """Some trajectories of a batch failed before their last step.
+class IntegrationWarning(RuntimeWarning):
+    """Some trajectories of a batch ended early, left the motion, or lost digits.
 
-    Their `status` is negative and gives the cause (:class:`Status`), `failed_at` is the number of
-    the first missing state, and states are NaN from there on. Other trajectories are not affected.
-    The argument ``on_singular`` of runs turns this warning into a :class:`SingularStepError`, or
-    off.
-    """
-
-
-class PoleWarning(RuntimeWarning):
-    """Some trajectories of a batch passed a pole, or eps is too large for them.
-
-    There are two cases. A trajectory took a step from a state x where det A(x) < 0, with
-    A(x) = 1 - (eps / 2) f'(x): an odd number of real eigenvalues mu of f' has eps mu / 2 > 1. Then
-    the motion escapes to infinity and the map returns from the other side, or eps is too large. Or
-    a component that occurs in each term of its own equation, such as a population, changed its
-    sign, which is impossible along the motion. The absence of a warning proves nothing, because an
-    even number of such eigenvalues goes undetected.
-
-    These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
-    run is the number of the first state after such a step, and `valid` is True before it. Later
-    states are those of the map; they approximate the motion only if the orbit does not move along
-    the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
-    decays fast looks like a pole.
-
-    :func:`flow` warns of solutions that stop before the last time, once for a whole batch, and says
-    when the first of them does; see :class:`Status`.
+    - **They failed**: `status` is negative and gives the cause (:class:`Status`), `failed_at` of a
+      run is the number of the first missing state, and states are NaN from there on. Other
+      trajectories are not affected. The argument ``on_singular`` of runs turns this warning into a
+      :class:`SingularStepError`, or off.
+    - **They passed a pole of the map**, or eps is too large for them. A trajectory took a step from
+      a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x): an odd number of real
+      eigenvalues mu of f' has eps mu / 2 > 1. Then the motion escapes to infinity and the map
+      returns from the other side, or eps is too large. Or a component that occurs in each term of
+      its own equation, such as a population, changed its sign, which is impossible along the
+      motion. The absence of a warning proves nothing, because an even number of such eigenvalues
+      goes undetected. These trajectories have the status `PASSED_POLE`, unless they failed later.
+      `first_pole` of a run is the number of the first state after such a step, and `valid` is True
+      before it. Later states are those of the map; they approximate the motion only if the orbit
+      does not move along the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for
+      which a mode that decays fast looks like a pole.
+    - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its
+      digits: once for a whole batch, with the time of the first.
     """
 
 
@@ -131,7 +123,7 @@ def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> s
 
 
 def ended_in_words(status: NDArray[np.int8]) -> str:
-    """Return in words how many motions ended, and how many changes stopped, if any."""
+    """Return in words how many motions ended, and how many events stopped, if any."""
     counts = {"ended": status < 0, "stopped": status == Status.STOPPED}
     texts = (f", {k}: {np.count_nonzero(v)} of {v.size}" for k, v in counts.items() if v.any())
     return "".join(texts)
@@ -164,7 +156,7 @@ def report_poles(
     warn(
         f"{passed.sum()} of {passed.size} trajectories passed a pole "
         f"(first: trajectory {spell(index)} at step {step}): {why}",
-        PoleWarning,
+        IntegrationWarning,
     )
 
 

@@ -104,7 +104,7 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     Returns
     -------
     ndarray(float, shape=(...))
-        Unit: that of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, for a state of
+        Unit: that of the :func:`energy`. NaN, with one :class:`IntegrationWarning`, for a state of
         a field on a pole of the map.
 
     Notes

@@ -70,7 +70,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: Reals | None = None) -> Fl
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
         Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With eps, NaN
-        and one :class:`SingularStepWarning` for a state on a pole of the map.
+        and one :class:`IntegrationWarning` for a state on a pole of the map.
 
     Notes
     -----
@@ -137,7 +137,7 @@ def jacobian(
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        NaN, with one :class:`SingularStepWarning`, for a state on a pole of the map.
+        NaN, with one :class:`IntegrationWarning`, for a state on a pole of the map.
 
     Examples
     --------

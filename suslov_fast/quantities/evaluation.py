@@ -9,7 +9,7 @@ import numpy as np
 from ..bodies.fields.field import Field
 from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..engine.problem import Problem, check, part_of
-from ..engine.status import SingularStepWarning
+from ..engine.status import IntegrationWarning
 from ..maps import Map, map_of
 
 # Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
@@ -79,5 +79,5 @@ def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> 
     lost = lost.any(axis=axes) & ~unknown
     if lost.any():
         message = f"{np.count_nonzero(lost)} of {lost.size} states: singular step or out of range"
-        warn(f"{message}, first: {spell(first_index(lost))}", SingularStepWarning)
+        warn(f"{message}, first: {spell(first_index(lost))}", IntegrationWarning)
     return np.where(np.expand_dims(unknown | lost, axes), np.nan, values)[()]

@@ -53,16 +53,16 @@ RUN = (
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1"),
     Column("status", "int8", "batch"),
 )
-CHANGES = (
-    Column("trajectory", "int64", "changed"),
-    Column("which", "int64", "changed"),
-    Column("time", "float64", "changed"),
-    Column("before", "float64", "changed component", "state before"),
-    Column("states", "float64", "changed component", "state after"),
+OF_EVENTS = (
+    Column("trajectory", "int64", "event"),
+    Column("which", "int64", "event"),
+    Column("time", "float64", "event"),
+    Column("before", "float64", "event component", "state before"),
+    Column("states", "float64", "event component", "state after"),
 )
 EVENTS = (
-    *(column._replace(axes=column.axes.replace("changed", "event")) for column in CHANGES),
-    Column("count", "int64", "batch change"),
+    *OF_EVENTS,
+    Column("count", "int64", "batch kind"),
     Column("status", "int8", "batch"),
     Column("end", "float64", "batch"),
     Column("final", "float64", "batch component"),
@@ -74,8 +74,8 @@ MOTION = (
     Column("steps", "int64", "batch", "number of steps"),
     Column("status", "int8", "batch"),
     Column("_derivatives", "float64", "time batch component direction", when="_by"),
-    *(column._replace(name=f"changes.{column.name}", when="changes") for column in CHANGES),
-    Column("changes.count", "int64", "batch change", "number of changes", "changes"),
+    *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),
+    Column("events.count", "int64", "batch kind", "number of events", "events"),
 )
 OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
 # The arguments of the functions that made a result: texts, numbers or None.
@@ -91,7 +91,7 @@ Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axe
 def in_datasets(kind: str, *conditions: str) -> list[Column]:
     """Return the columns that datasets have of results under these conditions."""
     columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
-    return [c for c in columns if c.is_public and not c.axes.startswith("changed")]
+    return [c for c in columns if c.is_public and not c.axes.startswith("event")]
 
 
 def value_of(result: Any, name: str) -> Any:

@@ -17,13 +17,12 @@ from ..checks import integer, one_number, short, warn, wrong
 from ..engine.motions import Asked, solve
 from ..engine.sensitivity import WithColumns
 from ..engine.starts import RTOL, checked_settings, checked_starts, ends_in_words
-from ..engine.status import PoleWarning, Status
+from ..engine.status import IntegrationWarning, Status
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
-from .change import Change, checked_direction, field_of
-from .changes import acts_of, stops_of
-from .events import Events
+from .event import Event, checked_direction, field_of
+from .events import Events, acts_of, stops_of
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
@@ -112,12 +111,12 @@ def crossings(
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
     is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
-    changes = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
+    events = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
     x, batch = checked_starts(system, x0)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
-    acts = acts_of(field, changes)
+    acts = acts_of(field, events)
     changed = WithColumns(field.shape, with_changes(field, acts))
-    stops = stops_of(changes, sign, batch)
+    stops = stops_of(events, sign, batch)
     limit = math.inf if most is None else most
     with reporter(progress, len(x)) as report:
         asked = Asked(np.array([last]), sign, settings, thread_count(threads), report, stops,
@@ -126,17 +125,17 @@ def crossings(
         if report is not None and not found.is_stopped:
             report(len(x))
     events = Events._of(
-        _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": changes}
+        _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": events}
     )
     ends = events.end.ravel()
     if message := ends_in_words(events.status.ravel(), ends, found.is_stopped, x, batch):
-        warn(message, PoleWarning)
+        warn(message, IntegrationWarning)
     return events
 
 
-def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Change, ...]:
-    """Return the changes that record crossings of surfaces."""
-    return tuple(Change(each, direction=direction) for each in surfaces)
+def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Event, ...]:
+    """Return the events that record crossings of surfaces."""
+    return tuple(Event(each, direction=direction) for each in surfaces)
 
 
 _of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field

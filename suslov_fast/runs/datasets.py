@@ -36,7 +36,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
             values,
             special.get(column.name, {"long_name": column.meaning}),
         )
-        for column in in_datasets(type(run).__name__, "turns", "changes")
+        for column in in_datasets(type(run).__name__, "turns", "events")
         if (values := value_of(run, column.name)) is not None
     }
     if is_of_map:

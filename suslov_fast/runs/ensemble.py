@@ -18,10 +18,10 @@ from .. import checks
 from ..bodies.base import Body
 from ..checks import Reals, common_shape, extra, warn, wrong
 from ..engine.starts import either_map_or_motion
-from ..engine.status import PoleWarning, Status
+from ..engine.status import IntegrationWarning, Status
 from ..engine.stretches import Progress, reporter
 from ..keywords import public
-from .changes import checked_changes
+from .events import checked_events
 from .flow import flow
 from .iterate import iterate
 
@@ -92,7 +92,7 @@ def ensemble(
 
     Warns
     -----
-    PoleWarning
+    IntegrationWarning
         Once for all trajectories that failed, with their statuses.
 
     Examples
@@ -117,7 +117,7 @@ def ensemble(
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     if either_map_or_motion("ensemble", eps, steps, time):
         function, own = flow, {"time": checks.real_number("time", time)}
-        own["changes"] = tuple(c.of(system) for c in checked_changes(options.get("changes", ())))
+        own["events"] = tuple(c.of(system) for c in checked_events(options.get("events", ())))
     else:
         function, own = iterate, {"eps": checks.real_number("eps", eps), "steps": steps}
         own["on_singular"] = "ignore"
@@ -134,7 +134,7 @@ def ensemble(
         raise wrong("x0", f"states (..., N, {system.dimension})", f"of shape {states.shape}")
     N = batch[-1]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PoleWarning)  # one of all chunks follows
+        warnings.simplefilter("ignore", IntegrationWarning)  # one of all chunks follows
         # A run of no trajectory raises the errors of arguments.
         none = _part(given | ({"x0": states[..., :0, :]} if callable(x0) else {}), slice(0, 0), N)
         empty = function(none.pop("system"), none.pop("x0"), **none)
@@ -166,7 +166,10 @@ def ensemble(
         raise wrong("client", "have workers that write to the store", f"{store} lacks chunks")
     if (failed := status[(status < 0) & (status > _PENDING)]).size:
         kinds = ", ".join(f"{(failed == k).sum()} {Status(k).name}" for k in np.unique(failed))
-        warn(f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}", PoleWarning)
+        warn(
+            f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}",
+            IntegrationWarning,
+        )
     return data
 
 

@@ -1,18 +1,21 @@
-"""`Events`: where changes of the state acted, or surfaces were crossed, along motions."""
+"""`Events`, what happened along motions; checks of lists of events, and what the engine takes."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
-from ..engine.status import ended_in_words
+from ..checks import FloatArray, common_shape, short, warn, wrong
+from ..core.lists.changes import Act, in_order_of_code
+from ..core.motion.engine import NO_STOPS, Stops
+from ..engine.status import Status, ended_in_words
 from ..keywords import public
-from .change import Change, field_of
-from .columns import CHANGES
+from .columns import OF_EVENTS
+from .event import Event, field_of, traced
 from .results import Result
 
 if TYPE_CHECKING:
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Events(Result):
-    """Events along motions: the result of :func:`crossings`, and :attr:`Motion.changes`.
+    """Events along motions: the result of :func:`crossings`, and :attr:`Motion.events`.
 
     There are K of them, ordered by trajectory, then along the motion; at one instant in the order
     in which they acted.
@@ -32,16 +35,16 @@ class Events(Result):
         Index of the trajectory, in the batch flattened in C order:
         ``events.time[events.trajectory == i]`` are the times of trajectory i.
     which : ndarray(int, shape=(K,))
-        The number of the surface, or of the change, in the list that was passed; 0 if there is one.
+        The number of the surface, or of the event, in the list that was passed; 0 if there is one.
     time : ndarray(float, shape=(K,))
         Times, with the digits of the tolerance.
     before, states : ndarray(float, shape=(K, D))
-        The states before and after; equal where nothing changes. At a surface they lie on it to
+        The states before and after; equal where nothing events. At a surface they lie on it to
         rounding, on the side to which the motion goes.
     count : ndarray(int, shape=(..., C))
-        How often each of the C surfaces or changes was met by each trajectory.
-    given : tuple of Change
-        The changes, with equations as text.
+        How often each of the C surfaces or events was met by each trajectory.
+    given : tuple of Event
+        The events, with equations as text.
     body
         The system.
     status, end, final
@@ -54,14 +57,14 @@ class Events(Result):
 
     Examples
     --------
-    >>> from suslov_fast import Change, Field, flow
+    >>> from suslov_fast import Event, Field, flow
     >>> cell = Field(lambda x: (0.1 * x[0],), "mass")
-    >>> division = Change(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
-    >>> events = flow(cell, [1.0], time=20.0, changes=division).changes
+    >>> division = Event(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
+    >>> events = flow(cell, [1.0], time=20.0, events=division).events
     >>> events
     Events(states: (2, 1), time: 6.93147 to 13.8629, count: 2)
     >>> events.given
-    (Change('mass - 2', to=('mass/2',)),)
+    (Event('mass - 2', to=('mass/2',)),)
     """
 
     called = "events"
@@ -77,17 +80,17 @@ class Events(Result):
     status: NDArray[np.int8]
     end: FloatArray
     final: FloatArray
-    _given: tuple[Change, ...] = field(default=(), compare=False)
+    _given: tuple[Event, ...] = field(default=(), compare=False)
 
     @property
-    def given(self) -> tuple[Change, ...]:
-        """The changes, with equations as text."""
+    def given(self) -> tuple[Event, ...]:
+        """The events, with equations as text."""
         own = field_of(self.body)
-        return tuple(change.of(own) for change in self._given)
+        return tuple(event.of(own) for event in self._given)
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Events:
-        given = tuple(Change.from_dict(each) for each in about["changes"])
+        given = tuple(Event.from_dict(each) for each in about["events"])
         events = cls._of(attributes | {"_given": given})
         size, numbers = events.count.size, events.trajectory * len(given) + events.which
         if not np.array_equal(np.bincount(numbers, minlength=size), events.count.ravel()):
@@ -112,7 +115,7 @@ class Events(Result):
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
         own = self.trajectory == np.ravel_multi_index(index, self._batch)
-        for column in CHANGES:
+        for column in OF_EVENTS:
             attributes[column.name] = attributes[column.name][own]
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
@@ -172,3 +175,118 @@ class Events(Result):
         from . import drawing  # which imports Matplotlib
 
         return drawing.plot_events(self, names, color, title, ax, label)
+
+
+# ---------------------------------------------------------------------- lists of events for motions
+def checked_events(events: Any) -> tuple[Event, ...]:
+    """Return events as a tuple."""
+    if type(events) is tuple and not events:  # as in most calls
+        return ()
+    many = events if isinstance(events, (tuple, list)) else (events,)
+    for each in many:
+        if not isinstance(each, Event):
+            received = short(each)
+            if callable(each):
+                more = ", terminal=True" * bool(getattr(each, "terminal", False))
+                received = f"a function: pass Event({getattr(each, '__name__', 'f')}{more})"
+            raise wrong("events", "an Event, or a list of them", received, TypeError)
+    return tuple(many)
+
+
+def acts_of(field: Any, events: tuple[Event, ...]) -> tuple[Act, ...]:
+    """Return the acts of events, in the order of code."""
+    acts = [traced(event, field).act for event in events]
+    return tuple(acts[k] for k in in_order_of_code(acts))
+
+
+def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
+    """Return the shape of the batch of the times of events."""
+    if not events:
+        return ()
+    shapes = [event.times.shape[:-1] for event in events if event.times is not None]
+    return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
+
+
+# The last arguments, identities of events; the events, which keep them theirs; and `Stops`.
+_latest: list[tuple[Any, Any, Stops]] = [(None, None, NO_STOPS)]
+
+
+def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+    """Return the times of events; calls one after the other for the same objects share them."""
+    asked, known = ([*map(id, events)], sign, batch), _latest[0]
+    if known[0] != asked:
+        known = _latest[0] = asked, events, _new_stops(events, sign, batch)
+    return known[2]
+
+
+def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+    later = [event for event in events if event.times is not None]
+    if not later:
+        return NO_STOPS
+    # The number of the first one of these.
+    first = sum(each.times is None for each in events)
+    shapes = [event.times.shape[:-1] for event in later]
+    is_shared = all(math.prod(shape) == 1 for shape in shapes)
+    times, which = [np.empty((1 if is_shared else math.prod(batch), 0))], []
+    for k, event in enumerate(later, first):
+        array = event.times
+        if not is_shared:
+            array = np.broadcast_to(array, (*batch, array.shape[-1]))
+        moduli = sign * array.reshape(len(times[0]), array.shape[-1])
+        times.append(np.where(moduli >= 0.0, moduli, np.inf))
+        which += [float(k)] * moduli.shape[1]
+    both = np.concatenate(times, axis=1)
+    order = np.argsort(both, axis=1, kind="stable")
+    return Stops(np.take_along_axis(both, order, 1), np.array(which)[order])
+
+
+def warn_of_times_that_never_come(
+    events: tuple[Event, ...], sign: int, last: float, count: int
+) -> None:
+    """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
+    for k, event in enumerate(events if count else ()):
+        times = None if event.times is None else event.times[np.isfinite(event.times)]
+        if times is None or not times.size or ((times * sign >= 0.0) & (abs(times) <= last)).any():
+            continue
+        warn(
+            f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
+            f"from x0 as those of the motion do, which ends at {sign * last:g}"
+        )
+
+
+def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
+    """Return the events in `Records`, with the numbers of events in the list of the user."""
+    D, K = motion.body.dimension, 0 if records is None else len(records.time)
+    columns: dict[str, Any] = {name: np.empty(0, np.int64) for name in ("trajectory", "which")}
+    columns |= {"time": np.empty(0), **dict.fromkeys(("before", "states"), np.empty((0, D)))}
+    if K:
+        numbers = np.array(in_order_of_code(events), np.int64)
+        columns = {
+            "trajectory": records.trajectory,
+            "which": numbers[records.which],
+            "time": records.time,
+            "before": records.before[:, :D],
+            "states": records.states[:, :D],
+        }
+    return events_of(columns, events, motion)
+
+
+def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
+    """Return the events of a motion with these columns.
+
+    ValueError if a number of a trajectory or of an event is none of the motion's.
+    """
+    body, status, C = motion.body, motion.status, len(events)
+    numbers = columns["trajectory"] * C + columns["which"]
+    count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
+    final = np.full((status.size, body.dimension), np.nan)
+    if len(motion.time):
+        final[:] = motion.states[-1].reshape(final.shape)
+    stopped = np.flatnonzero(status.ravel() == Status.STOPPED)
+    final[stopped] = columns["states"][np.searchsorted(columns["trajectory"], stopped, "right") - 1]
+    about = {
+        "status": status,
+        "end": motion.end,
+        "final": final.reshape(*status.shape, body.dimension),
+    }
+    return Events._of(columns | about | {"count": count, "body": body, "_given": events})

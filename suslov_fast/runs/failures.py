@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..checks import first_index, spell, warn
-from ..engine.status import SingularStepWarning, Status, report_poles
+from ..engine.status import IntegrationWarning, Status, report_poles
 from ..errors import SuslovError
 from .results import States
 
@@ -80,4 +80,4 @@ def report_failures(run: Any, march: Any, on_singular: OnSingular, since: int = 
     if message and on_singular == "raise":
         raise SingularStepError(message, run)
     if message and on_singular == "warn":
-        warn(message, SingularStepWarning)
+        warn(message, IntegrationWarning)

@@ -33,12 +33,12 @@ from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import map_of
-from .change import Change, field_of
-from .changes import (
+from .event import Event, field_of
+from .events import (
     acts_of,
     batch_of,
-    changes_of_records,
-    checked_changes,
+    checked_events,
+    events_of_records,
     stops_of,
     warn_of_times_that_never_come,
 )
@@ -59,7 +59,7 @@ def flow(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    changes: Change | Sequence[Change] = (),
+    events: Event | Sequence[Event] = (),
     derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,
@@ -98,8 +98,8 @@ def flow(
     stiff : bool, optional
         True or False takes all steps by the method for stiff equations, or by the other one. By
         default each trajectory chooses, from step to step.
-    changes : Change or sequence of Change
-        Changes of the state at times or on surfaces, see :class:`Change`; ``motion.changes`` holds
+    events : Event or sequence of Event
+        Events at times or on surfaces, see :class:`Event`; ``motion.events`` holds
         what they did.
     derivatives : str or sequence of str
         "x0", and names of parameters of the field: ``motion.derivatives[name]`` then is the
@@ -115,10 +115,9 @@ def flow(
     Motion
         The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
         escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
-        250,000 steps, or as many changes, from one time to the next, and a solution of equations
-        without a value at x0.
-        One :class:`PoleWarning` counts them, and says when the first one ends, and of what. NaN for
-        a state that contains NaN, without a warning.
+        250,000 steps, or as many events, from one time to the next, and a solution of equations
+        without a value at x0. One :class:`IntegrationWarning` counts them, and says when the first
+        one ends, and of what. NaN for a state that contains NaN, without a warning.
 
     Examples
     --------
@@ -149,7 +148,7 @@ def flow(
     times, sign = checked_times(time)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(system, derivatives)
-    acting = checked_changes(changes)
+    acting = checked_events(events)
     acts: tuple[Act, ...] = ()
     stops, of_columns = None, None
     if acting:
@@ -167,7 +166,7 @@ def flow(
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
         elif acting:
-            found = motion_with_changes(field, x, batch, acts, asked)
+            found = motion_with_events(field, x, batch, acts, asked)
         else:
             found = motion_of(system, x, batch, asked)
         if report is not None and total and not found.is_stopped:
@@ -189,18 +188,18 @@ def flow(
             "stiff": settings.stiff,
             "_by": names,
             "_derivatives": of_columns,
-            "changes": None,
+            "events": None,
         }
     )
     if acting:
-        vars(motion)["changes"] = changes_of_records(found.records, acting, motion)
+        vars(motion)["events"] = events_of_records(found.records, acting, motion)
     return motion
 
 
-def motion_with_changes(
+def motion_with_events(
     field: Any, x: FloatArray, batch: tuple[int, ...], acts: tuple[Act, ...], asked: Asked
 ) -> Found:
-    """Return the motion of a field with changes of the state."""
+    """Return the motion of a field with events."""
     return to_tolerance(WithColumns(field.shape, with_changes(field, acts)), x, batch, asked)
 
 
@@ -317,7 +316,7 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
             has_none = found.status == Status.NONFINITE
             found.states[0, has_none] = x[has_none]
         return found
-    later = moduli >= 0.0 if is_changed else moduli > 0.0  # a change at time 0 acts
+    later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
         found = nothing_found(x, len(moduli))

@@ -48,7 +48,7 @@ def step(
     -------
     ndarray(float, shape=(..., D))
         The next states. NaN for a state that contains NaN; NaN, with one
-        :class:`SingularStepWarning`, for a state on a pole of the map.
+        :class:`IntegrationWarning`, for a state on a pole of the map.
 
     Notes
     -----
@@ -125,9 +125,9 @@ def iterate(
     threads : int, optional
         Number of threads; by default Numba's.
     on_singular : {"warn", "raise", "ignore"}
-        Failed trajectories cause a :class:`SingularStepWarning`, a :class:`SingularStepError`
+        Failed trajectories cause a :class:`IntegrationWarning`, a :class:`SingularStepError`
         that holds the run, or neither. Without "ignore", passed poles cause a
-        :class:`PoleWarning`.
+        :class:`IntegrationWarning`.
     progress : bool or callable, optional
         True shows a bar (needs tqdm). A function is called as ``progress(done, steps)``; if it
         returns False, the run ends at state `done`.
@@ -205,7 +205,7 @@ def step_full(
     -------
     ndarray(float, shape=(..., 3))
         The next states. NaN for a state that contains NaN; NaN, with one
-        :class:`SingularStepWarning`, for a state on a pole of the map.
+        :class:`IntegrationWarning`, for a state on a pole of the map.
 
     Raises
     ------

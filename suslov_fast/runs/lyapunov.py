@@ -29,8 +29,8 @@ from ..engine.threads import thread_count
 from ..keywords import public
 from ..maps import Method, problem
 from ..quantities.evaluation import mask_and_warn
-from .change import Change, field_of
-from .changes import acts_of, batch_of, checked_changes, stops_of
+from .event import Event, field_of
+from .events import acts_of, batch_of, checked_events, stops_of
 
 
 @public
@@ -44,7 +44,7 @@ def lyapunov_exponents(
     *,
     time: float | None = None,
     rtol: float = RTOL,
-    changes: Change | Sequence[Change] = (),
+    events: Event | Sequence[Event] = (),
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,
@@ -73,9 +73,9 @@ def lyapunov_exponents(
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
-    changes : Change or sequence of Change
-        With `time`, changes of the state, see :class:`Change`, without `ends` and `most`. Tangent
-        vectors change with the state, and with the moment of a change at a surface.
+    events : Event or sequence of Event
+        With `time`, events, see :class:`Event`, without `terminal` and `most`. Tangent
+        vectors event with the state, and with the moment of an event at a surface.
     method, threads, progress
         As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
         included, or thousandths of the time; if it returns False, the exponents are means over what
@@ -84,13 +84,12 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents, the largest first. ``-inf`` if a step or a change of the state is not invertible,
-        as one that sets a component to a number may be; NaN, with one
-        :class:`SingularStepWarning`, if an orbit of the map fails, or with one
-        :class:`PoleWarning`, if a motion ends. If an orbit passed a pole (one
-        :class:`PoleWarning`), they are those of the map, not of the motion. Those of a motion leave
-        out the directions of variables whose rate is a number other than 0 or made of parameters
-        alone, such as time, whether others depend on them or not, unless a change sets them.
+        Exponents, the largest first. ``-inf`` if a step or an event is not invertible, as an event
+        that sets a component to a number may be. NaN, with one :class:`IntegrationWarning`, if an
+        orbit of the map fails or a motion ends. If an orbit passed a pole, which the warning says,
+        they are those of the map, not of the motion. Exponents of a motion leave out the directions
+        of variables with a rate that is a number other than 0 or made of parameters alone, such as
+        time, whether others depend on them or not, unless an event sets them.
 
     Examples
     --------
@@ -109,17 +108,17 @@ def lyapunov_exponents(
     array([  0.9,   0. , -14.6])
     """
     system = system_of(system, x0)
-    others = {"method": method, "rtol": rtol, "changes": changes}
+    others = {"method": method, "rtol": rtol, "events": events}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         checks.instance("system", system, Body)
         time, before = checks.positive("time", time), checks.real_number("transient", transient)
         if not isinstance(before, float) or before < 0.0:
             raise wrong("transient", "a time, 0 or more", short(transient))
         settings = checked_settings(system, rtol)
-        acting = checked_changes(changes)
-        if any(each.ends or each.most is not None for each in acting):
-            received = "ends or most, with which a trajectory ends"
-            raise wrong("changes", "those with which trajectories go on", received)
+        acting = checked_events(events)
+        if any(each.terminal or each.most is not None for each in acting):
+            received = "terminal or most, with which a trajectory ends"
+            raise wrong("events", "those with which trajectories go on", received)
         acting = tuple(each for each in acting if each.to is not None)
         x, batch = checked_starts(system, x0, batch_of(acting))
         field = field_of(system)

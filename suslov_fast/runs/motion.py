@@ -12,10 +12,9 @@ from ..bodies.classes import BodyOrField
 from ..bodies.fields.field import Field
 from ..checks import FloatArray, short, wrong
 from ..engine.status import ended_in_words
-from .change import Change
-from .changes import changes_of
-from .columns import CHANGES
-from .events import Events
+from .columns import OF_EVENTS
+from .event import Event
+from .events import Events, events_of
 from .results import QUANTITIES, OfMotion, States
 
 
@@ -48,8 +47,8 @@ class Motion(States, OfMotion):
         last time.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken; 0 where the solution is exact.
-    changes : Events or None
-        What changes of the state did, in the order of trajectories and times.
+    events : Events or None
+        What events did, in the order of trajectories and times.
     derivatives : dict of str to ndarray
         The derivatives of the states that were asked for. ``motion.derivatives["x0"]`` has the
         shape (n, ..., D, D); at [..., i, j] is the derivative of component i with respect to
@@ -62,7 +61,7 @@ class Motion(States, OfMotion):
     ``motion.ok`` (...) is True where a solution reaches the last time or its terminal event.
     ``motion.member(k)`` is the motion of trajectory k alone. Two motions are equal if all
     attributes are equal; NaN equals NaN. Arrays are read-only, so that a motion stays what was
-    computed: change a copy.
+    computed: event a copy.
 
     Examples
     --------
@@ -86,28 +85,28 @@ class Motion(States, OfMotion):
     steps: NDArray[np.int64]
     _by: tuple[str, ...] = ()
     _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
-    changes: Events | None = None
+    events: Events | None = None
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:
-        parts = {each.name: attributes.pop(f"changes.{each.name}") for each in CHANGES}
-        count = attributes.pop("changes.count")
-        given = tuple(Change.from_dict(each) for each in about.get("changes", ()))
-        motion = cls._of(attributes | {"changes": None})
+        parts = {each.name: attributes.pop(f"events.{each.name}") for each in OF_EVENTS}
+        count = attributes.pop("events.count")
+        given = tuple(Event.from_dict(each) for each in about.get("events", ()))
+        motion = cls._of(attributes | {"events": None})
         if not given and count is None:
             return motion
-        changes = changes_of(parts, given, motion)
-        if not np.array_equal(changes.count, count):
-            raise wrong("count", "that of the changes", short(count.tolist()))
-        return cls._of(attributes | {"changes": changes})
+        events = events_of(parts, given, motion)
+        if not np.array_equal(events.count, count):
+            raise wrong("count", "that of the events", short(count.tolist()))
+        return cls._of(attributes | {"events": events})
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
-        if self.changes is not None:
-            attributes["changes"] = Events._of(self.changes._members(index))
+        if self.events is not None:
+            attributes["events"] = Events._of(self.events._members(index))
         return attributes
 
     @property
@@ -124,8 +123,8 @@ class Motion(States, OfMotion):
     @property
     def final(self) -> FloatArray:
         """The states at the last of the times or at terminal events, shape (..., D)."""
-        if self.changes is not None:
-            return self.changes.final
+        if self.events is not None:
+            return self.events.final
         if not len(self.time):
             raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]

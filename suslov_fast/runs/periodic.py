@@ -18,8 +18,8 @@ from ..engine.starts import checked_settings
 from ..keywords import public
 from ..quantities.derivatives import vector_field
 from . import shooting
-from .change import Change
-from .changes import checked_changes
+from .event import Event
+from .events import checked_events
 from .shooting import OfMotion, Shooting
 
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
@@ -68,7 +68,7 @@ def periodic_orbit(
     period: float | None = None,
     *,
     rtol: float = 1e-12,
-    changes: Change | Sequence[Change] = (),
+    events: Event | Sequence[Event] = (),
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
 
@@ -94,8 +94,8 @@ def periodic_orbit(
         that of the force, which has to be given, and is kept.
     rtol : float
         The tolerance of :func:`flow`.
-    changes : Change or sequence of Change
-        Changes of the state at surfaces, see :class:`Change`: bouncing, walking, spiking cycles.
+    events : Event or sequence of Event
+        Events at surfaces, see :class:`Event`: bouncing, walking, spiking cycles.
         The state that is returned lies between two of them.
 
     Returns
@@ -136,10 +136,10 @@ def periodic_orbit(
     """
     system = system_of(system, start)
     checks.instance("system", system, Body)
-    acting = checked_changes(changes)
-    if any(change.times is not None for change in acting):
-        how = "a clock that it resets, Change(lambda s: s[-1] - 24, to=...), makes it periodic"
-        raise wrong("changes", "changes at surfaces", f"times: {how}")
+    acting = checked_events(events)
+    if any(event.times is not None for event in acting):
+        how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
+        raise wrong("events", "events at surfaces", f"times: {how}")
     x = _checked_start(system, start)
     checked_settings(system, rtol)
     field = system.field()
@@ -169,7 +169,7 @@ def _checked_start(system: Any, start: Any) -> FloatArray:
 
 
 def _checked_period(
-    field: Any, motion: OfMotion, x: FloatArray, period: Any, changes: tuple[Change, ...]
+    field: Any, motion: OfMotion, x: FloatArray, period: Any, events: tuple[Event, ...]
 ) -> float:
     """Return the period that is given, or the time of a near return."""
     if period is not None:
@@ -183,7 +183,7 @@ def _checked_period(
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     with np.errstate(all="ignore"):
-        near, last = _near_return(field, x, motion.settings.rtol, changes)
+        near, last = _near_return(field, x, motion.settings.rtol, events)
     if near is not None:
         return near
     start = short(x.tolist())
@@ -208,13 +208,13 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
 
 
 def _near_return(
-    field: Any, x: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
+    field: Any, x: FloatArray, rtol: float, events: tuple[Event, ...] = ()
 ) -> tuple[float | None, float]:
-    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH), changes), x)
+    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH), events), x)
 
 
 def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
-    """Return whether f and changes are the same a period later, at states of the motion."""
+    """Return whether f and events are the same a period later, at states of the motion."""
     with np.errstate(all="ignore"):
         states = motion.states(x, period * _FRACTIONS)
     later = states + np.where(motion.drifts, period * motion.rate, 0.0)

@@ -29,8 +29,8 @@ from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns, WithColumns
 from ..engine.status import Status
 from ..quantities.derivatives import vector_field
-from .change import Change
-from .changes import acts_of, stops_of
+from .event import Event
+from .events import acts_of, stops_of
 from .flow import to_tolerance
 
 _ROUNDS, _HALVINGS = 60, 10
@@ -45,9 +45,9 @@ _GROWTH, _GROWTH_OF_ARC = 1e3, 30.0
 # The residual that is a solution, in units of rtol and of how much derivatives grow.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # of the largest size, in which residuals are measured
-_ROUNDING = 2.0**-49  # of T, which shows where states change fast
+_ROUNDING = 2.0**-49  # of T, which shows where states event fast
 _STRONG = 1e3  # weight of the equation that keeps the phase
-# States at which a motion with changes is looked at, and how often that time is doubled.
+# States at which a motion with events is looked at, and how often that time is doubled.
 _LOOKS, _DOUBLINGS = 512, 12
 _FAST = 10.0  # how much faster a start is than the state at which a search begins instead
 _AROUND = 1 / 16  # of the period before and after a state, in which it is the slowest
@@ -65,22 +65,22 @@ class Arcs:
 
 
 class OfMotion:
-    """Arcs of the motion of a field, to a tolerance, with changes of the state at surfaces.
+    """Arcs of the motion of a field, to a tolerance, with events at surfaces.
 
     drifts       components of constant rates
     is_forced    whether T is fixed, because others depend on one of them
-    keeps_phase  whether the fastest component of the first node stays, as with changes
+    keeps_phase  whether the fastest component of the first node stays, as with events
     """
 
     def __init__(
-        self, field: Any, start: FloatArray, rtol: float, changes: tuple[Change, ...] = ()
+        self, field: Any, start: FloatArray, rtol: float, events: tuple[Event, ...] = ()
     ) -> None:
         self.field, self.settings = field, Settings(rtol)
-        self.keeps_phase = bool(changes)
+        self.keeps_phase = bool(events)
         self._stops = self._moving = self._listed = None
         acts: tuple[Act, ...] = ()
-        if changes:
-            acts, self._stops = acts_of(field, changes), stops_of(changes, 1, ())
+        if events:
+            acts, self._stops = acts_of(field, events), stops_of(events, 1, ())
             self._moving = WithColumns(field.shape, with_changes(field, acts))
             self._listed = with_changes(field, acts, (), True)
         (_, f, table), *_ = self._listed or field.listed_right_hand_sides
@@ -111,7 +111,7 @@ class OfMotion:
         return self._solved(moving, x[np.newaxis], times, self.settings).states[:, 0]
 
     def of_changes(self, states: FloatArray) -> FloatArray:
-        """Return the surfaces of changes, and the new components that do not drift, (-, n)."""
+        """Return the surfaces of events, and the new components that do not drift, (-, n)."""
         found = [np.empty((0, len(states)))]
         for act in self._acts:
             for list_ in filter(None, (act.surface, act.to)):
@@ -124,9 +124,9 @@ class OfMotion:
         return np.concatenate(found)
 
     def between_changes(self, x: FloatArray, T: float) -> FloatArray:
-        """Return the state in the middle of the longest time without a change, in two periods.
+        """Return the state in the middle of the longest time without an event, in two periods.
 
-        An orbit from a state at a surface would end before the change or after it.
+        An orbit from a state at a surface would end before the event or after it.
         """
         if self._moving is None:
             return x
@@ -142,7 +142,7 @@ class OfMotion:
         return middle if np.isfinite(middle).all() else x
 
     def _two_changes(self, x: FloatArray, last: float) -> float:
-        """Return a time at most twice that of the second change, or the last one."""
+        """Return a time at most twice that of the second event, or the last one."""
         end = last * 2.0**-_DOUBLINGS
         while end < last:
             found = self._solved(self._moving, x[np.newaxis], np.array([end]), self.settings)
@@ -155,7 +155,7 @@ class OfMotion:
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield times and states (n, D) at the ends of steps; the first are the last of before.
 
-        With changes of the state they are those at equal times, between times that double.
+        With events they are those at equal times, between times that double.
         """
         if self._moving is not None:
             end, begin = min(self._two_changes(x, last), last), 0.0
@@ -265,16 +265,16 @@ class Shooting:
         # Levenberg and Marquardt's step, which is Newton's but for small singular values.
         damping = (_LEAST * values[0]) ** 2 + right @ right
         step = (values / (values**2 + damping) * (right @ left)) @ rows
-        change = np.zeros((M, D))
-        change[:, own] = step[:-1].reshape(M, n) * sizes
-        return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
+        event = np.zeros((M, D))
+        event[:, own] = step[:-1].reshape(M, n) * sizes
+        return event, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improve(self) -> bool:
         """Take a step, or a part of it; return whether the ends came nearer."""
         before, distance = self.arcs, self.distance
-        change, of_T = self._step()
+        event, of_T = self._step()
         for k in range(_HALVINGS):
-            nodes, T = before.nodes + change / 2**k, before.T * float(np.exp(of_T / 2**k))
+            nodes, T = before.nodes + event / 2**k, before.T * float(np.exp(of_T / 2**k))
             if np.isfinite(nodes).all() and np.isfinite(T):
                 self._go_to(nodes, T)
                 if self.distance < distance:
@@ -291,10 +291,10 @@ class Shooting:
         for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
             before, distance = self.arcs, self.distance
             rate, gap = (a[0, ~self.drifts] for a in (before.rates, self.gaps))
-            change = -(rate @ gap) / (rate @ rate)
-            if not _LEAST_CHANGE < abs(change) < 0.5:  # false for NaN
+            event = -(rate @ gap) / (rate @ rate)
+            if not _LEAST_CHANGE < abs(event) < 0.5:  # false for NaN
                 break
-            self._go_to(before.nodes, before.T * float(1.0 + change))
+            self._go_to(before.nodes, before.T * float(1.0 + event))
             if not self.distance < distance:
                 self._take(before)
                 break
@@ -311,7 +311,7 @@ class Shooting:
 def found(flow: OfMotion, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
     """Return the search that found an orbit with at most so many arcs, or came nearest.
 
-    Where states change fast, the rounding of T alone is a residual, and Newton's steps turn the
+    Where states event fast, the rounding of T alone is a residual, and Newton's steps turn the
     phase. So a search begins at the slowest state of the motion if that is far slower, and at the
     start itself if nothing is found so, or an orbit elsewhere.
     """
@@ -401,8 +401,8 @@ def passes(search: Shooting, start: FloatArray) -> bool:
 
 # ------------------------------------------------------------------------------------ near returns
 # Steps of the first look, and those of all looks; the longest time, in units of |x / f(x)|, and
-# that with changes of the state.
-_STEPS, _MOST, _LAST, _LAST_WITH_CHANGES = 64, 2**14, 2.0**30, 2.0**11
+# that with events.
+_STEPS, _MOST, _LAST, _LAST_WITH_OF_EVENTS = 64, 2**14, 2.0**30, 2.0**11
 _PARTS = 4  # of a step, at whose ends distances are compared
 _INSIDE = np.arange(33) / 32  # parts of two of these, where a return is looked for
 # Of the extent of an orbit: what is not looked at, what is near, and what is far from the start.
@@ -421,7 +421,7 @@ def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]
     fastest, size = float(abs(flow.rate[own]).max()), abs(start[own]).max()
     if fastest == 0.0:
         return None, 0.0
-    longest = _LAST_WITH_CHANGES if flow.keeps_phase else _LAST
+    longest = _LAST_WITH_OF_EVENTS if flow.keeps_phase else _LAST
     longest *= float(size or 1.0) / fastest
     extent, last, until = np.zeros(own.sum()), 0.0, np.inf
     best: tuple[float, float | None] = _NEAR, None

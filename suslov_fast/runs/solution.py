@@ -15,7 +15,7 @@ from ..checks import FloatArray, Reals, real_number, warn, wrong
 from ..core.suslov import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.problem import Problem
-from ..engine.status import SingularStepWarning
+from ..engine.status import IntegrationWarning
 from ..engine.threads import call_kernel
 from ..keywords import public
 from ..maps import problem
@@ -29,7 +29,7 @@ _IN_PYTHON = 1e-5  # seconds of Python for a state, of which it computes 128 at 
 _REASONS = (
     ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),
     ("beyond the range of the closed form, 1e8 for X, Y and K: use iterate", RuntimeWarning),
-    ("no state directly after a pole of the map", SingularStepWarning),
+    ("no state directly after a pole of the map", IntegrationWarning),
 )
 
 
@@ -61,7 +61,7 @@ def exact(
         for n that is not an integer; and for any eps where the dimensionless X, Y or K exceeds 1e8
         (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the
         formula continues; only the state directly after the pole is NaN, with a
-        :class:`SingularStepWarning`.
+        :class:`IntegrationWarning`.
 
     Raises
     ------

@@ -42,9 +42,9 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     arguments = {name: getattr(result, name) for name in ARGUMENTS[kind]}
     is_array = {name: isinstance(value, np.ndarray) for name, value in arguments.items()}
     about |= {name: None if is_array[name] else value for name, value in arguments.items()}
-    events = result if kind == "Events" else vars(result).get("changes")
+    events = result if kind == "Events" else vars(result).get("events")
     if events is not None:
-        about["changes"] = [change.to_dict() for change in events.given]
+        about["events"] = [event.to_dict() for event in events.given]
     class_named(described["body"])  # raises an error for a class of the user
     names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
     arrays = {name: value_of(result, name) for name in names}

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from suslov_fast import Change, Field, crossings, flow, lyapunov_exponents
+from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents
 
 
 def test_surfaces_that_differ_by_a_number_in_place_of_a_variable():
@@ -20,32 +20,32 @@ def test_new_states_that_differ_by_a_number_in_place_of_a_variable():
     field = Field(lambda s: (1.5 - s[0], 0 * s[1]), "v n")
     for to, count in (((0, "n + 1"), 9), (("v", "n + 1"), 1)):
         events = flow(
-            field, [0.0, 0.0], time=10.0, changes=Change("v - 1", to=to, direction="up")
-        ).changes
+            field, [0.0, 0.0], time=10.0, events=Event("v - 1", to=to, direction="up")
+        ).events
         assert len(events.time) == count
-    doubled = Change(times=[1.0], to=("2*v", "n"))
-    kept = Change(times=[1.0], to=("2*v", 1))
+    doubled = Event(times=[1.0], to=("2*v", "n"))
+    kept = Event(times=[1.0], to=("2*v", 1))
     for change, n in ((doubled, 0.0), (kept, 1.0)):
-        assert flow(field, [0.0, 0.0], time=2.0, changes=change).states[-1, 1] == n
+        assert flow(field, [0.0, 0.0], time=2.0, events=change).states[-1, 1] == n
 
 
 def test_zeros_keep_their_signs():
     field = Field(lambda s: (0 * s[0], 0 * s[1]), "x y")
     for zero in (0.0, -0.0):
-        states = flow(field, [1.0, 1.0], time=1.0, changes=Change(times=[0.5], to=(zero, "y")))
-        assert math.copysign(1.0, states.changes.states[0, 0]) == math.copysign(1.0, zero)
+        states = flow(field, [1.0, 1.0], time=1.0, events=Event(times=[0.5], to=(zero, "y")))
+        assert math.copysign(1.0, states.events.states[0, 0]) == math.copysign(1.0, zero)
 
 
 def test_exponents_and_derivatives_of_changes_that_differ_by_a_number():
     """Of x' = -x, y' = -y, where at time 1 x becomes its distance from (0, y) or from (0, 1)."""
     field = Field(lambda s: -s, "x y")
     for other in ("y", "1"):
-        change = Change(times=[1.0], to=(f"hypot(x, {other})", "y"))
-        run = flow(field, [1.0, 3.0], time=2.0, changes=change, derivatives=("x0",))
+        change = Event(times=[1.0], to=(f"hypot(x, {other})", "y"))
+        run = flow(field, [1.0, 3.0], time=2.0, events=change, derivatives=("x0",))
         x, distance = math.exp(-1), math.exp(-1) * 3.0 if other == "y" else 1.0
         slope = x / math.hypot(x, distance)
         assert run.derivatives["x0"][-1, 0, 0] == pytest.approx(slope * math.exp(-2), rel=1e-7)
-        exponents = lyapunov_exponents(field, [1.0, 3.0], time=2.0, changes=change)
+        exponents = lyapunov_exponents(field, [1.0, 3.0], time=2.0, events=change)
         assert exponents.sum() == pytest.approx(-2 + math.log(slope) / 2, abs=1e-7)
 
 
@@ -67,8 +67,8 @@ def test_random_formulas_in_which_numbers_take_the_places_of_variables():
             row[place] = names.index(row[place])
             second.append(shape.format(*row))
         for to in (first, second):
-            change = Change(times=[0.5], to=tuple(to))
-            events = flow(field, start, time=1.0, changes=change).changes
+            change = Event(times=[0.5], to=tuple(to))
+            events = flow(field, start, time=1.0, events=change).events
             before = functions | dict(zip(names, events.before[0], strict=True))
             expected = [eval(text, before) for text in to]
             np.testing.assert_allclose(events.states[0], expected, rtol=1e-14, atol=1e-15)

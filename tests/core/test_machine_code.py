@@ -133,7 +133,7 @@ def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
     assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
 
 
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
     dense = sf.Field.from_terms(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
@@ -230,7 +230,7 @@ def test_old_codes_are_freed(monkeypatch, anew):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
     """A run, exponents and the system of a user keep theirs while `progress` compiles others."""
     field, x0 = sf.Field(of_a, 3, a=1), rng.normal(size=(9, 3))

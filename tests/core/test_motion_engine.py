@@ -174,7 +174,7 @@ def dense_field(rng, D=5):
     return DenseRightHandSide(D), table, [(*i, v) for i, v in zip(indices, values, strict=True)]
 
 
-@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.IntegrationWarning")
 @pytest.mark.parametrize("stiff", [pytest.param(None, marks=pytest.mark.slow), True])
 def test_more_has_the_bits_of_numpy(stiff, monkeypatch):
     """Choices, kinks, tables, parameters of each, dense fields, starts and ends without a value."""

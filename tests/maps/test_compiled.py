@@ -14,7 +14,7 @@ from suslov_fast import compiled
 from suslov_fast.compiled import step_system, system, work
 
 # Long steps on purpose, from states with det A < 0.
-pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
 BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)

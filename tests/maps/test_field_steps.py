@@ -22,7 +22,7 @@ from suslov_fast.core.lists import step as plans
 from suslov_fast.maps.methods import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.
-pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 of_function = sf.Field
 
 
@@ -293,9 +293,9 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
 def test_a_pivot_of_parameters_alone_may_be_0():
     """x' = x and eps = 2 have no next states; the warning is about these alone."""
     field = of_function(lambda x: (x[0], x[0] * x[1]), 2)
-    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+    with pytest.warns(sf.IntegrationWarning, match="1 of 1 states"):
         assert np.isnan(sf.jacobian(field, [1.0, 0.5], 2.0)).all()
-    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+    with pytest.warns(sf.IntegrationWarning, match="1 of 1 states"):
         assert np.isnan(sf.lyapunov_exponents(field, [1.0, 0.5], 2.0, 3)).all()
     assert system(field, 2.0).dimension == 2
 

@@ -10,7 +10,7 @@ import pytest
 from systems import HENON_HEILES, LORENZ, tables
 
 import suslov_fast as sf
-from suslov_fast import SingularStepWarning, Status, compiled
+from suslov_fast import IntegrationWarning, Status, compiled
 from suslov_fast.engine import threads
 from suslov_fast.maps import map_of
 
@@ -215,7 +215,7 @@ def test_a_pole_in_a_sub_step(method):
         assert (run.status[[0, 2]] == Status.OK).all()
         assert np.isfinite(run.states[:, [0, 2]]).all()
         for function in (sf.step, sf.jacobian):
-            with pytest.warns(SingularStepWarning):
+            with pytest.warns(IntegrationWarning):
                 assert np.isnan(function(SQUARE, starts[1], 1.0, method=method)).all()
         system = compiled.system(SQUARE, 1.0, method=method)
         out = np.empty(1)

@@ -8,9 +8,9 @@ import pytest
 from systems import HENON_HEILES as HENON, PREY
 
 import suslov_fast as sf
-from suslov_fast import Field, PoleWarning, Status, SuslovND, compiled, iterate, matrix
+from suslov_fast import Field, IntegrationWarning, Status, SuslovND, compiled, iterate, matrix
 
-quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+quiet = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 LONG = "eps is too long"
 SIGN = " (a component that cannot change its sign did)"
 SQUARE = Field.from_terms([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
@@ -25,7 +25,7 @@ def told(call, *arguments, **options):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = call(*arguments, **options)
-    assert all(each.category is PoleWarning for each in caught)
+    assert all(each.category is IntegrationWarning for each in caught)
     return found, [str(each.message) for each in caught]
 
 
@@ -202,7 +202,7 @@ def first_change(run):
 
 
 def test_a_failure_does_not_hide_the_pole_before_it():
-    with pytest.warns(sf.SingularStepWarning) as caught:
+    with pytest.warns(sf.IntegrationWarning) as caught:
         run = iterate(PREY, np.tile([0.05, 0.05], (3, 1)), 0.1, 1000)
     assert [str(each.message) for each in caught] == [
         "3 of 3 trajectories: singular step, first: 0 at step 100; "

@@ -40,7 +40,7 @@ RUN, POINTS = (
     sf.crossings(FIELD, [0.1, 0.2], "x1 - 9", time=0.1),
 )
 MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
-CHANGES = sf.flow(SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change("x1")).changes
+CHANGES = sf.flow(SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event("x1")).events
 EQUILIBRIA = sf.equilibria(SMOOTH, near=[0.1, 0.0])
 COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
 
@@ -112,7 +112,7 @@ def exponents(**given):
 
 def changed_by(*surface, **given):
     """A motion with a change."""
-    return lambda: sf.flow(SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change(*surface, **given))
+    return lambda: sf.flow(SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(*surface, **given))
 
 
 def orbit(start=(1.0, 2.0), period=6.5, **given):
@@ -156,9 +156,9 @@ TABLE = [
      lambda: sf.compiled.system(4, 0.1)),
     (ValueError, "body", lambda: Suslov3D.from_dict(ROTOR.to_dict()),
      lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4)),
-    (TypeError, "changes", motion(changes=3), motion(changes=[len])),
-    (ValueError, "changes", lambda: sf.lyapunov_exponents(
-        SMOOTH, [1.0, 0.5], time=1.0, changes=sf.Change(lambda x: x[0] - 1, ends=True))),
+    (TypeError, "events", motion(events=3), motion(events=[len])),
+    (ValueError, "events", lambda: sf.lyapunov_exponents(
+        SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(lambda x: x[0] - 1, terminal=True))),
     (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
     (ValueError, "components", lambda: RUN.plot(0, 2), lambda: RUN.plot("run.png"),
      lambda: POINTS.plot("rho", "u")),
@@ -249,7 +249,7 @@ TABLE = [
      lambda: sf.integrability.hk_bases(sf.integrability.kahan(FIELD), "2")),
     (TypeError, "ends", changed_by("x1", ends=1)),
     (ValueError, "most", section(most=0), changed_by("x1", most=0),
-     changed_by("x1", ends=True, most=2)),
+     changed_by("x1", terminal=True, most=2)),
     (ValueError, "n", lambda: sf.exact(BODY, [1, 0], 0.1, np.inf),
      lambda: sf.exact(BODY, [1.0, 0.5], 0.2, [[1, 2]])),
     (TypeError, "names", field(lambda x: x, names="u v"),
@@ -320,14 +320,14 @@ TABLE = [
      changed_by(lambda x: (x[0], x[1])), changed_by(lambda x: math.sin(x[0])),
      changed_by(lambda x, a: x[0] - a), changed_by(surface_with(terminal=True))),
     (TypeError, "times", changed_by(times=["a"])),
-    (ValueError, "times of changes", lambda: sf.flow(
-        SMOOTH, np.zeros((3, 2)), time=1.0, changes=sf.Change(times=np.ones((4, 2))))),
+    (ValueError, "times of events", lambda: sf.flow(
+        SMOOTH, np.zeros((3, 2)), time=1.0, events=sf.Event(times=np.ones((4, 2))))),
     (TypeError, "to", changed_by("x1", to={}), changed_by("x1", to=lambda x, a: (x[0], a))),
     (ValueError, "to", changed_by("x1", to=lambda x: (x[0],)), changed_by("x1", to=("x1",)),
      changed_by("x1", to=3),
      changed_by("x1", to=("x1", "y")), changed_by("x1", to=lambda x: x * random.random())),
-    (TypeError, "to_dict", lambda: sf.Change(lambda x: x[0]).to_dict()),
-    (ValueError, "description", lambda: sf.Change.from_dict({"surface": "x1", "at": 1})),
+    (TypeError, "to_dict", lambda: sf.Event(lambda x: x[0]).to_dict()),
+    (ValueError, "description", lambda: sf.Event.from_dict({"surface": "x1", "at": 1})),
     (TypeError, "time",  section(steps=4)),
     (IndexError, "time", lambda: motion(time=[])().final),
     (ValueError, "time", motion(time=[[1.0]]), motion(time=INF), motion(time=[-1.0, 1.0]),
@@ -407,10 +407,10 @@ SECOND_TRIES = [
      lambda: sf.Field(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
     (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
      lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).states, 3 * math.exp(-1)),
-    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"changes=Change\(times=.*, to=",
-     lambda: sf.flow(HALF, [3.0], time=2, changes=sf.Change(times=1, to=lambda x: x + 1)).states,
+    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"events=Event\(times=.*, to=",
+     lambda: sf.flow(HALF, [3.0], time=2, events=sf.Event(times=1, to=lambda x: x + 1)).states,
      3 * math.exp(-1) + math.exp(-0.5)),
-    (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"surface=.*direction=0\)",
+    (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"Event\(len\)",
      lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0], direction=0).time,
      1.5 * math.pi * 2**0.5),
     (lambda: sf.crossings(PAIR, [1, 0], time=[0, 9], surface=lambda x: x[..., 0]), "last number",
@@ -470,7 +470,7 @@ def test_states_by_name():
 
 
 # Classes that users make by a call; all others are results, errors, or made by functions.
-MADE_BY_USERS = Field, Suslov3D, SuslovGyrostat, SuslovND, sf.Change
+MADE_BY_USERS = Field, Suslov3D, SuslovGyrostat, SuslovND, sf.Event
 # Methods of the laboratory that pages mention; the others are for searches.
 IN_LABORATORY = "jacobian determinant subs symbols to_dict __call__".split()
 

@@ -40,8 +40,8 @@ OTHERS = {
         "solve_ivp(g, (0, T), x0, **tight).y[:, -1]",
         1e-6,
     ),
-    "flow(ball, [1, 0], time=T, changes=bounce).states[0]": (BALL, 1e-9),
-    "flow(drug, [0], time=T, changes=dose).states[0]": (
+    "flow(ball, [1, 0], time=T, events=bounce).states[0]": (BALL, 1e-9),
+    "flow(drug, [0], time=T, events=dose).states[0]": (
         [100 * (1 + np.exp(-1) + np.exp(-2))],
         1e-9,
     ),

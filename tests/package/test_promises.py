@@ -62,7 +62,7 @@ class Row(NamedTuple):
 
     def values(self, body, omega, eps, **options):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", sf.SingularStepWarning)
+            warnings.simplefilter("ignore", sf.IntegrationWarning)
             results = self.call(body, omega, *(eps,) * self.eps, **options)
         results = results if isinstance(results, tuple) else (results,)
         axes = len(self.batch(body, omega, eps))
@@ -91,14 +91,14 @@ def solutions(body, omega, eps, **options):
 
 # At a surface, and at a time: of each trajectory the states, and how often they acted.
 CHANGES = [
-    sf.Change(lambda x: x[0] - 0.2, to=lambda x: (-x[0], *(0.9 * a for a in x[1:]))),
-    sf.Change(times=[0.7], to=lambda x: tuple(a + 0.1 for a in x)),
+    sf.Event(lambda x: x[0] - 0.2, to=lambda x: (-x[0], *(0.9 * a for a in x[1:]))),
+    sf.Event(times=[0.7], to=lambda x: tuple(a + 0.1 for a in x)),
 ]
 
 
 def changed(body, omega, **options):
-    motion = sf.flow(body, omega, time=[0.5, 1.0], changes=CHANGES, rtol=1e-6, **options)
-    return motion.states, motion.changes.count
+    motion = sf.flow(body, omega, time=[0.5, 1.0], events=CHANGES, rtol=1e-6, **options)
+    return motion.states, motion.events.count
 
 
 def parameters_of(name):
@@ -204,7 +204,7 @@ SHAPES += [((3,), (0, 3), ()), ((0,), (3, 1), ())]
 
 
 @pytest.mark.sampled(8)
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 @cases()
 def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
     row = ROWS[name]
@@ -221,7 +221,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
 
 
 @pytest.mark.sampled(4)
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 @pytest.mark.compiled
 @cases(threaded=True)
 def test_threads_and_stretches(rng, monkeypatch, name, kind):
@@ -236,7 +236,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
 
 
 @pytest.mark.sampled(24)
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 @cases()
 def test_any_input(rng, name, kind):
     """Lists, other memory and integers; nothing that is passed in changes; NaN gives NaN."""
@@ -436,7 +436,7 @@ def test_a_state_at_a_pole_has_no_next_one(name):
     assert np.isfinite(run.states[1, 1]).all()
     for function in ("step", "jacobian") if method == "auto" else ():
         if function == "step" or function in MAPS[name].formulas:
-            with pytest.warns(sf.SingularStepWarning):
+            with pytest.warns(sf.IntegrationWarning):
                 assert np.isnan(getattr(sf, function)(body, pole, 1.0)).all()
 
 

@@ -85,7 +85,7 @@ ARROWS = {
     "bodies": "core words checks keywords errors",
     "engine": "core checks bodies",
     "maps": "core checks bodies engine",
-    "quantities": "checks keywords bodies engine maps",
+    "quantities": "checks core keywords bodies engine maps",
     "space": "checks keywords bodies maps",
     "runs": "core words checks keywords errors bodies engine maps quantities",
     "plots": "checks keywords bodies engine maps quantities runs",

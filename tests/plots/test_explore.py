@@ -59,7 +59,7 @@ def test_a_body(monkeypatch):
         sliders[name].value = value
     run = sf.iterate(sf.Suslov3D(4, 3, -0.5, -0.3), [0.5, 1.3], 0.15, 50)
     check(document, run.states, run.time)
-    first, second = document.select({"type": Select})
+    first, second = sorted(document.select({"type": Select}), key=lambda each: each.value)
     first.value, second.value = "Omega2", "Omega1"
     check(document, run.states[:, ::-1], run.time)
     document.callbacks.trigger_event(ButtonClick(document.select_one({"type": Button})))

@@ -162,7 +162,7 @@ def test_out_of_range_there_is_a_warning_and_no_number(body):
     calls = [(f, ()) for f in (sf.energy, sf.vector_field)]
     calls += [(f, (0.2,)) for f in (sf.first_integral, sf.jacobian, sf.reaction)]
     for function, eps in calls:
-        with pytest.warns(sf.SingularStepWarning, match=r"1 of 2 states.*first: 1"):
+        with pytest.warns(sf.IntegrationWarning, match=r"1 of 2 states.*first: 1"):
             found = function(body, huge, *eps)
         assert np.isnan(found[1]).all()
         assert np.isfinite(found[0]).all()
@@ -280,7 +280,7 @@ def test_poles_are_counted(rng, name, m):
     omega = 0.1 * rng.normal(size=(4, 400, m))
     omega[2, 17] = omega[2, 399] = omega[3, 5] = [1.0, -3.0] if m == 2 else [2, 1, 3, 2]
     omega[2, 16, 0] = np.nan
-    with pytest.warns(sf.SingularStepWarning, match=r"^3 of 1600 .*first: \(2, 17\)") as caught:
+    with pytest.warns(sf.IntegrationWarning, match=r"^3 of 1600 .*first: \(2, 17\)") as caught:
         values = getattr(sf, name)(body, omega, 1.0)
     assert len(caught) == 1
     missing = np.isnan(values.reshape(4, 400, -1)).all(axis=-1)

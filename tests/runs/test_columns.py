@@ -33,7 +33,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
         assert (run.first_pole >= 0).any()
     else:
         escaping = sf.Field(lambda x: (x[0] ** 2, -x[1]), "x y")
-        with pytest.warns(sf.PoleWarning):
+        with pytest.warns(sf.IntegrationWarning):
             run = sf.flow(escaping, STARTS, time=[2.0, 0.0, 6.0])
     assert (run.status < 0).any()
     run.save(tmp_path / "run.npz")

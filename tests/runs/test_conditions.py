@@ -16,7 +16,7 @@ BENT = field(lambda s, a: (s[1], -s[0] - a * abs(s[0])), "x v", a=0.5)
 def test_coulomb_friction_ends_at_rest():
     # Amplitudes fall by 0.3 in half a turn: 1, 0.7, 0.4, 0.1, where friction holds it.
     times = np.pi * np.array([1.0, 2.0, 2.5, 3.5])
-    with pytest.warns(sf.PoleWarning, match="slide"):
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
         motion = sf.flow(FRICTION, [1.0, 0.0], time=times)
     np.testing.assert_allclose(motion.states[:3], [[-0.7, 0], [0.4, 0], [0.15, -0.25]], atol=1e-8)
     assert np.isnan(motion.states[3]).all()
@@ -269,7 +269,7 @@ def test_a_tank_drains_until_it_is_empty():
         sf.flow(drained, 1.0, time=[1.0, 1.9, 4.0]).states[:, 0], [0.25, 0.0025, 0.0], atol=5e-9
     )
     back = field(lambda h: -np.sign(h) * np.sqrt(np.abs(h)), "h")  # from both sides to 0
-    with pytest.warns(sf.PoleWarning, match="slide"):
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
         motion = sf.flow(back, 1.0, time=[1.9, 4.0])
     np.testing.assert_allclose(motion.states[0], 0.0025, atol=5e-9)
     np.testing.assert_allclose(motion.end, 2.0, atol=1e-5)

@@ -64,12 +64,12 @@ def test_changes_at_peaks(stiff, rng):
     """One is added at each peak of a clock's sine, and of an oscillator, by two surfaces."""
     f = field(lambda s: (0.0, 1.0, s[3], -s[2]), "n t x v")
     changes = [
-        sf.Change(lambda s: np.sin(s[1]) - 0.999, direction=1, to=lambda s: (s[0] + 1, *s[1:])),
-        sf.Change(lambda s: s[2] - 0.999, direction=-1, to=lambda s: (s[0] + 100, *s[1:])),
+        sf.Event(lambda s: np.sin(s[1]) - 0.999, direction=1, to=lambda s: (s[0] + 1, *s[1:])),
+        sf.Event(lambda s: s[2] - 0.999, direction=-1, to=lambda s: (s[0] + 100, *s[1:])),
     ]
     p = rng.uniform(-1.0, 1.0, 20)
     x0 = np.stack([0 * p, 0 * p, np.sin(p), np.cos(p)], 1)
-    motion = sf.flow(f, x0, time=40 * np.pi, changes=changes, stiff=stiff)
+    motion = sf.flow(f, x0, time=40 * np.pi, events=changes, stiff=stiff)
     np.testing.assert_array_equal(motion.states[0, :, 0], 2020.0)
 
 
@@ -174,8 +174,8 @@ def counted(family, x0, surface, how, time):
     """How often each trajectory crosses a surface upwards, by records, or with actions."""
     if how == "records":
         return sf.crossings(family, x0, surface, time=time, direction="up").count[..., 0]
-    count = sf.Change(surface, direction=1, to=lambda s: (*s[:-1], s[-1] + 1))
-    motion = sf.flow(family, x0, time=time, changes=count)
+    count = sf.Event(surface, direction=1, to=lambda s: (*s[:-1], s[-1] + 1))
+    motion = sf.flow(family, x0, time=time, events=count)
     assert motion.ok.all()
     return motion.states[0, ..., -1]
 
@@ -238,7 +238,7 @@ def test_targets_that_orbits_pass(rtol, rng):
         return 0.003 - np.hypot(s[0] - p, s[1] - q)
 
     options = {"time": 6.0, "rtol": rtol}
-    motion = sf.flow(family, x0, changes=sf.Change(inside, ends=True), **options)
+    motion = sf.flow(family, x0, events=sf.Event(inside, terminal=True), **options)
     assert (motion.status == sf.Status.STOPPED).all()
     assert (sf.crossings(family, x0, inside, **options).count > 0).all()
 
@@ -314,9 +314,9 @@ def test_products_of_waves():
 @pytest.mark.parametrize(("direction", "right"), [(1, 1000), (-1, 1000), (0, 2000)])
 def test_counters_by_a_clock_go_on(direction, right):
     f = field(lambda s: (0.0, 1.0), "n t")
-    count = sf.Change(lambda s: np.sin(2 * np.pi * s[1]), direction=direction,
+    count = sf.Event(lambda s: np.sin(2 * np.pi * s[1]), direction=direction,
                       to=lambda s: (s[0] + 1, s[1]))  # fmt: skip
-    motion = sf.flow(f, [0.0, 0.0], time=1000.25, changes=count)
+    motion = sf.flow(f, [0.0, 0.0], time=1000.25, events=count)
     assert motion.states[0, 0] == right
 
 

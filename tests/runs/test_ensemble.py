@@ -12,7 +12,7 @@ import xarray
 from distributed import Client, LocalCluster
 
 import suslov_fast as sf
-from suslov_fast import Change, Field, Suslov3D, ensemble, flow, iterate
+from suslov_fast import Event, Field, Suslov3D, ensemble, flow, iterate
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 WELL = Field(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
@@ -23,7 +23,7 @@ LORENZ = sf.Field(
 )
 X0 = np.random.default_rng(1).uniform(-2.0, 2.0, (10, 2))
 EACH = {"eps": np.linspace(0.1, 0.3, 10), "steps": 10, "save_every": 5, "attitude": True}
-ACTING = [Change("q", direction=1), Change(times=[0.5], to=lambda x, c: (x[0] + c, x[1]))]
+ACTING = [Event("q", direction=1), Event(times=[0.5], to=lambda x, c: (x[0] + c, x[1]))]
 
 
 def starts(k, n=3):
@@ -51,7 +51,7 @@ RUNS = {
     "grid of a family": (LORENZ, np.linspace(1, 2, 7)[:, None] + np.arange(3.0), {"time": [0, 1]}),
     "map of a grid": (LORENZ, np.ones((7, 3)), {"eps": 0.01, "steps": 9, "save_every": 3}),
     "members": (WELL.with_parameters(c=np.linspace(0, 1, 10)), [1.0, 0.0], {"time": 2.0}),
-    "changes": (WELL, X0, {"time": [1.0, 2.0], "changes": ACTING, "rtol": 1e-6}),
+    "events": (WELL, X0, {"time": [1.0, 2.0], "events": ACTING, "rtol": 1e-6}),
     "last states": (BODY, X0, {"eps": 0.2, "steps": 100, "save_every": None}),
 }
 
@@ -140,7 +140,7 @@ def test_workers_write_the_same(tmp_path, processes):
     ):
         data = ensemble(BODY, starts, tmp_path / "a", eps=0.1, steps=20, chunks=9, client=client)
         same(data, iterate(BODY, np.concatenate([starts(k) for k in range(9)]), 0.1, 20))
-        options = {"time": [1.0, 2.0], "changes": ACTING}
+        options = {"time": [1.0, 2.0], "events": ACTING}
         data = ensemble(WELL, X0, tmp_path / "b", chunks=4, client=client, **options)
         same(data, flow(WELL, X0, **options))
         with pytest.raises(ValueError, match="as many states as"):
@@ -201,7 +201,7 @@ def test_errors_come_before_any_work(tmp_path):
 def test_one_warning_counts_what_fails(tmp_path):
     field = sf.Field.from_terms([[[1.0]]])  # x' = x**2
     x0 = np.linspace(-1.1, 2.2, 10)[:, None]
-    with pytest.warns(sf.PoleWarning, match=r"4 of 10 trajectories failed: 4 ENDED") as told:
+    with pytest.warns(sf.IntegrationWarning, match=r"4 of 10 trajectories failed: 4 ENDED") as told:
         data = ensemble(field, x0, tmp_path / "run", time=1.0, chunks=4)
     assert len(told) == 1
     assert data["end"].values[6:] == pytest.approx(1 / x0[6:, 0])

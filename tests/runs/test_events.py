@@ -103,7 +103,7 @@ def test_a_surface_twice():
     assert of_oscillator([1.0, 0.0], (first, first), time=4.0, direction=0, most=1).which == [0]
 
 
-@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.IntegrationWarning")
 @pytest.mark.parametrize("direction", [1, -1, 0])
 @pytest.mark.parametrize("most", [None, 3, 6])
 def test_turning_points_until_friction_holds(direction, most):
@@ -218,7 +218,7 @@ def test_a_family_and_a_surface_of_each_member():
 def test_solutions_that_end():
     field = sf.Field(lambda x: (x[0] ** 2,), "x")
     x0 = [[1.0], [-1.0], [np.nan], [0.5]]
-    with pytest.warns(sf.PoleWarning, match="1 of 4"):
+    with pytest.warns(sf.IntegrationWarning, match="1 of 4"):
         points = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5)
     assert points.trajectory.tolist() == [0]
     np.testing.assert_allclose(points.time, [2 / 3], rtol=1e-8)
@@ -253,7 +253,7 @@ def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
     for surface in (lambda s: s[0] + hole(s[0]), lambda s: np.sign(s[0]) + hole(s[0])):
         assert not of_oscillator(starts, surface, **arguments).count.any()
         motion = sf.flow(
-            OSCILLATOR, starts, time=2 * np.pi, rtol=1e-6, changes=sf.Change(surface, ends=True)
+            OSCILLATOR, starts, time=2 * np.pi, rtol=1e-6, events=sf.Event(surface, terminal=True)
         )
         assert motion.ok.all()
     found = of_oscillator(starts, lambda s: s[0] - 0.5 + hole(s[0]), **arguments)

@@ -13,7 +13,7 @@ ON_THE_POLE, HEALTHY = [1.0, -3.0], [0.3, 0.1]
 
 def test_states_that_do_not_exist(body, unit):
     """NaN states fail at state 0, and are reported by `iterate` alone; they follow NaN."""
-    with pytest.warns(sf.SingularStepWarning, match="first: 1 at step 0"):
+    with pytest.warns(sf.IntegrationWarning, match="first: 1 at step 0"):
         run = sf.iterate(body, [HEALTHY, [np.nan, 1.0]], 0.2, 5)
     assert run.status.tolist() == [0, sf.Status.NONFINITE]
     assert run.failed_at.tolist() == [-1, 0]
@@ -45,7 +45,7 @@ def test_memory(body):
 
 
 def test_a_pole_of_three_components():
-    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 "):
+    with pytest.warns(sf.IntegrationWarning, match=r"^1 of 2 "):
         lost = sf.step_full(sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0, 0.0], [0.3, 0.1, 0]], 1, 2)
     assert np.isnan(lost).all(axis=1).tolist() == [True, False]
 

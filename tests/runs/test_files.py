@@ -132,9 +132,9 @@ OF_EACH_KIND = {
         FORCED,
         [1.0, 0.5],
         time=3.0,
-        changes=[
-            sf.Change("p", to=lambda x, a: (a, x[1]), direction=1),
-            sf.Change(times=[1.0, np.nan]),
+        events=[
+            sf.Event("p", to=lambda x, a: (a, x[1]), direction=1),
+            sf.Event(times=[1.0, np.nan]),
         ],
     ),
     "Events": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),

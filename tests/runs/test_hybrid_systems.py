@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from suslov_fast import Change, Field, Status, flow
+from suslov_fast import Event, Field, Status, flow
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*changes that follow")]
 T, MOST = 4.0, 70
@@ -44,9 +44,9 @@ class System:
         def value(n, c):
             return lambda x: sum(n[j] * x[j] for j in range(self.D)) - c
 
-        found = [Change(value(n, c), direction=way, to=function(*own))
+        found = [Event(value(n, c), direction=way, to=function(*own))
                  for n, c, way, own in self.surfaces]  # fmt: skip
-        found += [Change(times=times, to=function(*own)) for times, own in self.times]
+        found += [Event(times=times, to=function(*own)) for times, own in self.times]
         field = Field(function(self.A, self.b), " ".join("abc"[: self.D]))
         return field, found
 
@@ -127,19 +127,19 @@ def test_random_systems_with_cascades(first):
         system = System(seed)
         if not system.surfaces and not system.times:
             continue
-        field, changes = system.changes()
+        field, changes = system.events()
         try:
             right, last = system.reference()
         except Endless:
             right = last = None
         for rtol, max_step in ((1e-6, 0.03), (1e-9, None), (1e-11, 0.03)):
             given = {"rtol": rtol, "max_step": max_step}
-            motion = flow(field, system.x, time=T, changes=changes, **given)
+            motion = flow(field, system.x, time=T, events=changes, **given)
             if right is None:
                 assert motion.status == Status.ACCUMULATES
                 continue
-            assert motion.changes.which.tolist() == right[:, 1].tolist(), seed
-            np.testing.assert_allclose(motion.changes.time, right[:, 0], atol=1e4 * rtol)
+            assert motion.events.which.tolist() == right[:, 1].tolist(), seed
+            np.testing.assert_allclose(motion.events.time, right[:, 0], atol=1e4 * rtol)
             allowed = 1e5 * rtol * max(1.0, abs(last).max())
             np.testing.assert_allclose(motion.states[-1], last, atol=allowed)
         compared += right is not None

@@ -103,7 +103,7 @@ def test_integrals_of_rates_that_choose(name, turn):
     ],
 )
 def test_a_pole_that_is_taken_ends_the_solution(rate, end):
-    with pytest.warns(sf.PoleWarning):
+    with pytest.warns(sf.IntegrationWarning):
         motion = sf.flow(field(lambda s: (rate(s[1]), 1.0)), [0.0, 0.5], time=5.0)
     assert motion.status == sf.Status.ENDED
     np.testing.assert_allclose(motion.end, end - 0.5, rtol=1e-8)
@@ -111,7 +111,7 @@ def test_a_pole_that_is_taken_ends_the_solution(rate, end):
 
 def test_members_of_a_family_whose_factor_is_0_have_no_pole():
     f = field(lambda s, a: (a * (1 / (2 - s[1])), 1.0), a=[0.0, 1.0])
-    with pytest.warns(sf.PoleWarning):
+    with pytest.warns(sf.IntegrationWarning):
         motion = sf.flow(f, [0.0, 0.0], time=5.0)
     np.testing.assert_array_equal(motion.states[0, 0], [0.0, 5.0])
     np.testing.assert_allclose(motion.end[1], 2.0, rtol=1e-8)
@@ -155,7 +155,7 @@ def test_a_solution_that_slides_is_told_where_it_begins_to():
         [1.9, 3.1, 0.1, 0.5], [0.2, 3.9, 0.5, -0.7], [1.1, 2.0, -0.4, 1.3],
     ]).T  # fmt: skip
     f = field(lambda s, a, b, c: (c - np.sign(s[0] - a * np.sin(b * s[1])), 1.0), a=a, b=b, c=c)
-    with pytest.warns(sf.PoleWarning, match="slide"):
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
         motion = sf.flow(f, np.array([x0, 0 * x0]).T, time=np.linspace(0.05, 6.0, 7))
     for k in range(len(a)):
         np.testing.assert_allclose(motion.end[k], first_slide(a[k], b[k], c[k], x0[k]), rtol=1e-9)
@@ -184,7 +184,7 @@ def first_slide(a, b, c, x):
 @pytest.mark.parametrize("times", [[2.0], [1.05, 1.1, 1.5, 2.0]])
 def test_a_short_time_of_sliding_is_not_stepped_over(times):
     f = field(lambda s: (np.where(s[0] > 0, -1, 0.1 - s[1]), np.where(s[0] > 0, 0, 1)), "y z")
-    with pytest.warns(sf.PoleWarning, match="slide"):
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
         motion = sf.flow(f, [1.0, 0.0], time=times)
     np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)
 
@@ -205,13 +205,13 @@ def test_a_short_time_of_sliding_is_not_stepped_over(times):
 )
 def test_the_warning_says_what_ended(f, start, why):
     for starts in ([start], [[start]] * 9):
-        with pytest.warns(sf.PoleWarning, match=why):
+        with pytest.warns(sf.IntegrationWarning, match=why):
             assert (sf.flow(field(f, "x"), starts, time=5.0).status == sf.Status.ENDED).all()
 
 
 @pytest.mark.parametrize("rate", [lambda t: 1 / (2 - t), lambda t: np.cos(t) / np.sin(t - 2)])
 def test_a_pole_of_a_clock_is_told_of(rate):
-    with pytest.warns(sf.PoleWarning, match="pole"):
+    with pytest.warns(sf.IntegrationWarning, match="pole"):
         sf.flow(field(lambda s: (rate(s[1]), 1.0)), [1.0, 0.0], time=5.0)
 
 
@@ -264,5 +264,5 @@ def test_stairs_of_the_state():
     motion = sf.flow(f, [0.0], time=[time, time + 1.0])
     np.testing.assert_allclose(motion.states[:, 0], BEGIN[-1] + np.array([0.0, 41.0]), rtol=1e-9)
     falling = field(lambda s: (1.0 - 2 * (s[0] > BEGIN).sum(),), "x")
-    with pytest.warns(sf.PoleWarning, match="slide"):
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
         assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)

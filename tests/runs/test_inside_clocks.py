@@ -119,18 +119,18 @@ def test_changes_and_crossings_at_dates(batch):
     def found(at):
         f = field(lambda s: (np.where(np.sin(s[1] - at) > 0.5, 1.0, -s[0]), 1.0, 2.0), "x t u")
         changes = [
-            sf.Change(times=[0.5, 2.0, 2.5], to=lambda s: (s[0] + np.cos(s[1] - at), s[1], s[2])),
-            sf.Change(
+            sf.Event(times=[0.5, 2.0, 2.5], to=lambda s: (s[0] + np.cos(s[1] - at), s[1], s[2])),
+            sf.Event(
                 surface=lambda s: s[0] - 0.1 * (s[1] - at) - 0.3, to=lambda s: s * [0.5, 1, 0]
             ),
         ]
         x0 = np.broadcast_to([0.3, at, 1.0], (*batch, 3))
-        run = sf.flow(f, x0, time=[1.0, 6.0], changes=changes)
+        run = sf.flow(f, x0, time=[1.0, 6.0], events=changes)
         points = sf.crossings(
             f, x0, time=6.0, surface=lambda s: s[0] - 0.3 * np.sin(4 * (s[1] - at)), direction=0
         )
-        clocks = run.changes.states[:, 1], points.states[:, 1], run.states[..., 1]
-        return [run.states[..., 0], run.states[..., 2], run.changes.time, points.time], clocks
+        clocks = run.events.states[:, 1], points.states[:, 1], run.states[..., 1]
+        return [run.states[..., 0], run.states[..., 2], run.events.time, points.time], clocks
 
     (usual, clocks), (later, others) = found(0.0), found(DATE)
     assert min(map(len, usual[2:])) > 3

@@ -116,11 +116,11 @@ TURNING = field(
     "w x y z",
     **dict(zip("abc", TURNS.T, strict=True)),
 )
-SHORT = sf.Change(times=[1e-9], to=lambda q: tuple(q))  # after it steps begin anew, short ones
+SHORT = sf.Event(times=[1e-9], to=lambda q: tuple(q))  # after it steps begin anew, short ones
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"stiff": True}, {"derivatives": "x0"}, {"changes": SHORT}, {"max_step": 0.3}]
+    "options", [{}, {"stiff": True}, {"derivatives": "x0"}, {"events": SHORT}, {"max_step": 0.3}]
 )
 def test_components_that_are_0_but_for_rounding(options):
     """Quaternions that turn about fixed axes; rates of one component of the first three cancel."""

@@ -15,7 +15,7 @@ from suslov_fast.core.fields.stage_code import Stage
 from suslov_fast.engine import derivatives
 
 # Long steps on purpose, from states with det A < 0.
-pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
@@ -79,9 +79,9 @@ def test_batches_and_a_transient():
     with pytest.raises(ValueError, match="transient"):
         sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
     square = sf.Field.from_terms([[[1]]])
-    with pytest.warns(sf.SingularStepWarning, match="1 of 1"):  # a pole in the transient
+    with pytest.warns(sf.IntegrationWarning, match="1 of 1"):  # a pole in the transient
         sf.lyapunov_exponents(square, [1.0], 1.0, 5, 3)
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
+    with pytest.warns(sf.IntegrationWarning, match="1 of 2"):  # and later
         found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
     assert np.isnan(found).ravel().tolist() == [True, False]
 
@@ -372,7 +372,7 @@ def test_motion_leaves_out_variables_that_drift_in_all_members(f, exact):
 
 def test_motion_of_families_that_end():
     family = sf.Field(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
-    with pytest.warns(sf.PoleWarning):
+    with pytest.warns(sf.IntegrationWarning):
         found = sf.lyapunov_exponents(family, [1.0], time=3.0)
     assert found[0] == pytest.approx(-1.0)
     assert np.isnan(found[1])
@@ -450,19 +450,19 @@ KICKS = {"times": np.arange(0.0, 81.0)}
 
 def test_motion_with_kicks_at_times():
     """The logarithms of the eigenvalues of what a period does."""
-    change = sf.Change(**KICKS, to=lambda x: KICK @ x)
+    change = sf.Event(**KICKS, to=lambda x: KICK @ x)
     right = np.sort(np.log(abs(np.linalg.eigvals(KICK @ expm(A)))))[::-1]
     times = {"time": 50.0, "transient": 30.0}
-    found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], changes=change, **times)
+    found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], events=change, **times)
     np.testing.assert_allclose(found, [right, right], atol=1e-7)
-    alone = sf.lyapunov_exponents(LINEAR, [0.2, -1.0], changes=change, **times)
+    alone = sf.lyapunov_exponents(LINEAR, [0.2, -1.0], events=change, **times)
     np.testing.assert_array_equal(alone, found[1])
 
 
 @pytest.mark.parametrize("last", ["x/2", "0"])
 def test_motion_with_changes_that_take_a_direction_away(last):
-    change = sf.Change(**KICKS, to=(last, "0"))
-    found = sf.lyapunov_exponents(LINEAR, [1.0, 0.5], time=40.0, transient=5.0, changes=change)
+    change = sf.Event(**KICKS, to=(last, "0"))
+    found = sf.lyapunov_exponents(LINEAR, [1.0, 0.5], time=40.0, transient=5.0, events=change)
     first = -np.inf if last == "0" else np.log(expm(A)[0, 0] / 2)
     np.testing.assert_allclose(found, [first, -np.inf], rtol=1e-6)
 
@@ -472,17 +472,17 @@ def test_motion_of_an_impact_oscillator(direction):
     """It meets the wall at multiples of half the time of a turn, and keeps e of its speed."""
     e = np.array([0.5, 0.9, 1.0])
     field = sf.Field(lambda x, e: (x[1], -x[0]), "x v", e=e)
-    wall = sf.Change("x", direction=direction, to=lambda x, e: (x[0], -e * x[1]))
+    wall = sf.Event("x", direction=direction, to=lambda x, e: (x[0], -e * x[1]))
     times = {"time": 16 * np.pi, "transient": 2 * np.pi}
-    found = sf.lyapunov_exponents(field, [1.0, 0.0], changes=wall, **times)
+    found = sf.lyapunov_exponents(field, [1.0, 0.0], events=wall, **times)
     np.testing.assert_allclose(found, np.log(e)[:, np.newaxis] / np.pi * [1, 1], atol=1e-8)
 
 
 def test_motion_of_a_spiking_cycle():
     """One exponent is 0, the other one that of its multiplier; records count for nothing."""
     field = sf.Field(lambda x: (1.5 - x[0], -0.3 * x[1]), "v w")
-    fires = sf.Change(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
-    given = {"changes": [sf.Change("w"), fires], "transient": 80.0}
+    fires = sf.Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
+    given = {"events": [sf.Event("w"), fires], "transient": 80.0}
     found = sf.lyapunov_exponents(field, [0.3, 1.5], time=100 * np.log(3), **given)
     np.testing.assert_allclose(found, [0.0, -0.3], atol=1e-8)
 
@@ -491,18 +491,18 @@ def test_maps_made_by_changes_alone():
     """The logistic map has log 2, Hénon's -1.2039728 = log 0.3 as its sum."""
     still = sf.Field(lambda x: (0.0 * x[0],), 1)
     times = np.arange(1.0, 3001.0)
-    logistic = sf.Change(times=times, to=lambda x: (4 * x[0] * (1 - x[0]),))
-    found = sf.lyapunov_exponents(still, [[0.3], [0.4]], time=3000.5, changes=logistic)
+    logistic = sf.Event(times=times, to=lambda x: (4 * x[0] * (1 - x[0]),))
+    found = sf.lyapunov_exponents(still, [[0.3], [0.4]], time=3000.5, events=logistic)
     np.testing.assert_allclose(found, np.log(2.0), atol=2e-3)
     still = sf.Field(lambda x: (0.0 * x[0], 0.0 * x[1]), 2)
-    henon = sf.Change(times=times[:500], to=lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]))
-    found = sf.lyapunov_exponents(still, [0.1, 0.1], time=499.0, transient=0.5, changes=henon)
+    henon = sf.Event(times=times[:500], to=lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]))
+    found = sf.lyapunov_exponents(still, [0.1, 0.1], time=499.0, transient=0.5, events=henon)
     assert found.sum() == pytest.approx(np.log(0.3), rel=1e-9)
 
 
 @pytest.mark.parametrize("f", [lambda x: (x[1], -0.1 * x[1]), lambda x: (x[1], -x[0])])
 def test_a_wall_that_takes_all_speed(f):
-    wall = sf.Change("x1", to=("x1", 0))
+    wall = sf.Event("x1", to=("x1", 0))
     field = sf.Field(f, 2)
-    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, changes=wall)
+    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, events=wall)
     assert found.tolist() == [-np.inf, -np.inf]

@@ -9,7 +9,7 @@ from systems import FRICTION, HENON_HEILES, LORENZ, SPRING
 from test_orders import FLOWS, SQUARE, motion
 
 import suslov_fast as sf
-from suslov_fast import Field, PoleWarning, Status, flow
+from suslov_fast import Field, IntegrationWarning, Status, flow
 from suslov_fast.core.motion import engine
 
 
@@ -200,7 +200,7 @@ def test_empty_and_trivial_calls():
 
 # -------------------------------------------------------------------------------------------- bits
 @pytest.mark.compiled
-@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
     a = np.array([0.0, 1.0, 0.3, -0.2, 0.5] * 12)
     family = of(lambda x, a: (x[1] - a * x[0] * x[2], -x[0] + x[0] * x[1], a - x[2]), 3, a=a)
@@ -242,7 +242,7 @@ def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
 )
 def test_solutions_that_end(field, start, end):
     times = np.array([0.5, 0.99, 1.01, 2.0]) * end
-    with pytest.warns(PoleWarning) as record:
+    with pytest.warns(IntegrationWarning) as record:
         found = flow(field, start, time=times)
     assert len(record) == 1
     assert found.end == pytest.approx(end, abs=1e-6)
@@ -260,14 +260,14 @@ def test_a_solution_that_passes_a_pole_by_does_not_end():
 
 def test_one_warning_names_the_first():
     start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
-    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end.* 1 at t = 2$") as record:
+    with pytest.warns(IntegrationWarning, match=r"2 of 5 solutions end.* 1 at t = 2$") as record:
         found = flow(SQUARE, start, time=[3.0, 0.0])
     assert len(record) == 1
     statuses = [Status.OK, Status.ENDED, Status.ENDED, Status.NONFINITE, Status.OK]
     assert found.status.tolist() == statuses
     assert np.isnan(found.states[0, :, 0]).tolist() == [False, True, True, True, False]
     assert np.isnan(found.end).tolist() == [True, False, False, False, True]
-    with pytest.warns(PoleWarning, match="1 of 1 solutions have no value"):
+    with pytest.warns(IntegrationWarning, match="1 of 1 solutions have no value"):
         none = flow(LORENZ, [1e200, 1e200, 1.0], time=1.0)
     assert (none.status, none.end) == (Status.NONFINITE, 0.0)
     assert np.isnan(none.states).all()
@@ -286,7 +286,7 @@ def test_times_that_look_like_values_of_a_clock():
 @pytest.mark.compiled
 def test_solutions_that_need_ever_shorter_steps():
     """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
-    with pytest.warns(PoleWarning, match="1 of 2 solutions take more than 250,000 steps"):
+    with pytest.warns(IntegrationWarning, match="1 of 2 solutions take more than 250,000 steps"):
         found = flow(LORENZ, [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], time=[-50.0, -1.0])
     assert found.status.tolist() == [Status.TOO_MANY_STEPS, Status.OK]
     assert -2.0 < found.end[0] < -1.0

@@ -78,7 +78,7 @@ def test_poles_in_fractions(parameters, x):
             other = naive.rational_step(*parameters, sign, other)
             expected[n + sign * k] = np.array(other, float)
     n = np.arange(-3, 6)
-    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 1 orbits"):
+    with pytest.warns(sf.IntegrationWarning, match=r"^1 of 1 orbits"):
         states = sf.exact(body, omega, 1, n)
     assert n[np.isnan(states[:, 0])].tolist() == [1]
     for k, state_k in expected.items():

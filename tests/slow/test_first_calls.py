@@ -60,7 +60,7 @@ solid = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
 field, family = of(lorenz, 3, rho=28.0), of(lorenz, 3, rho=np.linspace(20, 30, 1500))
 henon = sf.Field.from_hamiltonian(
     lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3, 4)
-kick = sf.Change(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
+kick = sf.Event(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
 """
 LOOP = """
 from suslov_fast.compiled import step, step_system, system, work
@@ -114,7 +114,7 @@ of_a_field(system(field, .01), np.ones(3))""",
 run(henon, 4, .1, 10, method="order4"), run(henon, (1000, 4), .1, 200, method="order4")
 run(henon, (1000, 4), .1, 100, method="order8", save_every=None)
 sf.flow(henon, x(4), time=[1.0, 2.0]), sf.flow(henon, x(1000, 4), time=[3.0, 9.0])
-sf.flow(henon, x(4), time=5.0, changes=kick), sf.flow(henon, x(1000, 4), time=5.0, changes=kick)
+sf.flow(henon, x(4), time=5.0, events=kick), sf.flow(henon, x(1000, 4), time=5.0, events=kick)
 sf.crossings(henon, x(4), surface="x1", time=9.0), \
 sf.crossings(henon, x(1000, 4), surface="x1", time=9.0)
 sf.periodic_orbit(of(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2), [1.0, 2.0], 6.6).state

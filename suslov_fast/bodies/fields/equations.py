@@ -126,5 +126,5 @@ def check_equalities(values: Any, names: Sequence[str], rows: Sequence[Any]) -> 
             if type(a) is int and a in clocks and isinstance(b, float) and b != 0.0:
                 raise ValueError(
                     f"f: {names[a]} == {b:g} holds at no step of the motion, whatever f is then: "
-                    f"what happens at that time is Change(times=[{b:g}], to=...)"
+                    f"what happens at that time is Event(times=[{b:g}], to=...)"
                 )

@@ -18,7 +18,7 @@ from ...core.lists.right_hand_side import RightHandSide, in_order
 from .equations import Equations
 from .terms import Terms
 
-_MOST_CHANGES = 16  # lists of changes, whose right-hand sides a field keeps
+_MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
 _LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
 
 
@@ -50,7 +50,7 @@ def of_equations(
     """Return the right-hand side of all members, whose choices are fixed within a step.
 
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
-    differentiate f by, `twice` asks for second derivatives, and `acts` are changes of the state.
+    differentiate f by, `twice` asks for second derivatives, and `acts` are events.
     """
     f = _of_list(equations, names, twice, acts)
     shape = parameters.shape[1:]
@@ -107,13 +107,13 @@ def _of_form(
 def with_changes(
     field: Any, acts: tuple[Act, ...], names: tuple[str, ...] = (), twice: bool = False
 ) -> list[OfMembers]:
-    """Return the right-hand sides of members of a field with changes of the state.
+    """Return the right-hand sides of members of a field with events.
 
     Arguments are as in `of_equations`, with `acts` in the order of code.
     """
     key, known = (acts, names, twice), vars(field).setdefault("_with_changes", {})
     if key not in known:
-        if len(known) >= _MOST_CHANGES:
+        if len(known) >= _MOST_EVENTS:
             known.clear()
         known[key] = field.motion_lists(names, twice, acts)
     return known[key]

@@ -1,4 +1,4 @@
-"""The class `Change` and the results of changes: text, equality, pickles, datasets, batches."""
+"""The class `Event` and the results of changes: text, equality, pickles, datasets, batches."""
 
 import json
 import pickle
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import Change, Field, flow
+from suslov_fast import Event, Field, flow
 
 PK = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood", k=1.0, dose=100.0)
-DOSES = Change(times=[0.0, 24.0, np.nan], to=lambda x, dose: (x[0] + dose, x[1]))
-SHARED = Change(
+DOSES = Event(times=[0.0, 24.0, np.nan], to=lambda x, dose: (x[0] + dose, x[1]))
+SHARED = Event(
     lambda x, k: k * np.exp(x[1]) - np.exp(x[1]) ** 2 - 1,
     to=lambda x: (np.exp(x[1]) * np.exp(x[1]), np.where(x[0] > 1, x[1], np.exp(x[1]))),
     direction=-1,
@@ -19,11 +19,11 @@ SHARED = Change(
 )
 
 
-@pytest.mark.parametrize("change", [DOSES, SHARED, Change("gut", ends=True), Change(times=[])])
+@pytest.mark.parametrize("change", [DOSES, SHARED, Event("gut", terminal=True), Event(times=[])])
 def test_text(change):
     """Changes as text are read, compared and traced as they were."""
     text = change.of(PK)
-    again = Change.from_dict(json.loads(json.dumps(text.to_dict())))
+    again = Event.from_dict(json.loads(json.dumps(text.to_dict())))
     assert again == text == pickle.loads(pickle.dumps(text)) == again.of(PK)
     assert hash(again) == hash(text)
     assert "\n" not in repr(text)
@@ -43,24 +43,24 @@ def test_text(change):
 
 @pytest.mark.parametrize("to", [(100, "blood"), ("100", "blood"), lambda x: (100.0, x[1])])
 def test_new_states_by_component(to):
-    motion = flow(PK, [3.0, 4.0], time=[1.0], changes=Change(times=[1.0], to=to))
-    assert motion.changes.states[0].tolist() == [100.0, motion.changes.before[0, 1]]
+    motion = flow(PK, [3.0, 4.0], time=[1.0], events=Event(times=[1.0], to=to))
+    assert motion.events.states[0].tolist() == [100.0, motion.events.before[0, 1]]
 
 
 def test_changes_differ():
-    first = Change(times=[1.0, np.nan])
-    assert first == Change(times=[1.0, np.nan])
-    assert first != Change(times=[1.0, 2.0])
-    assert first != Change("x")
-    assert Change("x", most=1) != Change("x", most=2)
-    assert Change("x").from_dict({"surface": "x"}) == Change("x")
+    first = Event(times=[1.0, np.nan])
+    assert first == Event(times=[1.0, np.nan])
+    assert first != Event(times=[1.0, 2.0])
+    assert first != Event("x")
+    assert Event("x", most=1) != Event("x", most=2)
+    assert Event("x").from_dict({"surface": "x"}) == Event("x")
     assert first != 3
 
 
 def test_results():
     own = PK.with_parameters(dose=[50.0, 100.0, 200.0])
-    motion = flow(own, [0.0, 0.0], time=[10.0, 72.0], changes=[Change(times=[5.0]), DOSES])
-    changes = motion.changes
+    motion = flow(own, [0.0, 0.0], time=[10.0, 72.0], events=[Event(times=[5.0]), DOSES])
+    changes = motion.events
     assert len(changes.states) == 9
     assert changes.trajectory.tolist() == [0] * 3 + [1] * 3 + [2] * 3
     assert changes.which.tolist() == [1, 0, 1] * 3
@@ -72,20 +72,20 @@ def test_results():
     assert [each.times is None for each in changes.given] == [False, False]
     again = pickle.loads(pickle.dumps(motion))
     assert again == motion
-    assert again.changes == changes
-    other = flow(own, [0.0, 0.0], time=[10.0, 72.0], changes=[Change(times=[5.5]), DOSES])
+    assert again.events == changes
+    other = flow(own, [0.0, 0.0], time=[10.0, 72.0], events=[Event(times=[5.5]), DOSES])
     assert other != motion
-    assert flow(PK, [0.0, 0.0], time=1.0).changes is None
+    assert flow(PK, [0.0, 0.0], time=1.0).events is None
     with pytest.raises(ValueError, match="read-only"):
         changes.time[0] = 1.0
 
 
 def test_no_trajectories_and_no_times():
-    nobody = flow(PK, np.zeros((0, 2)), time=[1.0, 2.0], changes=[DOSES, Change("gut")])
+    nobody = flow(PK, np.zeros((0, 2)), time=[1.0, 2.0], events=[DOSES, Event("gut")])
     assert nobody.states.shape == (2, 0, 2)
-    assert nobody.changes.count.shape == (0, 2)
-    never = flow(PK, [0.0, 0.0], time=[], changes=DOSES)
-    assert (never.states.shape, len(never.changes.states), never.changes.count.tolist()) == (
+    assert nobody.events.count.shape == (0, 2)
+    never = flow(PK, [0.0, 0.0], time=[], events=DOSES)
+    assert (never.states.shape, len(never.events.states), never.events.count.tolist()) == (
         (0, 2),
         0,
         [0],
@@ -95,7 +95,7 @@ def test_no_trajectories_and_no_times():
 def test_dataset_and_plot():
     pytest.importorskip("xarray")
     own = PK.with_parameters(dose=[50.0, 100.0])
-    changes = flow(own, [0.0, 0.0], time=30.0, changes=DOSES).changes
+    changes = flow(own, [0.0, 0.0], time=30.0, events=DOSES).events
     data = changes.to_xarray()
     assert data.dose.values.tolist() == [50.0, 50.0, 100.0, 100.0]
     np.testing.assert_array_equal(data.states, changes.states)
@@ -110,26 +110,26 @@ def test_times_broadcast_with_the_batch():
     """Times of each trajectory make a batch, as states and parameters do."""
     times = np.array([[1.0, np.nan], [1.0, 2.0], [3.0, 5.0]])
     add = {"to": lambda x: (x[0] + 1, x[1])}
-    motion = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=times, **add))
+    motion = flow(PK, [0.0, 0.0], time=4.0, events=Event(times=times, **add))
     assert motion.states.shape == (1, 3, 2)
-    assert motion.changes.count[:, 0].tolist() == [1, 2, 1]
-    columns = flow(PK, np.zeros((2, 1, 2)), time=4.0, changes=Change(times=times, **add))
+    assert motion.events.count[:, 0].tolist() == [1, 2, 1]
+    columns = flow(PK, np.zeros((2, 1, 2)), time=4.0, events=Event(times=times, **add))
     np.testing.assert_array_equal(columns.states, np.stack([motion.states] * 2, axis=1))
     for k, own in enumerate(times):
-        alone = flow(PK, [0.0, 0.0], time=4.0, changes=Change(times=own, **add))
+        alone = flow(PK, [0.0, 0.0], time=4.0, events=Event(times=own, **add))
         np.testing.assert_array_equal(alone.states, motion.states[:, k])
 
 
 def test_a_change_serves_several_systems():
     """It is traced for the names of each, and `changes` takes one or a list."""
-    double = Change(times=1.0, to=lambda x: 2 * x)
+    double = Event(times=1.0, to=lambda x: 2 * x)
     for dimension in (1, 2, 3):
         still = Field(lambda x: 0 * x, dimension)
         for given in (double, [double], (double,)):
-            motion = flow(still, np.ones(dimension), time=2.0, changes=given)
+            motion = flow(still, np.ones(dimension), time=2.0, events=given)
             assert motion.states.tolist() == [[2.0] * dimension]
     body = sf.Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    motion = flow(body, [1.0, 0.5], time=1.0, changes=double)
+    motion = flow(body, [1.0, 0.5], time=1.0, events=double)
     np.testing.assert_allclose(
         motion.states, 2 * flow(body, [1.0, 0.5], time=1.0).states, rtol=1e-8
     )
@@ -146,18 +146,18 @@ def test_functions_have_the_values_of_names_when_the_change_was_made():
     """In comprehensions, in loops, and in functions that they call."""
     body = Field(lambda c: (-0.1 * c[0],), "c")
     pairs = [*zip([0, 8, 16], [100, 50, 70], strict=True)]
-    doses = [Change(times=[t], to=lambda c: c + a) for t, a in pairs]  # noqa: B023
+    doses = [Event(times=[t], to=lambda c: c + a) for t, a in pairs]  # noqa: B023
     right = sum(a * np.exp(-0.1 * (24 - t)) for t, a in pairs)
-    np.testing.assert_allclose(flow(body, [0.0], time=24.0, changes=doses).states, [[right]])
-    names = {"Change": Change, "pairs": pairs}
-    exec("d = []\nfor t, a in pairs:\n    d.append(Change(times=[t], to=lambda c: c + a))", names)
-    found = flow(body, [0.0], time=24.0, changes=names["d"])
+    np.testing.assert_allclose(flow(body, [0.0], time=24.0, events=doses).states, [[right]])
+    names = {"Event": Event, "pairs": pairs}
+    exec("d = []\nfor t, a in pairs:\n    d.append(Event(times=[t], to=lambda c: c + a))", names)
+    found = flow(body, [0.0], time=24.0, events=names["d"])
     np.testing.assert_allclose(found.states, [[right]], rtol=1e-9)
-    assert Change("c", to=tripled) == Change("c", to=tripled)
+    assert Event("c", to=tripled) == Event("c", to=tripled)
 
 
 def test_names_of_a_surface_and_of_what_it_calls(monkeypatch):
     clock = Field(lambda x: (1.0,), "t")
-    change = Change(lambda x: tripled(x[0]) - 6, direction=1)
+    change = Event(lambda x: tripled(x[0]) - 6, direction=1)
     monkeypatch.setitem(globals(), "RATE", 1.0)
-    np.testing.assert_allclose(flow(clock, [0.0], time=9.0, changes=change).changes.time, [2.0])
+    np.testing.assert_allclose(flow(clock, [0.0], time=9.0, events=change).events.time, [2.0])

@@ -1,4 +1,4 @@
-"""`Change`, which acts on the states of motions: what it is given, traced, and written as text."""
+"""`Event`, which acts on the states of motions: what it is given, traced, and written as text."""
 
 from __future__ import annotations
 
@@ -41,81 +41,78 @@ from .results import read_only
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
-_MOST_TRACED = 64  # fields, for which a change keeps what was traced
+_MOST_TRACED = 64  # fields, for which an event keeps what was traced
 
 
 @public_class
 @dataclass(frozen=True, eq=False, repr=False)
-class Change:
-    """A change of the state along motions, on a surface or at given times: for :func:`flow`.
+class Event:
+    """An event along motions, on a surface or at given times: for :func:`flow`.
 
-    Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, changes=[...])``
-    takes one or more, and ``Motion.changes`` holds what they did. Functions are traced, as
-    those of :class:`Field`, and carried out as machine code; besides the state they
-    may take parameters of the system by name.
+    Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, events=[...])``
+    takes one or more, and ``Motion.events`` holds what happened. Functions are traced, as the
+    function of a :class:`Field` is, and carried out as machine code. Besides the state they may
+    take parameters of the system by name.
 
-    When a change is made, the values of the names that its functions use are kept with it: a number
-    from outside is a constant from then on, also in a loop. A parameter of the system is none.
+    When an event is made, the values of the names that its functions use are kept with it: a number
+    from outside is a constant from then on, also in a loop. A parameter of the system is not kept.
 
     Parameters
     ----------
     surface : str or callable, optional
-        The name of a component, or a function s of the state, ``lambda x: x[0] - 30``: the change
-        acts where s becomes positive, or stops being so, by the motion or by another change. Where
-        s is NaN nothing is crossed. A start on the surface is no such event. A record needs values
-        beside it.
+        The name of a component, a formula, or a function s of the state, ``lambda x: x[0] - 30``.
+        The event happens where s becomes positive, or stops being so, by the motion or by another
+        event. Where s is NaN nothing is crossed. A start on the surface is no event.
     to : callable or sequence of str or float, or one of these, optional
         A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
         the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,
-        and 0 for one variable.
-        Without it the state stays, and the change is a record.
-    direction : {0, 1, -1} or {"both", "up", "down"}
-        Both (the default), only where s increases, or only where it decreases, along the motion as
-        it is computed, backwards in time if the times of :func:`flow` are negative.
+        and 0 for one variable. Without `to` and `terminal` the event is a record.
+    terminal : bool
+        True if the event ends the trajectory, which then has the status STOPPED.
+    direction : {"both", "up", "down"} or {0, 1, -1}
+        Both, only where s increases, or only where it decreases, along the motion as it is
+        computed: backwards in time if the times of :func:`flow` are negative.
     times : array_like(float, shape=(k,) or (..., k)), optional
-        In place of a surface: the times at which the change acts, of all trajectories, or of each,
-        padded with NaN. ``...`` broadcasts with the batch.
-    ends : bool
-        Whether it ends the trajectory, which then has the status STOPPED.
+        In place of a surface: the times of the event, of all trajectories, or of each, padded with
+        NaN. ``...`` broadcasts with the batch.
     most : int, optional
-        The number of times it acts, 1 or more: the last one ends the trajectory.
+        The number of times it happens, 1 or more: the last one ends the trajectory.
 
     Notes
     -----
-    At one instant times act first, in the order of the list, then surfaces in the order of the
-    list, each on the state that the one before it has left, again and again until none acts. The
-    state at a time that is asked for is the one after the changes there. A trajectory whose changes
-    follow one another without end, such as a ball that comes to rest, ends with the status
-    ACCUMULATES. A state that its own change leaves on the surface, with a rate of 0 along it, stays
-    there without further events. Where they are defined the states have the tolerance of
-    :func:`flow`. Two changes are equal if all attributes are equal, functions only if they are the
-    same; after ``Change.of`` they are text.
+    At one instant times come first, in the order of the list, then surfaces in the order of the
+    list, each on the state that the one before it has left, again and again until none acts. A time
+    asked at an event has the state after it. A trajectory whose events follow one another without
+    end, such as a ball that comes to rest, ends with the status ACCUMULATES. A state that its own
+    event leaves on the surface, with a rate of 0 along it, stays there without further events.
+    Where events are defined, states have the tolerance of :func:`flow`. Two events are equal if all
+    attributes are equal, functions only if they are the same; after ``Event.of`` they are text.
 
     Examples
     --------
     A ball that keeps 9/10 of its speed at each bounce:
 
-    >>> from suslov_fast import Change, Field, flow
+    >>> from suslov_fast import Event, Field, flow
     >>> ball = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
-    >>> bounce = Change("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
-    >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], changes=bounce)
-    >>> motion.changes.time.round(6), motion.states[:, 0].round(6)
+    >>> bounce = Event("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], events=bounce)
+    >>> motion.events.time.round(6), motion.states[:, 0].round(6)
     (array([0.451524, 1.264266, 1.995734]), array([0.710949, 0.013684]))
 
     A dose of 100 at times 0, 24 and 48:
 
     >>> body = Field(lambda x, k: (-k * x[0],), "c", k=0.1)
-    >>> dose = Change(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
-    >>> flow(body, [0.0], time=[0, 47, 48], changes=dose).states[:, 0].round(3)
+    >>> dose = Event(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
+    >>> flow(body, [0.0], time=[0, 47, 48], events=dose).states[:, 0].round(3)
     array([100.   ,  10.935, 109.895])
     """
 
     surface: str | Callable[..., Any] | None = None
-    _: KW_ONLY
     to: Callable[..., Any] | Sequence[str | float] | str | float | None = None
-    direction: int | str = 0
+    _: KW_ONLY
+    terminal: bool = False
+    direction: int | str = "both"
     times: Any = None  # so that type checkers ask for no test of None
-    ends: bool = False
     most: int | None = None
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
     _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
@@ -124,10 +121,10 @@ class Change:
     def __post_init__(self) -> None:
         if (self.surface is None) == (self.times is None):
             received = "neither" if self.times is None else "both"
-            how = "Change('h', to=...) acts where h is 0, Change(times=[1, 2], to=...) at times"
+            how = "Event('h', to=...) acts where h is 0, Event(times=[1, 2], to=...) at times"
             raise wrong("surface or times", "given, one of them", f"{received}: {how}")
         if self.surface is not None:
-            how = "pass ends=True to end there, direction=-1 for downwards"
+            how = "pass terminal=True to end there, direction=-1 for downwards"
             check_surface(self.surface, _ON_SURFACE, "x[k]", how)
         to = self.to
         to = to.tolist() if isinstance(to, np.ndarray) else to
@@ -140,22 +137,22 @@ class Change:
         direction, most = checked_direction(self.direction), self.most
         if direction and self.surface is None:
             raise wrong("direction", "left out beside times")
-        if not isinstance(self.ends, (bool, np.bool_)):
-            raise wrong("ends", "True or False", short(self.ends), TypeError)
+        if not isinstance(self.terminal, (bool, np.bool_)):
+            raise wrong("terminal", "True or False", short(self.terminal), TypeError)
         if most is not None:
             most = integer("most", most, 1, "None or an integer of at least 1")
-        if self.ends and most is not None:
-            how = "left out beside ends=True, at the first: most=3 alone ends at the third"
+        if self.terminal and most is not None:
+            how = "left out beside terminal=True, at the first: most=3 alone ends at the third"
             raise wrong("most", how)
-        vars(self).update(to=to, direction=direction, most=most, ends=bool(self.ends))
+        vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
             times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
             vars(self)["times"] = read_only(np.array(times, ndmin=1))
 
     @public
-    def of(self, system: Any) -> Change:
-        """Return this change with equations as text, in the names of a system: one that pickles."""
+    def of(self, system: Any) -> Event:
+        """Return this event with equations as text, in the names of a system: one that pickles."""
         found = traced(self, field_of(system))
         return self if self._is_text else found.text
 
@@ -171,33 +168,35 @@ class Change:
             "definitions": dict(self._definitions),
             "direction": self.direction,
             "times": times,
-            "ends": self.ends,
+            "terminal": self.terminal,
             "most": self.most,
         }
         return {name: value for name, value in found.items() if value not in (None, False, 0, {})}
 
     @classmethod
     @public
-    def from_dict(cls, description: Mapping[str, Any]) -> Change:
-        """Return the change in a dictionary of :meth:`to_dict`, also one read from JSON."""
+    def from_dict(cls, description: Mapping[str, Any]) -> Event:
+        """Return the event in a dictionary of :meth:`to_dict`, also one read from JSON."""
         instance("description", description, Mapping)
         entries = dict(description)
         definitions = entries.pop("definitions", {})
         instance("definitions", definitions, Mapping)
-        if unknown := sorted({*entries} - {"surface", "to", "direction", "times", "ends", "most"}):
+        if unknown := sorted(
+            {*entries} - {"surface", "to", "direction", "times", "terminal", "most"}
+        ):
             raise wrong("description", "one of to_dict", f"one with {unknown[0]!r}")
         if (times := entries.get("times")) is not None:
             entries["times"] = np.array(times, np.float64)  # None is NaN
-        change = cls(**entries)
-        vars(change)["_definitions"] = dict(definitions)
-        return change
+        event = cls(**entries)
+        vars(event)["_definitions"] = dict(definitions)
+        return event
 
     @property
     def _is_text(self) -> bool:
         return not (callable(self.surface) or callable(self.to))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Change):
+        if not isinstance(other, Event):
             return NotImplemented
         mine, theirs = self.times, other.times
         if mine is None or theirs is None:
@@ -211,7 +210,7 @@ class Change:
 
     @property
     def _compared(self) -> tuple[Any, ...]:
-        own = self.surface, self.to, self.direction, self.ends, self.most
+        own = self.surface, self.to, self.direction, self.terminal, self.most
         return *own, dict(self._definitions)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -229,9 +228,9 @@ class Change:
             parts.append(f"times=[{text}]" if few else f"times: {shape}")
         parts += [] if self.to is None else [f"to={_shown(self.to)}"]
         parts += [f"direction={self.direction}"] if self.direction else []
-        parts += ["ends=True"] if self.ends else []
+        parts += ["terminal=True"] if self.terminal else []
         parts += [] if self.most is None else [f"most={self.most}"]
-        return f"Change({', '.join(parts)})"
+        return f"Event({', '.join(parts)})"
 
 
 def field_of(system: Any) -> Any:
@@ -240,13 +239,13 @@ def field_of(system: Any) -> Any:
     return system.field()
 
 
-def traced(change: Change, system: Any) -> Traced:
-    """Return what a change is for a field, which has names and parameters."""
-    key, known = (tuple(system.names), tuple(system.arrays)), change._traced
+def traced(event: Event, system: Any) -> Traced:
+    """Return what an event is for a field, which has names and parameters."""
+    key, known = (tuple(system.names), tuple(system.arrays)), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
             known.clear()
-        known[key] = Traced(change, *key)
+        known[key] = Traced(event, *key)
     return known[key]
 
 
@@ -301,7 +300,7 @@ def _listed(times: FloatArray) -> Any:
 
 
 def checked_direction(value: Any) -> int:
-    """Return 1, -1 or 0 for the direction of a change or a crossing."""
+    """Return 1, -1 or 0 for the direction of an event or a crossing."""
     number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
     return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
 
@@ -322,19 +321,19 @@ def check_surface(surface: Any, expected: str, component: str, how: str) -> None
 
 
 class Traced:
-    """A change for a field with these variables and parameters, all names."""
+    """An event for a field with these variables and parameters, all names."""
 
-    def __init__(self, change: Change, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
-        self.change, self.names, self.tracer = change, names, Tracer(names, parameters)
-        kept = {"surface": change.surface, "to": change.to} | change._kept
-        self.surface = None if change.surface is None else self._surface(kept["surface"])
-        self.to = None if change.to is None else self._results("to", kept["to"])
+    def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
+        self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
+        kept = {"surface": event.surface, "to": event.to} | event._kept
+        self.surface = None if event.surface is None else self._surface(kept["surface"])
+        self.to = None if event.to is None else self._results("to", kept["to"])
         if self.to is not None and len(self.to) != len(names):
             raise wrong("to", f"{len(names)} texts, one for each component", f"{len(self.to)}")
-        most = math.inf if change.most is None else float(change.most)
+        most = math.inf if event.most is None else float(event.most)
         at = None if self.surface is None else self._list_of([self.surface])
         to = None if self.to is None else self._list_of(self.to)
-        self.act = Act(at, to, int(change.direction), 1.0 if change.ends else most)
+        self.act = Act(at, to, int(event.direction), 1.0 if event.terminal else most)
 
     def _list_of(self, results: Sequence[Any]) -> Any:
         return Act.list_of(self.tracer.values, results)
@@ -352,7 +351,7 @@ class Traced:
         list_ = self._list_of([operand])
         read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
         if not any(type(a) is int and a < len(self.names) for a in read):
-            how = f"it is {self.tracer.text(operand)}: Change(times=[...]) acts at given times"
+            how = f"it is {self.tracer.text(operand)}: Event(times=[...]) acts at given times"
             raise ValueError(f"surface: it must depend on the state, {how}")
         return operand
 
@@ -376,7 +375,7 @@ class Traced:
         """Return the operands that texts are."""
         tracer = self.tracer
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
-        each = [*self.change._definitions.items(), *enumerate(texts)]
+        each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
             found = values_of(each, known, called_by_name)
             return [tracer.result(found[k]) for k in range(len(texts))]
@@ -385,18 +384,18 @@ class Traced:
             raise ValueError(f"{argument}: {error}; names of this system are {names}") from None
 
     @cached_property
-    def text(self) -> Change:
-        """The change with texts in place of functions."""
-        change, surfaces = self.change, [] if self.surface is None else [self.surface]
+    def text(self) -> Event:
+        """The event with texts in place of functions."""
+        event, surfaces = self.event, [] if self.surface is None else [self.surface]
         results = [*surfaces, *(self.to or ())]
         definitions, texts = written(self.tracer.values, results, self.tracer.names)
-        found = Change(
+        found = Event(
             texts[0] if surfaces else None,
             to=None if self.to is None else texts[len(surfaces) :],
-            direction=change.direction,
-            times=change.times,
-            ends=change.ends,
-            most=change.most,
+            direction=event.direction,
+            times=event.times,
+            terminal=event.terminal,
+            most=event.most,
         )
         vars(found)["_definitions"] = definitions
         return found

@@ -14,6 +14,7 @@ class Elimination:
 
     factors   `List` of the entries of J (in the order of the pattern) and of s; the results are
               inverses of pivots, and the numbers below and above the diagonal
+    pivots    the number of pivots that are not 1 by the pattern
     solution  `List` of these results and of g (D); the results are v (D)
 
     `fill` is what `filled` returns for this order.
@@ -25,6 +26,7 @@ class Elimination:
         own = Factors(_Scaled(values, pattern), order, fill)
         found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
         self.factors = List(needed_for(values.operations, found), found)
+        self.pivots = len(own.inverse)
         values.operations, v = [], {}
         for k in order:
             v[k] = own.forward(k, first + k, v)

@@ -140,6 +140,8 @@ def longest_step(lines):
         _, least = _growth(lines, work.new, least)
         return [least]
 
+    if not lines.f.entries:
+        return text.value(inf)
     (least,) = text.otherwise(~(sums.grows > 0.0).any(), [inf], longest)
     return least
 
@@ -148,7 +150,7 @@ def _growth(lines, x, least):
     """Return whether no component of L takes from another, and the longest step at a state."""
     text, work = lines.text, lines.work
     feeds, found = _factor_alone(lines, x), Carried(length=inf, sign=1.0)
-    for i in text.each(lines.D, found):
+    for i in text.each(lines.half.pivots, found):
         found.update(lines.apply(PIVOT, pivot=work.factors[i], **vars(found)))
     found = lines.apply(LONGEST, feeds=feeds, least=least, **vars(found))
     return feeds, found["least"]

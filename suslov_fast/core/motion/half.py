@@ -47,6 +47,7 @@ class Half:
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     rows, work   `Rows` of a trajectory, and `Work`
     is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
+    pivots       how many pivots of 1 - s f' the implicit half writes before other factors
     is_long      whether loops carry out f or the elimination
     codes        addresses of its code, see `engine.code_of_half`
     """
@@ -184,10 +185,10 @@ class Half:
         if operations_of(fill) > LONGEST:
             plan, self.is_long = Sparse(f.pattern, order, fill), True
             functions["factor"], functions["solve"] = SparseFactors(plan), SparseSolution(plan)
-            count = D + plan.size
+            count, self.pivots = D + plan.size, D
         else:
             elimination = Elimination(f.pattern, order, fill)
-            count = len(elimination.factors.results)
+            count, self.pivots = len(elimination.factors.results), elimination.pivots
             functions["factor"] = of_list(elimination.factors, f.entries + 1)
             functions["solve"] = of_list(elimination.solution, count + D)
         return count

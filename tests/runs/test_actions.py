@@ -147,7 +147,7 @@ def test_bouncing_balls(stiff):
     assert motion.events.before[:, 0].min() > -1e-13
 
 
-@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 @pytest.mark.parametrize("e", [0.0, 1e-16, 1e-12, 1e-8, 1e-4, 0.01, 0.1, 0.5, 0.9, 0.97])
 def test_balls_that_come_to_rest(e):
     motion = flow(BALL.with_parameters(e=e), [1.0, 0.0], time=100.0, events=BOUNCE)
@@ -255,7 +255,7 @@ def test_surfaces_that_end(keywords, n):
     assert np.isnan(motion.states).all()
 
 
-@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 def test_endless_changes_at_one_instant():
     changes = [
         Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1])),
@@ -280,7 +280,7 @@ def test_many_that_act_once_within_an_instant_go_on(apart):
     np.testing.assert_allclose(found.time, np.repeat(np.log(3) * np.arange(1, 5), 70), atol=1e-6)
 
 
-@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 @pytest.mark.parametrize("rtol", [1e-6, 1e-12])
 def test_two_tanks_with_one_tap(rtol, rng):
     """Water leaves both; the tap turns to the one that is empty, ever more often until both are."""
@@ -453,7 +453,7 @@ def test_a_ball_on_a_vibrating_table():
         periodic_orbit(ball, start, 1.1 * T, events=hit)
 
 
-@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 def test_balls_that_come_to_rest_on_a_vibrating_table():
     """The height above it is rounding long before 12 bounces follow one another at once."""
     ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
@@ -480,7 +480,7 @@ def test_a_change_at_a_knot_of_f():
     )
 
 
-@pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+@pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 def test_bounces_that_accumulate_away_from_0():
     """There the state does not move any more while its value on the surface is not 0."""
     push = Field(lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2)

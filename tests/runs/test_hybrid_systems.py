@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from suslov_fast import Event, Field, Status, flow
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*changes that follow")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*events that follow")]
 T, MOST = 4.0, 70
 
 

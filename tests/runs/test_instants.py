@@ -5,7 +5,7 @@ import pytest
 
 from suslov_fast import Event, Field, Status, flow
 
-ENDLESS = pytest.mark.filterwarnings("ignore:.*have changes that follow one another")
+ENDLESS = pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 
 
 def table(rng, n):

@@ -33,7 +33,7 @@ def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
     if not here and not name.startswith("_"):
         here = answer(name, [each for each in dir(thing) if not each.startswith("_")])
         here = _of_class(thing, name) or here
-        here = f"suslov_fast.{name}(...)" if name in suslov_fast.__all__ else here
+        here = f"suslov_fast.{name}(...)" if name in dir(suslov_fast) else here
     text = f"{called} has no attribute {name!r}"
     return AttributeError(f"{text}: use {here}" if here else text)
 
@@ -85,8 +85,8 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> TypeError:
     """Return the error of a call with wrong arguments."""
-    *_, owner, called = ("", *function.__qualname__.split("."))
-    called = owner if called == "__init__" else called
+    names = function.__qualname__.split(".")
+    called = names[-2] if names[-1] == "__init__" else names[-1]
     parameters = inspect.signature(function).parameters
     known = [name for name in parameters if name not in ("self", "cls")]
     kinds = {name: parameters[name].kind for name in known}
@@ -112,7 +112,7 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
 def public_class(kind: type[R]) -> type[R]:
     """Let the constructor of a frozen dataclass answer as a public function."""
     kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
-    kind.__setattr__ = _unchanged  # type: ignore[method-assign, assignment]
+    kind.__setattr__ = _unchanged  # type: ignore[method-assign]
     return kind
 
 

@@ -168,7 +168,8 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
     start = flat_arrays(problem.omega, problem.batch)
     B, D = start.shape
     parts = [
-        _Part(where, *own, start[where]) for where, own in groups_of_alike(problem, problem.batch)
+        _Part(where, scheme, values, eps, start[where])
+        for where, (scheme, values, eps) in groups_of_alike(problem, problem.batch)
     ]
     sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
     by_signs, done = np.zeros(B, bool), 0

@@ -269,7 +269,7 @@ class Search:
         return []
 
     def _find_symmetries(self) -> Tasks:
-        self.symmetries = tuple(reversors(self.map))  # type: ignore[attr-defined]
+        self.symmetries = tuple(reversors(self.map))  # type: ignore[arg-type]
         return []
 
     def _modified_energy(self) -> Tasks:

@@ -120,18 +120,18 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     >>> equilibria(enzyme, near=[10, 1, 0, 0]).states.round(9) + 0.0
     array([ 0.,  1.,  0., 10.])
     """
-    system = system_of(system, near)
-    instance("system", system, Body)
-    given = states("near", near, system.labels)
-    field = system.field()
+    body: Any = system_of(system, near)
+    instance("system", body, Body)
+    given = states("near", near, body.labels)
+    field = body.field()
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
-        if system.steady_line is not None:
-            x = _on_line(system.steady_line, x)
+        if body.steady_line is not None:
+            x = _on_line(body.steady_line, x)
         equations = _Equations(field, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
-        if system.steady_line is None:
+        if body.steady_line is None:
             y, is_found, is_degenerate, is_family = _found(equations, has_value)
         else:
             y, is_found = equations.start, has_value
@@ -203,7 +203,7 @@ class _Equations:
         self.own = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
         self.start = x[..., self.own]
         self.totals = self._all_totals() if totals is None else totals
-        self.is_total = self.totals.any(axis=-1)
+        self.is_total: Any = self.totals.any(axis=-1)
         moduli = abs(self.start)
         largest = moduli.max(axis=-1, keepdims=True, initial=0.0)
         self.sizes = np.maximum(moduli, np.where(largest > 0, _LEAST * largest, 1.0))
@@ -273,7 +273,7 @@ class _Equations:
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)
         sizes = np.where(sizes > 0, sizes, 1.0)
-        known = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
+        known: Any = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
         scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
         units = self.units[..., np.newaxis, :]
         inner = scaled * units

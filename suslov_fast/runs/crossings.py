@@ -124,13 +124,13 @@ def crossings(
         found = solve(changed, x, batch, asked)
         if report is not None and not found.is_stopped:
             report(len(x))
-    events = Events._of(
+    met = Events._of(
         _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": events}
     )
-    ends = events.end.ravel()
-    if message := ends_in_words(events.status.ravel(), ends, found.is_stopped, x, batch):
+    ends = met.end.ravel()
+    if message := ends_in_words(met.status.ravel(), ends, found.is_stopped, x, batch):
         warn(message, IntegrationWarning)
-    return events
+    return met
 
 
 def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Event, ...]:

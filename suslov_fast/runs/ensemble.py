@@ -7,7 +7,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -115,18 +115,23 @@ def ensemble(
     checks.instance("store", store, (str, os.PathLike, zarr.abc.store.Store))
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
-    if either_map_or_motion("ensemble", eps, steps, time):
-        function, own = flow, {"time": checks.real_number("time", time)}
+    own: dict[str, Any]
+    is_of_motion = either_map_or_motion("ensemble", eps, steps, time)
+    function: Any = flow if is_of_motion else iterate
+    if is_of_motion:
+        own = {"time": checks.real_number("time", time)}
         own["events"] = tuple(c.of(system) for c in checked_events(options.get("events", ())))
     else:
-        function, own = iterate, {"eps": checks.real_number("eps", eps), "steps": steps}
+        own = {"eps": checks.real_number("eps", eps), "steps": steps}
         own["on_singular"] = "ignore"
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
     states = checks.states("x0", x0(0) if callable(x0) else x0, system.labels)
     given = {"system": system, "x0": states, **options, **own}
-    shapes = {name: np.shape(given.get(name))[: -k or None] for name, k in _INNER.items()}
+    shapes: dict[str, Any] = {
+        name: np.shape(given.get(name, ()))[: -k or None] for name, k in _INNER.items()
+    }
     if callable(x0):
         shapes["x0"] = *shapes["x0"][:-1], count * sum(shapes["x0"][-1:])
     batch = common_shape(shapes)
@@ -197,7 +202,8 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     import dask.array
 
     parameters = given["system"].arrays | {"eps": given.get("eps")}
-    encoding, variables = {}, {}
+    encoding: dict[str, Any] = {}
+    variables = {}
     for name, each in data.variables.items():
         if _AXIS not in each.dims:
             variables[name] = each
@@ -205,6 +211,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
             sizes = each.sizes | {_AXIS: N}
             pieces = tuple((sizes | {_AXIS: length}).values())
             encoding[name] = {"chunks": pieces}
+            values: Any
             if name in parameters:
                 values = np.reshape(parameters[name], tuple(sizes.values()))
             else:
@@ -240,7 +247,7 @@ def _prepared(store: Any, whole: Any, encoding: Any) -> Any:
     return there.status.values
 
 
-def _computed(client: Any, calls: Iterator[Any]) -> Iterator[slice]:
+def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]:
     """Compute chunks, here or by the workers of a client; yield the place of each that is done."""
     if client is None:
         yield from (_write(*call) for call in calls)

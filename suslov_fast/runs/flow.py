@@ -143,20 +143,20 @@ def flow(
     >>> flow(body, [1.0, 0.5], time=5.0).states.round(6)
     array([[ 0.873751, -1.093725]])
     """
-    system = system_of(system, x0)
-    checks.instance("system", system, Body)
+    body: Any = system_of(system, x0)
+    checks.instance("system", body, Body)
     times, sign = checked_times(time)
-    settings = checked_settings(system, rtol, atol, max_step, stiff)
-    names, field = checked_derivatives(system, derivatives)
+    settings = checked_settings(body, rtol, atol, max_step, stiff)
+    names, field = checked_derivatives(body, derivatives)
     acting = checked_events(events)
     acts: tuple[Act, ...] = ()
     stops, of_columns = None, None
     if acting:
-        field = field or field_of(system)
+        field = field or field_of(body)
         acts = acts_of(field, acting)
-    x, batch = checked_starts(system, x0, batch_of(acting))
-    if isinstance(system, Field):
-        warn_of_times(system, x, times)
+    x, batch = checked_starts(body, x0, batch_of(acting))
+    if isinstance(body, Field):
+        warn_of_times(body, x, times)
     if acting:
         stops = stops_of(acting, sign, batch)
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
@@ -168,17 +168,17 @@ def flow(
         elif acting:
             found = motion_with_events(field, x, batch, acts, asked)
         else:
-            found = motion_of(system, x, batch, asked)
+            found = motion_of(body, x, batch, asked)
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
         warn_of_ends(found, x, batch)
-        warn_of_growth(found, system.labels, batch)
+        warn_of_growth(found, body.labels, batch)
     motion = Motion._of(
         {
-            "states": found.states.reshape((len(times), *batch, system.dimension)),
+            "states": found.states.reshape((len(times), *batch, body.dimension)),
             "time": times,
-            "body": system,
+            "body": body,
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),

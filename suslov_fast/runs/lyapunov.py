@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -107,21 +108,21 @@ def lyapunov_exponents(
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
-    system = system_of(system, x0)
+    body: Any = system_of(system, x0)
     others = {"method": method, "rtol": rtol, "events": events}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
-        checks.instance("system", system, Body)
+        checks.instance("system", body, Body)
         time, before = checks.positive("time", time), checks.real_number("transient", transient)
         if not isinstance(before, float) or before < 0.0:
             raise wrong("transient", "a time, 0 or more", short(transient))
-        settings = checked_settings(system, rtol)
+        settings = checked_settings(body, rtol)
         acting = checked_events(events)
         if any(each.terminal or each.most is not None for each in acting):
             received = "terminal or most, with which a trajectory ends"
             raise wrong("events", "those with which trajectories go on", received)
         acting = tuple(each for each in acting if each.to is not None)
-        x, batch = checked_starts(system, x0, batch_of(acting))
-        field = field_of(system)
+        x, batch = checked_starts(body, x0, batch_of(acting))
+        field = field_of(body)
         acts = acts_of(field, acting)
         stops = stops_of(acting, 1, batch) if acts else None
         count = threads_for(len(x), thread_count(threads))
@@ -130,7 +131,7 @@ def lyapunov_exponents(
             exponents, ends = exponents_of(field, x, batch, asked, before, acts)
         warn_of_ends(ends, x, batch)
         return exponents.reshape(*batch, exponents.shape[1])
-    checked = problem("lyapunov_exponents", system, x0, eps, threads, method, name="x0")
+    checked = problem("lyapunov_exponents", body, x0, eps, threads, method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
     length = abs(np.broadcast_to(checked.eps, checked.batch))[..., np.newaxis]
@@ -141,7 +142,7 @@ def lyapunov_exponents(
         sums = found.sums
     sums[np.isnan(sums).any(axis=1)] = np.nan
     means = -np.sort(-sums / max(found.steps, 1), axis=1)
-    exponents = means.reshape(*checked.batch, system.dimension) / length
+    exponents = means.reshape(*checked.batch, body.dimension) / length
     report_poles(
         checked,
         checked.map.methods[checked.method],

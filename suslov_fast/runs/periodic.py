@@ -134,15 +134,15 @@ def periodic_orbit(
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
     """
-    system = system_of(system, start)
-    checks.instance("system", system, Body)
+    body: Any = system_of(system, start)
+    checks.instance("system", body, Body)
     acting = checked_events(events)
     if any(event.times is not None for event in acting):
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
-    x = _checked_start(system, start)
-    checked_settings(system, rtol)
-    field = system.field()
+    x = _checked_start(body, start)
+    checked_settings(body, rtol)
+    field = body.field()
     motion = OfMotion(field, x, rtol, acting)
     T = _checked_period(field, motion, x, period, acting)
     with np.errstate(all="ignore"):
@@ -154,7 +154,7 @@ def periodic_orbit(
     if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
         found = f"{search.T:g}, far from {T:g}, and is far from the start"
         warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
-    return _result(search, _integrals(system))
+    return _result(search, _integrals(body))
 
 
 def _checked_start(system: Any, start: Any) -> FloatArray:

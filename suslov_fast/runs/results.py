@@ -48,7 +48,7 @@ class Result:
     Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.
     """
 
-    states: Any
+    states: FloatArray
     body: Any
     status: Any
     called: ClassVar[str] = "a run"  # in messages
@@ -176,7 +176,8 @@ class Result:
         attributes = self.__getstate__()
         for column in OF_KIND[type(self).__name__]:
             before, is_of_batch, _ = column.axes.partition("batch")
-            array, first = attributes.get(column.name), [slice(None)] * len(before.split())
+            array = attributes.get(column.name)
+            first: list[Any] = [slice(None)] * len(before.split())
             if is_of_batch and isinstance(array, np.ndarray):
                 attributes[column.name] = np.array(array[(*first, *index)])
         body, eps = self.body, attributes.get("eps")

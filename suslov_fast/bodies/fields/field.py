@@ -120,7 +120,7 @@ class Field(Body):
     called: ClassVar[str] = "a field"
 
     names: tuple[str, ...]
-    _equations: Equations | None  # None where terms are the parts of the field
+    _equations: Equations | Any  # None where terms are the parts of the field
 
     def __init__(
         self,
@@ -558,7 +558,7 @@ class Field(Body):
         return terms
 
     @cached_property
-    def may_escape(self) -> bool:  # type: ignore[override]
+    def may_escape(self) -> bool:
         """False for linear equations, whose solutions exist at all times."""
         try:
             return bool((self._terms.indices[2] < self.dimension).any())

@@ -66,7 +66,7 @@ def take_step(lines):
         sums |= errors.differences_of_sets(lines)
     sums |= {"on_trial": text.value(0.0), "of_length": sums["ratio"]}
     sums |= second_trial.try_again(lines, own, of_error, sums)
-    if half.is_implicit:
+    if half.is_implicit and lines.f.entries:
         least = growth.longest_step(lines)
         kept = (work.taken[0] > least).select(0.0, kept)
     sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **lines.near()}

@@ -45,6 +45,7 @@ class Half:
     hidden       what tells whether a step hides crossings, see `Hidden`
     changes      `Changes` of the state, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
+    pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
     rows, work   `Rows` of a trajectory, and `Work`
     is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
     pivots       how many pivots of 1 - s f' the implicit half writes before other factors

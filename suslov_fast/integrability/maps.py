@@ -47,7 +47,8 @@ from .polynomials import (
 
 TERMS = 300_000  # of the largest polynomial that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
-_POINTS = 3  # random points, whose common roots in eps are those of all points
+_POINTS = 3  # random points: their common roots in eps are those of all points
+_FEW = 100  # monomials times the degree of a map
 
 
 class RationalMap(WithLetter):
@@ -274,6 +275,12 @@ class RationalMap(WithLetter):
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
 
+    @cached_property
+    def length(self) -> float:
+        """The cost of an image on a line, at least 1: the cost for a map of few monomials."""
+        monomials = {e for F in self.forms for e in exponents_in_x(F)}
+        return max(1.0, len(monomials) * self.degree / _FEW)
+
     def cost_of_pullback(self, P: Any, degree: int) -> float:
         """Return an estimate of the seconds that the pullback of P and its factors take.
 
@@ -294,6 +301,8 @@ class RationalMap(WithLetter):
         """Return det DPhi in factors; None if they are too long."""
         # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
         n = self.dimension
+        if self.cost_of_factors > LONGEST:
+            return None
         return factored(determinant(self._rows())) / factored(self.forms[-1]) ** (n + 1)
 
     def _rows(self) -> list[list[Any]]:
@@ -366,8 +375,8 @@ def rational_map(
     dimension : int
         The number D of variables.
     inverse : callable, optional
-        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked. Without it the
-        map may not be birational, and `RationalMap.inverse` is None.
+        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at three
+        random points modulo a prime of 62 bits. Without it the map may not be birational, and `RationalMap.inverse` is None.
     letter : str, optional
         The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
         `kahan`. What is found then holds for general values, and `subs` sets one.
@@ -397,11 +406,21 @@ def rational_map(
     backward = traced("inverse", inverse, n, letter)
     inverse_map = RationalMap(backward, RationalMap(forms, None, letter), letter)
     map = RationalMap(forms, inverse_map, letter)
-    # The inverse takes images back, as an identity.
-    *numerators, denominator = map.inverse.homogeneous_image(forms)
-    if denominator == 0 or numerators != [x * denominator for x in map.variables[:-1]]:
+    if not _takes_images_back(map):
         raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map
+
+
+def _takes_images_back(map: RationalMap) -> bool:
+    """Return True if the inverse of a map takes back the images of random points modulo a prime."""
+    rng, at_number, returned = map.generator(), map.at_eps(EPS), []
+    for _ in range(_POINTS):
+        x = arithmetic.random_point(map.dimension, map.prime, rng)
+        try:
+            returned.append(at_number.inverse.image(at_number.image(x)) == x)
+        except ZeroDivisionError:
+            returned.append(False)
+    return all(returned)
 
 
 def check_map(map: Any) -> None:

@@ -43,12 +43,13 @@ from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
-_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
+_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
+_SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
-    ("hamiltonian",), ("relations", "degrees"), ("planar entropy",),
-    ("simple", "implicit", "quotients"), ("factors",), ("products", "all"),
-    ("symmetries",), ("proofs",), ("forms",), ("formulas",), ("levels",),
+    ("hamiltonian",), ("relations",), ("simple", "implicit", "quotients"), ("early proofs",),
+    ("degrees",), ("factors",), ("products", "all"), ("symmetries",), ("proofs",), ("forms",),
+    ("formulas",), ("planar entropy",), ("levels",),
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
@@ -240,7 +241,7 @@ class Search:
         return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * self.map.degree)
 
     def _has_enough_degrees(self) -> bool:
-        count, expected = len(self.degrees), self._expected_degree()
+        count, expected = len(self.degrees), self._expected_degree() * self.map.length
         if expected > _TOO_COSTLY or count == _MOST:
             return True
         may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or expected > _COSTLY
@@ -253,7 +254,11 @@ class Search:
             raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
 
     def _find_planar_entropy(self) -> Tasks:
-        self.planar = planar_entropy(self.map)
+        """Follow the contracted curves, unless that takes long and a proved integral says more."""
+        is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
+        is_long = self.map.length > 1
+        known = PlanarEntropy(reason="not followed, since a proved integral gives the entropy")
+        self.planar = known if is_long and is_proved else planar_entropy(self.map)
         self._check_degrees()
         return []
 
@@ -403,7 +408,7 @@ class Search:
         if not self.invariants.has_factors:
             self._waiting.append(space)
             self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
-            return []
+            return self._proof_of_quotients(space, "early proofs", _SHORT)
         tasks: list[Task] = []
         # Factors that have a cofactor are Darboux polynomials themselves.
         for f in (f for P in space for f, _ in irreducible_factors(P) if degree_of(f)):
@@ -466,13 +471,15 @@ class Search:
 
         return Task(run, "proofs")
 
-    def _proof_of_quotients(self, space: Polynomials) -> Tasks:
+    def _proof_of_quotients(
+        self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
+    ) -> Tasks:
         """Yield the task that checks quotients of unknown cofactor as identities."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 
         def run() -> Tasks:
-            if cost <= LONGEST:
+            if cost <= longest:
                 images = [map.pullback(P, degree) for P in space]
                 pairs = zip(images, space, strict=True)
                 if any(image * space[0] != images[0] * P for image, P in pairs):
@@ -484,7 +491,7 @@ class Search:
                 self.version += 1
             return []
 
-        yield Task(run, "proofs")
+        yield Task(run, kind)
 
     def _searched(self) -> Iterator[str]:
         """Yield what was searched, in words."""
@@ -496,7 +503,8 @@ class Search:
         for kind, text in _TEXTS.items():
             if (k := degrees.get(kind)) is not None:
                 count = self._unknowns(k)
-                yield text.format(k=k, count=count)
+                reason = f" ({self.planar.reason})" if kind == "planar entropy" and self.planar and self.planar.reason else ""
+                yield text.format(k=k, count=count) + reason
         if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
         if self.is_complete and self.queue.waiting:

@@ -209,7 +209,8 @@ class Invariants:
         """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
-        return independent([*sorted(self._quotients(), key=_sort_key), *products], self.p)
+        found = independent([*sorted(self._quotients(), key=_sort_key), *products], self.p)
+        return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
         """Return the integral of a relation, if possible that with a symbolic eps at its number."""
@@ -305,6 +306,15 @@ def _with_varying_limit(f: RationalFunction) -> RationalFunction:
     numerator, denominator = (without_content(P) for P in f.as_quotient())
     denominator, numerator = with_independent_limits([denominator, numerator])
     return without_constant(quotient_of(numerator, denominator, f.basis))
+
+
+def _without_constant_term(f: RationalFunction) -> RationalFunction:
+    """Return an integral that is a polynomial without its constant term, others unchanged."""
+    P = f.numerator
+    zero = (0,) * variables_of(P)
+    if degree_of(f.denominator) or (constant := _coefficient(P, zero)) == 0:
+        return f
+    return quotient_of(without_content(P - constant), P.context().constant(1), f.basis)
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:

@@ -7,9 +7,11 @@ energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013)
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import flint
@@ -24,7 +26,9 @@ from ..keywords import public
 from .arithmetic import as_written, constant, matrix
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, check_map
-from .polynomials import coprime, cramer, degree_of
+from .polynomials import coprime, cramer, degree_of, has_eps, primitive
+
+_LARGEST = 10  # number of variables of a field for which a Hamiltonian is looked for
 
 
 class KahanMap(RationalMap):
@@ -181,11 +185,39 @@ class KahanMap(RationalMap):
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
         if not self.field.is_hamiltonian:
-            return None
+            return self._found_hamiltonian()
         exactly = as_written if self.decimals else Fraction
         terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
+
+    def _found_hamiltonian(self) -> Any:
+        """Return H with grad H = L f for a constant antisymmetric regular L; None without one."""
+        D, x, zero = self.dimension, self.variables, 0 * self.variables[-1]
+        if D % 2 or D > _LARGEST:
+            return None
+        f, pairs = [zero] * D, [*combinations(range(D), 2)]
+        for (i, j, k), v in _integers(self.terms)[0]:
+            f[i] += v * x[j] * x[k]
+        conditions = []  # for L f to be a gradient, for each L with the entries 1 and -1
+        for k, l in pairs:
+            g = [zero] * D
+            g[k], g[l] = f[l], -f[k]
+            curl = {(i, j): _slope(g[j], i) - _slope(g[i], j) for i, j in pairs}
+            conditions.append({(ij, e): int(c) for ij, P in curl.items() for e, c in P.terms()})
+        places = {place for each in conditions for place in each}
+        rows = [[each.get(place, 0) for each in conditions] for place in places]
+        columns, count = flint.fmpz_mat(rows or [[0] * len(pairs)]).nullspace()
+        rng, L = random.Random(0), flint.fmpz_mat(D, D)
+        weights = [rng.randrange(1, 99) for _ in range(count)]
+        for (k, l), row in zip(pairs, columns.tolist(), strict=True):
+            L[k, l] = sum(w * c for w, c in zip(weights, row, strict=False))
+            L[l, k] = -L[k, l]
+        if L.det() == 0:
+            return None
+        products = (int(L[i, k]) * x[i] * f[k] for i in range(D) for k in range(D))
+        of_H = sum(products, zero)  # its part of degree d is d times the part of H
+        return primitive(zero.context().from_dict({e: 6 // sum(e) * c for e, c in of_H.terms()}))
 
     @cached_property
     def modified_energy(self) -> RationalFunction | None:
@@ -198,6 +230,11 @@ class KahanMap(RationalMap):
             energy += H.derivative(i) * (F - x * F_0)
         modified = quotient_of(energy, 3 * F_0, MODULAR)
         return modified if modified.degree else None
+
+
+def _slope(P: Any, i: int) -> Any:
+    """Return the derivative of a polynomial by the variable x of a number, from 0."""
+    return P.derivative(i + has_eps(P))
 
 
 def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:

@@ -38,7 +38,8 @@ class Report:
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
     random points". A density satisfies rho(Phi) det DPhi = rho. If there is only one up to sign,
     rho(Phi) det DPhi = -rho, it is listed with the `cofactor` -1, and abs(rho) is a density.
-    Independent integrals whose formulas are too long are in `implicit`, and can be called as well.
+    Independent integrals without a short formula are in `implicit`, and can be called as well;
+    `independent` is the number of all integrals that are known.
     The growth is evidence, not a proof. If eps is symbolic, formulas are functions of x and eps,
     and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
     det DPhi is 0 everywhere.
@@ -93,10 +94,14 @@ class Report:
         return self.map.dimension > 2 and proved >= self.map.dimension - 1
 
     @property
+    def independent(self) -> int:
+        """The number of independent integrals, also of those without a formula."""
+        return max(len(self.integrals) + len(self.implicit), self.relations or 0)
+
+    @property
     def dimension(self) -> int:
         """The dimension of the level sets of all integrals."""
-        known = len(self.integrals) + len(self.implicit)
-        return self.map.dimension - max(known, self.relations or 0)
+        return self.map.dimension - self.independent
 
     def __repr__(self) -> str:
         none = f"none found up to degree {self.degree}; a higher one may have some"
@@ -109,7 +114,7 @@ class Report:
             self._title(),
             *self._lines_of_growth(),
             *self._lines_of_entropy(),
-            _listed("First integrals", self.integrals, 6, no_integral),
+            _listed("First integrals", self.integrals, 6, no_integral, self.independent),
             *self._lines_of_implicit_integrals(),
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
@@ -226,23 +231,24 @@ def _plain(value: Any) -> Any:
     return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
 
 
-def _listed(title: str, functions: Functions, most: int, none: str) -> str:
+def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
     """Return the line of a kind of functions, of which at most some are written."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
     more = f"; {len(functions) - most} more" if len(functions) > most else ""
     how = " and ".join(_PROOF[basis] for basis in sorted({f.basis for f in functions}))
-    return f"{title} ({len(functions)}, {how}): {formulas}{more}"
+    count = f"{len(functions)}" + f" of {known}" * (known > len(functions))
+    return f"{title} ({count}, {how}): {formulas}{more}"
 
 
 @public
 def report(
-    field: Any,
+    system: Any,
     /,
-    eps: Any = None,
-    degree: int = 3,
     *,
+    degree: int = 3,
+    eps: Any = None,
     decimals: bool = True,
     progress: Any = None,
 ) -> Report:
@@ -255,22 +261,23 @@ def report(
 
     Parameters
     ----------
-    field : Field, body, KahanMap or RationalMap
+    system : Field, body, KahanMap or RationalMap
         A single one.
-    eps : int, Fraction, float or str, optional
-        Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     degree : int, optional
         Largest degree of polynomials, by default 3.
+    eps : int, Fraction, float or str, optional
+        Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
     progress : callable, optional
-        Called as ``progress(done, parts)`` after each part of the search; where it returns False
-        the search ends, as at Ctrl-C.
+        Called as ``progress(done, parts)`` after each part of the search. If it returns False, the
+        search ends, and the report has the results found so far.
 
     Returns
     -------
     Report
+        Its attribute `finished` is False if `progress` ended the search.
 
     Raises
     ------
@@ -279,8 +286,8 @@ def report(
         map of a field is 0 everywhere, so that the image is a curve, for example. Without `eps`,
         such step sizes are in `special_eps`.
     KeyboardInterrupt
-        After Ctrl-C, when the operation at hand ends, or where `progress` returns False; its
-        attribute `report` has what was found so far.
+        After Ctrl-C, when the operation at hand ends. The attribute `report` of this error, and of
+        any other one during the search, is the report with the results found so far.
 
     Examples
     --------
@@ -295,7 +302,7 @@ def report(
     ((4*Omega1^2 + Omega2^2)/(4*eps^2*Omega1^2 + 4*eps^2*Omega1*Omega2 + eps^2*Omega2^2 + 256),)
     """
     degree = integer("degree", degree, 1)
-    map, notes = _map_of(field, eps, decimals)
+    map, notes = _map_of(system, eps, decimals)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
@@ -309,9 +316,10 @@ def report(
             facts.fill(found)
             done = facts.queue.done
             if progress and is_false(progress(done, done + len(facts.queue.waiting))):
-                raise KeyboardInterrupt("progress returned False")
-    except KeyboardInterrupt as error:
-        error.report = found  # type: ignore[attr-defined]
+                return found
+    except (KeyboardInterrupt, Exception) as error:
+        error.report = found  # type: ignore[union-attr]
+        error.args = error.args or ("what was found is sys.last_value.report",)
         raise
     found.finished = True
     facts.fill(found)

@@ -119,6 +119,15 @@ class Queue:
         return highest
 
 
+class Written(tuple[RationalFunction, ...]):
+    """Integrals with a formula; the text says how many others there are."""
+
+    others = 0
+
+    def __repr__(self) -> str:
+        return super().__repr__() + f" and {self.others} without a formula" * (self.others > 0)
+
+
 class Known(NamedTuple):
     """The facts of a search that follow from others."""
 
@@ -155,7 +164,8 @@ class Search:
         names = self.map.names, self.map.letter
         for name in ("integrals", "measures", "polynomials"):
             setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
-        report.implicit = self.known.implicit
+        report.implicit, report.integrals = self.known.implicit, Written(report.integrals)
+        report.integrals.others = report.independent - len(report.integrals)
         report.symmetries = self.symmetries
         report.level, report.on_level = self.level, self.on_level
         report.planar = proved_by_integral(self.planar, self.known.integrals)
@@ -503,7 +513,8 @@ class Search:
         for kind, text in _TEXTS.items():
             if (k := degrees.get(kind)) is not None:
                 count = self._unknowns(k)
-                reason = f" ({self.planar.reason})" if kind == "planar entropy" and self.planar and self.planar.reason else ""
+                planar = self.planar if kind == "planar entropy" else None
+                reason = f" ({planar.reason})" if planar and planar.reason else ""
                 yield text.format(k=k, count=count) + reason
         if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"

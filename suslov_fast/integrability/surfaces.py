@@ -37,6 +37,7 @@ from .polynomials import (
     has_eps,
     homogenized,
     irreducible_factors,
+    letter_of,
     modulo,
     polynomial_ring,
     value_at,
@@ -117,7 +118,14 @@ class _Equations:
             symbols = map(factored, self.map.variables[:-1])
             (f,) = quotients_by("integrals", lambda x: (f(x),), symbols)
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
-        if variables_of(P) != self.D or has_eps(P) > self.map.is_symbolic:
+        if has_eps(P) and not self.map.is_symbolic:
+            eps, letter = getattr(self.map, "eps", None), letter_of(P)
+            number = f"Fraction({str(eps or '1/3').replace('/', ', ')})"
+            has = "" if eps is None else f", and the map has {letter} = {eps}"
+            how = f"pass F.subs({letter}={number}) in place of F"
+            received = f"{short(f)}, in which {letter} is a letter{has}: {how}"
+            raise wrong("integrals", "functions of the variables alone", received)
+        if variables_of(P) != self.D:
             raise wrong("integrals", f"functions of {self.D} variables", short(f))
         return _in_ring(P, self.ring), _in_ring(Q, self.ring)
 

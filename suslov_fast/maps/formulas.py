@@ -81,7 +81,10 @@ def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if not body.field().is_hamiltonian:
-        how = "make it by Field.from_hamiltonian, or use integrability.report(field)"
+        how = (
+            "if f = K grad H, make it by Field.from_hamiltonian; integrability.report(field) looks "
+        )
+        how += "for H and other integrals"
         kind = kind_of(body)
         field = "this field" if kind == "Field" else f"the field of {kind}"
         raise TypeError(f"system: {field} has no Hamiltonian: {how}")

@@ -14,7 +14,7 @@ ZOO = zoo()
 def row(name):
     """Return a row of the table in Markdown."""
     map, eps = ZOO[name]
-    found = report(map, eps, {2: 6, 3: 4, 4: 3}.get(map.dimension, 2))
+    found = report(map, eps=eps, degree={2: 6, 3: 4, 4: 3}.get(map.dimension, 2))
     own = ", ".join(str(each.degree) for each in found.integrals)
     integrals = f"{len(found.integrals)} of degree {own}" if own else f"none to {found.degree}"
     if found.implicit:

@@ -105,7 +105,9 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
     if named and "positional arguments but" in str(error):
         others = ", ".join(name for name in known if name not in named)
-        return TypeError(f"{error}: {others}; pass others by name, as {named[0]}=")
+        value = args[len(parameters) - len(named)]  # the first of those without a place
+        shown = value if isinstance(value, int) else ""
+        return TypeError(f"{error}: {others}; pass others by name, as {named[0]}={shown}")
     return error
 
 

@@ -188,7 +188,8 @@ TABLE = (
   ("zoo example dataset systems henon lyness toda kepler duffing pendulum lorenz roessler "
    "rossler henonheiles lotkavolterra vanderpol eulertop", "",
    "Field(f, names), or field, eps = suslov_fast.integrability.zoo()[name]"),
-  ("kahan rationalmap rationalorbit exactmap", "",
+  ("rationalmap", "rational_map", "suslov_fast.integrability.rational_map(f, n)"),
+  ("kahan rationalorbit exactmap", "",
    "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
   ("algebraicentropy entropy degreegrowth degreesofiterates", "proved_entropy",
    "suslov_fast.integrability.planar_entropy(kahan(field)), or growth(degrees(map, 6))"),
@@ -199,7 +200,7 @@ TABLE = (
   ("reversingsymmetries symmetries reversors", "symmetries",
    "suslov_fast.integrability.report(field).symmetries"),
   ("restrict restriction levelset", "on_level",
-   "suslov_fast.integrability.on_level(map, integral, h)"),
+   "suslov_fast.integrability.on_level(map, [integral])"),
   ("hk hirotakimurabasis hkbasis rankofintegrals rank", "hk_bases",
    "suslov_fast.integrability.hk_bases(kahan(field), degree)"),
   ("checkintegral isintegral isconserved verify", "",

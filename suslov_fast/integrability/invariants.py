@@ -309,10 +309,11 @@ def _with_varying_limit(f: RationalFunction) -> RationalFunction:
 
 
 def _without_constant_term(f: RationalFunction) -> RationalFunction:
-    """Return an integral that is a polynomial without its constant term, others unchanged."""
+    """Return a polynomial without its constant term; powers and quotients are unchanged."""
+    if any(e != 1 for P, e in f.factors if degree_of(P)):
+        return f
     P = f.numerator
-    zero = (0,) * variables_of(P)
-    if degree_of(f.denominator) or (constant := _coefficient(P, zero)) == 0:
+    if (constant := _coefficient(P, (0,) * variables_of(P))) == 0:
         return f
     return quotient_of(without_content(P - constant), P.context().constant(1), f.basis)
 

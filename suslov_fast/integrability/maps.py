@@ -64,6 +64,7 @@ class RationalMap(WithLetter):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
+    _latest: tuple[int, Any] = 0, None  # a prime, and the residues of the forms
     modified_energy: Any = None  # the integral of such a map, if it is not constant
 
     def __init__(
@@ -146,7 +147,19 @@ class RationalMap(WithLetter):
         """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
         if self.is_symbolic:
             return [self.pullback(F, self.degree, x) for F in self.forms]
+        if isinstance(x[0], flint.nmod):
+            return self._values_of_residues(x)[0]
         return [value_at(F, x, self.degree) for F in self.forms]
+
+    def _values_of_residues(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
+        """Return the forms at a point modulo a prime, and the derivatives of each if wanted."""
+        p = int(x[0].modulus())
+        if self._latest[0] != p:
+            forms = [modulo(F, p, EPS) for F in self.forms]
+            derivatives = ([P.derivative(i) for i in range(self.dimension)] for P in forms)
+            self._latest = p, [forms, *derivatives]
+        rows = self._latest[1] if slopes else self._latest[1][:1]
+        return [[flint.nmod(P(*x[:-1]), p) for P in row] for row in rows]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
         """Return F at polynomials, without a common factor."""
@@ -177,14 +190,18 @@ class RationalMap(WithLetter):
     def derivative(self, x: Sequence[Any]) -> Any:
         """Return the matrix of derivatives: (dF_i - Phi_i dF_0) / F_0."""
         y, columns = self.image(x), range(self.dimension)
-        *numerators, denominator = (
-            [value_at(F.derivative(i), x) for i in columns] for F in self.forms
-        )
+        if isinstance(x[0], flint.nmod):
+            (*_, below), *numerators, denominator = self._values_of_residues(x, slopes=True)
+        else:
+            *numerators, denominator = (
+                [value_at(F.derivative(i), x) for i in columns] for F in self.forms
+            )
+            below = value_at(self.forms[-1], x)
         rows = [
             [row[i] - a * denominator[i] for i in columns]
             for a, row in zip(y, numerators, strict=False)
         ]
-        return arithmetic.matrix(rows) * (1 / value_at(self.forms[-1], x))
+        return arithmetic.matrix(rows) * (1 / below)
 
     @public
     def __call__(self, point: Any) -> tuple[Any, ...]:
@@ -375,8 +392,9 @@ def rational_map(
     dimension : int
         The number D of variables.
     inverse : callable, optional
-        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at three
-        random points modulo a prime of 62 bits. Without it the map may not be birational, and `RationalMap.inverse` is None.
+        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at
+        three random points modulo a prime of 62 bits. Without it the map may not be birational, and
+        `RationalMap.inverse` is None.
     letter : str, optional
         The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
         `kahan`. What is found then holds for general values, and `subs` sets one.

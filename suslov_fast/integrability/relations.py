@@ -141,7 +141,7 @@ class ImplicitIntegral:
     --------
     >>> from suslov_fast.integrability import kahan, report, zoo
     >>> field, eps = zoo()["Lagrange top"]
-    >>> found = report(field, eps, degree=2)
+    >>> found = report(field, eps=eps, degree=2)
     >>> integral = found.implicit[0]
     >>> integral.degree, len(integral.monomials)
     (8, 5)

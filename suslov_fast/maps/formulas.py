@@ -81,10 +81,8 @@ def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if not body.field().is_hamiltonian:
-        how = (
-            "if f = K grad H, make it by Field.from_hamiltonian; integrability.report(field) looks "
-        )
-        how += "for H and other integrals"
+        how = "if f = K grad H, make it by Field.from_hamiltonian, "
+        how += "or use integrability.report(field), which looks for integrals"
         kind = kind_of(body)
         field = "this field" if kind == "Field" else f"the field of {kind}"
         raise TypeError(f"system: {field} has no Hamiltonian: {how}")

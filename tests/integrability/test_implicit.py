@@ -77,6 +77,13 @@ DEGREES = {
     "so(4)": [2, 8, 8, 12],
     "three waves": [2, 2],
 }
+
+
+def reported(name):
+    field, eps = SYSTEMS[name]
+    return report(field, eps=eps, degree=2)
+
+
 QUADRATIC = exponents_up_to(2, 6)
 PRIME = 2**61 - 1
 
@@ -156,13 +163,14 @@ def test_short_formulas_are_written_out():
 @pytest.mark.slow
 def test_reports_hold_the_integrals_that_are_too_long():
     """Those that are short are written; with the others they are as many as relations show."""
-    found = report(*SYSTEMS["Lagrange"], degree=2, time_limit=200)
+    found = reported("Lagrange")
     assert [each.degree for each in found.integrals] == [1, 3, 4]
     assert [each.degree for each in found.implicit] == [8]
     assert len([*independent_of(found.integrals, found.implicit, PRIME)]) == 1
     assert "4 integrals: 3 written, 1 of degree 8 by their bases." in repr(found)
     assert "Relations along orbits" not in repr(found)
-    assert found.dimension == 2
+    assert (found.dimension, found.independent) == (2, 4)
+    assert repr(found.integrals).endswith(") and 1 without a formula")
     x = [F(k * k - 7, 5) for k in range(1, 7)]
     (y,) = steps(*SYSTEMS["Lagrange"], x, 1)
     assert all(f(x) == f(y) for f in (*found.integrals, *found.implicit))
@@ -173,7 +181,7 @@ def test_reports_hold_the_integrals_that_are_too_long():
 
 @pytest.mark.slow
 def test_a_report_that_may_have_missed_integrals():
-    found = report(*SYSTEMS["three waves"], degree=2)
+    found = reported("three waves")
     assert [each.degree for each in found.integrals] == [2, 2]
     assert not found.implicit
     assert "dimension 4 of 6. These may not be all: a larger degree" in repr(found)

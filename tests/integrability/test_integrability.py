@@ -45,7 +45,7 @@ from suslov_fast.integrability.search import Search
 @functools.cache
 def reported(given, eps=None, degree=3):
     """Return a report that several tests read: some take seconds."""
-    return report(given, eps, degree)
+    return report(given, eps=eps, degree=degree)
 
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
@@ -485,9 +485,10 @@ def test_a_map_without_inverse_and_no_map():
     assert "no inverse" in repr(found)
     assert found.finished
     nowhere = Field.from_terms([[[0]]], [[2]])
-    for call in (report, lambda *args: degrees(kahan(*args), 3), lambda *a: hk_bases(kahan(*a), 1)):
+    no_map = kahan(nowhere, 1)
+    for call in (report, lambda map: degrees(map, 3), lambda map: hk_bases(map, 1)):
         with pytest.raises(ArithmeticError, match=r"eps=1.*no solution"):
-            call(nowhere, 1)
+            call(no_map)
     assert report(nowhere).special_eps == (-1, 1)
 
 
@@ -519,10 +520,10 @@ LINES = from_hamiltonian(
 def test_degenerate_step_sizes(field, eps):
     """They raise an error, and are listed if eps is symbolic: -eps, too."""
     with pytest.raises(ArithmeticError, match=f"eps={eps}"):
-        report(field, eps)
+        report(field, eps=eps)
     symbolic = report(field, degree=1)
     assert {F(eps), -F(eps)} <= {*symbolic.special_eps}
-    assert report(field, F(eps) / 3, 1).finished
+    assert report(field, eps=F(eps) / 3, degree=1).finished
     listed = kahan(field).degenerate_eps
     x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
     for a in listed:
@@ -547,7 +548,7 @@ def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
         return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
 
-    found = report(field_of(nambu, 3), F(1, 3), 2)
+    found = report(field_of(nambu, 3), eps=F(1, 3), degree=2)
     assert (found.relations, [each.degree for each in found.integrals]) == (2, [4, 4])
     assert_holds(found)
     map = kahan(of(Suslov3D(2.3, 1.4, 0.5, -0.7)), EPS)
@@ -557,7 +558,7 @@ def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
 
 def test_determinants_that_are_too_long():
     """Without the factors of det DPhi there are still relations, and the cofactors 1, det DPhi."""
-    found = report(random_field(5), EPS, 1)
+    found = report(random_field(5), eps=EPS, degree=1)
     assert "det DPhi is too long" in repr(found)
     assert found.finished
     with pytest.raises(ArithmeticError, match="at most"):
@@ -740,19 +741,19 @@ def test_names_of_variables():
 def test_decimals():
     """5 Omega1 + 3 Omega2 is the line of steady states of the body of the README."""
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    found = report(body, 0.2)
+    found = report(body, eps=0.2)
     assert "5*Omega1 + 3*Omega2" in {str(P) for P in found.polynomials}
     assert found.map.eps == F(1, 5)
-    binary = report(body, 0.2, 1, decimals=False).map
+    binary = report(body, eps=0.2, degree=1, decimals=False).map
     assert binary.eps == F(0.2) != F(1, 5)
     assert binary == kahan(of(body), 0.2, decimals=False)
     assert found.map == kahan(body, 0.2) == kahan(body, F(1, 5))
     cubic = from_hamiltonian(lambda x, a: a * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2, a=0.1)
-    found = report(cubic, 0.1, 1)
+    found = report(cubic, eps=0.1, degree=1)
     assert {*found.map.terms.values} == {F(1), F(-1, 10), F(-7, 10)}
     binary = F(47205641, 2**19)  # its digits are too many to be a decimal
     short = Field.from_terms([[[0.0]]], [[float(binary)]])
-    assert report(short, 1, 1).map.terms.values == binary
+    assert report(short, eps=1, degree=1).map.terms.values == binary
     for ratio in (F(8, 3), F(-1, 3), F(1234, 999), F(2, 3) * 10**6):
         assert kahan(Field.from_terms([[[0.0]]], [[float(ratio)]])).terms.values == ratio
     assert_holds(found)
@@ -764,19 +765,44 @@ def test_a_report_that_is_cut_short():
         if done >= 150:
             raise KeyboardInterrupt
 
-    for progress in (interrupt, lambda n, _: n < 150):
-        with pytest.raises(KeyboardInterrupt) as stopped:
-            report(CYCLE, EPS, progress=progress)
-        found = stopped.value.report
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        report(CYCLE, eps=EPS, progress=interrupt)
+    for found in (stopped.value.report, report(CYCLE, eps=EPS, progress=lambda n, _: n < 150)):
         # Proofs come last.
         assert (found.growth.kind, len(found.integrals)) == ("quadratic", 2)
         assert {f.basis for f in found.integrals} == {"modulo a prime, at random points"}
         assert "Not finished" in repr(found)
         assert_holds(found)
     calls = []
-    report(CUBIC, EPS, progress=lambda *done: calls.append(done))
+    report(CUBIC, eps=EPS, progress=lambda *done: calls.append(done))
     assert calls == sorted(calls)
     assert calls[0][0] == 1
+
+
+def test_integrals_that_are_polynomials_have_no_constant_term():
+    (integral,) = reported(ZOO["McMillan"][0], degree=4).integrals
+    assert str(integral) == "x1^2*x2^2 + x1^2 - 6*x1*x2 + x2^2"
+    assert integral.basis == "identity"
+
+
+def test_a_hamiltonian_that_was_not_given():
+    """Whatever the order of positions and momenta; other fields have none."""
+    rates = (lambda x, y, u, v: (u, v, -x - 2 * x * y, -y - x**2 + y**2)), (0, 1, 2, 3)
+    f, places = rates
+    for order in (places, (0, 2, 1, 3), (3, 0, 2, 1)):
+
+        def reordered(x, order=order):
+            values = f(*(x[order[k]] for k in places))
+            return [values[order.index(k)] for k in places]
+
+        found = report(Field(reordered, 4), eps=EPS, degree=1)
+        assert [each.degree for each in found.integrals] == [4]
+        assert_holds(found)
+        assert found.measures
+    energy = kahan(Field(lambda x: (x[0] * x[1], -(x[1] ** 2) / 2), 2)).hamiltonian
+    assert str(energy) == "x1*x2^2"
+    for field in (PREY, CYCLE, FORCED):
+        assert kahan(field).hamiltonian is None
 
 
 @pytest.mark.slow
@@ -808,7 +834,7 @@ def test_members_with_more_than_two_factors():
 )
 def test_reversing_symmetries(field, symmetries):
     """They take the map to its inverse, and no other signed permutation does."""
-    found = report(field, EPS, 1)
+    found = report(field, eps=EPS, degree=1)
     assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
     assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
     now, n = found.map, field.dimension
@@ -874,10 +900,11 @@ class Quantity(float):
         (TypeError, "monomials", lambda: hk_bases(MAP, 2.5)),
         (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0), (1, 0)])),
         (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0, 0)])),
-        (ValueError, "degree", lambda: report(BODY, EPS, 0)),
+        (ValueError, "degree", lambda: report(BODY, eps=EPS, degree=0)),
         (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
-        (ValueError, "eps", lambda: report(MAP, EPS)),
-        (TypeError, "progress", lambda: report(BODY, EPS, progress=3)),
+        (ValueError, "eps", lambda: report(MAP, eps=EPS)),
+        (TypeError, r"report.* as degree=2", lambda: report(BODY, 2)),
+        (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=3)),
         (TypeError, "cofactor", lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1)),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),
         (TypeError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from suslov_fast.core.code.sparse_code import add_factors
 from suslov_fast.core.lists.hidden import MIDDLE, POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
@@ -76,9 +77,14 @@ def carried_out(function, rows):
 
 
 @carried_out.register
-def _sparse_factors(function: functions.SparseFactors, rows):
+def _sparse(function: functions.SparseLoops, rows):
+    is_factors = function.add_function is add_factors
+    return (_sparse_factors if is_factors else _sparse_solution)(function.plan, rows)
+
+
+def _sparse_factors(plan, rows):
     """Return the factors for entries of J and s."""
-    plan, (*entries, s) = function.plan, rows
+    *entries, s = rows
     D, entries, first = len(plan.order), np.array(entries), len(plan.order) + len(plan.lower)
     factors, w = np.zeros((D + plan.size, *np.shape(s))), np.zeros((D, *np.shape(s)))
 
@@ -109,9 +115,7 @@ def _sparse_factors(function: functions.SparseFactors, rows):
     return factors
 
 
-@carried_out.register
-def _sparse_solution(function: functions.SparseSolution, rows):
-    plan = function.plan
+def _sparse_solution(plan, rows):
     D, size = len(plan.order), len(plan.lower)
     v = np.array(rows[D + plan.size :])
     for (i, j), number in zip(plan.lower, rows[D : D + size], strict=True):

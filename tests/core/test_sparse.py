@@ -6,8 +6,8 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from suslov_fast.core.code.compiler import call, compiled
-from suslov_fast.core.code.sparse_code import ARRAYS, Arrays, add_factors, add_solution, lengths_of
-from suslov_fast.core.code.text import Code, Index, Integers
+from suslov_fast.core.code.sparse_code import add_factors, add_solution
+from suslov_fast.core.code.text import Code, Integers
 from suslov_fast.core.lists.planned_elimination import elimination_order, filled, work_of
 from suslov_fast.core.lists.sparse import Sparse
 
@@ -45,14 +45,8 @@ def solve(plan, entries, right):
 
     def text_of(name):
         text = Code(W)
-
-        def arrays_of(*names):
-            arrays = {k: text.constants(getattr(plan, k)).base for k in names}
-            lengths = [Index(text, n) for n in lengths_of(plan)]
-            return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
-
         for kind, add in (("factors", add_factors), ("solution", add_solution)):
-            add(text, f"{name}_{kind}", arrays_of)
+            add(text, f"{name}_{kind}", plan)
         text.begin(name, "arguments")
         entries, factors, v, scratch = (Integers(text, "%arguments")[k] for k in range(4))
         text.invoke(f"{name}_factors", entries, 0, factors, scratch)

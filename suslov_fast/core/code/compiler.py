@@ -52,11 +52,6 @@ def code_of(text_of, step, W=1, *options, lasts=False):
     return compiled(key, lambda name: text_of(step, name, W, *options), level, lasts)
 
 
-def common_code_of(text_of, *options):
-    """Return the `Address` of the machine code of `text_of(name, *options)`, for all fields."""
-    return compiled((text_of, *options), lambda name: text_of(name, *options))
-
-
 def compiled(key, text_of, level=2, lasts=False):
     """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
 

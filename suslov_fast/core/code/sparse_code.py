@@ -3,7 +3,7 @@
 A single lane takes AT_ONCE rows of a span at once; the bits are the same.
 """
 
-from typing import NamedTuple
+from types import SimpleNamespace
 
 from ..lists.sparse import SLOT, Head
 from .text import Carried, Code, Index, Integers
@@ -11,29 +11,17 @@ from .text import Carried, Code, Index, Integers
 AT_ONCE = 4
 
 
-class Arrays(NamedTuple):
-    """The parts of a `Sparse` that code reads: lengths, and addresses of its arrays."""
-
-    D: Index
-    entries: Index
-    of_lower: Index  # numbers of L
-    of_upper: Index
-    order: Index
-    heads: Index
-    rows: Index
-    numbers: Index
-    pivots: Index
-    spans: Index
-    lower: Index
-    upper: Index
-
-
-ARRAYS = Arrays._fields[4:]  # names of the arrays of a `Sparse`
-
-
-def lengths_of(plan):
-    """Return the lengths that `Arrays` begins with."""
-    return len(plan.order), len(plan.rows), len(plan.lower), len(plan.upper)
+def _parts(text, plan, *names):
+    """Return the lengths of a `Sparse`, and the addresses of its arrays with these names."""
+    lengths = {
+        "D": plan.order,
+        "entries": plan.rows,
+        "of_lower": plan.lower,
+        "of_upper": plan.upper,
+    }
+    found = {name: Index(text, len(array)) for name, array in lengths.items()}
+    found |= {name: text.constants(getattr(plan, name)).base for name in names}
+    return SimpleNamespace(**found)
 
 
 def _between(text, begin, end):
@@ -77,14 +65,13 @@ def _for_rows(text, value):
     return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
 
 
-def add_factors(text, name, arrays_of):
+def add_factors(text, name, plan):
     """Add void name(from, table, to, scratch), the factors of A = 1 - s J.
 
     It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
-    D rows. `arrays_of(*names)` are the `Arrays`, at least those with these names.
     """
     with text.function(name):
-        of = arrays_of("heads", "rows", "numbers", "pivots", "spans")
+        of = _parts(text, plan, "heads", "rows", "numbers", "pivots", "spans")
         entries, inverses = text.array("%from"), text.array("%to")
         w, s, size = text.array("%scratch"), entries[of.entries], text.size
         lower = inverses.at(of.D)
@@ -132,10 +119,10 @@ def add_factors(text, name, arrays_of):
                 inner.array(number)[0] = inner.array(row)[0] * inverse[inner.W]
 
 
-def add_solution(text, name, arrays_of):
+def add_solution(text, name, plan):
     """Add void name(from, table, to, scratch), the solution of A v = g from factors, in place."""
     with text.function(name):
-        of = arrays_of("order", "lower", "upper")
+        of = _parts(text, plan, "order", "lower", "upper")
         inverses, v = text.array("%from"), text.array("%to")
         lower = inverses.from_here(of.D)
         upper = lower.from_here(of.of_lower)

@@ -465,17 +465,6 @@ class Code:
             found.append(type(value)(self, phi))
         return found
 
-    def switch(self, value, cases):
-        """Add a block for each of some integers, which `cases[integer]()` writes."""
-        name = self._name("switch")
-        ways = " ".join(f"i64 {number}, label %{name}_{number}" for number in cases)
-        self.add(f"  switch i64 {value}, label %{name}_after [ {ways} ]")
-        for number, body in cases.items():
-            self.label(f"{name}_{number}")
-            body()
-            self.jump(f"{name}_after")
-        self.label(f"{name}_after")
-
     # --------------------------------------------------------------------------------------- loops
     def rounds(self, carried, *others):
         """Add a loop, whose body is that of `for`; it goes on while `carried.goes_on` is true.

@@ -61,11 +61,6 @@ def uncounted(arrays):
     return arrays
 
 
-def constant(array):
-    """Return an array that is not written, which is part of its type."""
-    return array
-
-
 def keep(arrays):
     """Keep arrays of a kernel, from which it has made uncounted ones, until this line."""
 
@@ -114,7 +109,6 @@ def block_of(rows, lanes):
 
 
 type_callable(uncounted)(lambda context: uncounted_type)
-type_callable(constant)(lambda context: lambda array: array.copy(readonly=True))
 type_callable(keep)(lambda context: lambda arrays: types.none)
 type_callable(flat)(
     lambda context: (
@@ -126,11 +120,6 @@ type_callable(flat)(
 @lower_builtin(uncounted, types.Any)
 def _uncounted(context, builder, signature, arguments):
     return uncounted_value(context, builder, signature.args[0], arguments[0])
-
-
-@lower_builtin(constant, types.Any)
-def _constant(context, builder, signature, arguments):
-    return arguments[0]
 
 
 @lower_builtin(keep, types.Any)

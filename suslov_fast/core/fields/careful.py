@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from ..compiling.arrays import array_at, constant
+from ..compiling.arrays import array_at
 from ..compiling.codes import CHANGED, OK, PASSED_POLE
 from ..compiling.elimination import solve
 from ..compiling.numba import c_function, function
@@ -162,9 +162,9 @@ def step_carefully(arrays, first, line, bad, negative, n):
             arrays.marks[PASSED, line] |= bit
 
 
-# Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have
-# parameters of their own and 0 if not, and the number of the state before the first step.
-_NUMBERS = ("own_D", "lines", "D", "W", "T", "for_each", "stages", "B", "first")
+# Integers of the array that `careful` takes: addresses of `LineArrays`; lengths, of which `own_W`
+# is that of the last axis of `halves`; and the number of the state before the first step.
+_NUMBERS = ("own_D", "lines", "D", "W", "T", "own_W", "stages", "B", "first")
 Arguments = namedtuple("Arguments", (*LineArrays._fields[:-1], *_NUMBERS))
 PLACE = Arguments(*range(len(Arguments._fields)))
 _COUNT = len(PLACE)
@@ -172,20 +172,10 @@ _COUNT = len(PLACE)
 
 def arguments_of(arrays, first):
     """Return the array for `careful`; it holds addresses of these `LineArrays`."""
-    addresses, (lines, D, W) = [array.ctypes.data for array in arrays[:-1]], arrays.x.shape
-    arguments = Arguments(
-        *addresses,
-        own_D=arrays.own_D,
-        lines=lines,
-        D=D,
-        W=W,
-        T=arrays.halves.shape[1],
-        for_each=arrays.halves.shape[2] > 1,
-        stages=len(arrays.fractions),
-        B=len(arrays.status),
-        first=first,
-    )
-    return np.array(arguments, np.int64)
+    addresses = [array.ctypes.data for array in arrays[:-1]]
+    counts = len(arrays.fractions), len(arrays.status), first
+    _, T, own_W = arrays.halves.shape
+    return np.array([*addresses, arrays.own_D, *arrays.x.shape, T, own_W, *counts], np.int64)
 
 
 @c_function(types.void(*[types.int64] * 5))
@@ -194,12 +184,12 @@ def careful(address, line, bad, negative, n):
     a = array_at(address, (_COUNT,), np.int64)
     count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]
     own = a[PLACE.own_D]
-    shape = (count, T, W) if a[PLACE.for_each] else (1, T, 1)
+    shape = count if a[PLACE.own_W] > 1 else 1, T, a[PLACE.own_W]
     lines = LineArrays(
         array_at(a[PLACE.x], (count, D, W), np.float64),
         array_at(a[PLACE.halves], shape, np.float64),
         array_at(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
-        constant(array_at(a[PLACE.indices], (3, T), np.int64)),
+        array_at(a[PLACE.indices], (3, T), np.int64),
         array_at(a[PLACE.status], (B,), np.int8),
         array_at(a[PLACE.failed_at], (B,), np.int64),
         array_at(a[PLACE.poles], (B,), np.float64),

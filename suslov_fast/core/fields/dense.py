@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from ..compiling.arrays import array_at, constant, uncounted
+from ..compiling.arrays import array_at, uncounted
 from ..compiling.codes import OK, PASSED_POLE
 from ..compiling.elimination import simd_max, simd_min
 from ..compiling.llvm import call_code, lesser
@@ -168,7 +168,7 @@ def solve_rows(a):
 def solve_at(indices, half, x, memory, D, T):
     """Take the step of a lane by `solve_lane`, from addresses; return -status + 256 (det A < 0)."""
     status, negative = solve_lane(
-        constant(array_at(indices, (3, T), np.int64)),
+        array_at(indices, (3, T), np.int64),
         array_at(half, (T,), np.float64),
         array_at(x, (D,), np.float64),
         array_at(memory, (D, D + 1), np.float64),

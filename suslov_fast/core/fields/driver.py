@@ -12,10 +12,9 @@ from typing import NamedTuple
 from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared
 from ..compiling.codes import CHANGED
 from ..lists.step import SIGNIFICANT
-from .stage_code import Stage, add_table, loader
+from .stage_code import Stage, loader
 
 WIDTH = 8  # lanes of a line
-OF_HALVES = 2  # a value of `for_each`: the code computes the tables of stages
 NOT_READY, DONE = range(2)  # what the code returns
 
 
@@ -26,28 +25,25 @@ class DriverArguments(NamedTuple):
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # of all stages
-    # Address of two numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
-    # (lines, n, W), or of h v (lines, T, W) of a whole step; and
-    # its fraction.
-    plan: int
+    plan: int  # address of those of `Step.table` of each stage, (n,) or (lines, n, W)
     stages: int
-    bases: int  # address of the states before a whole step (lines, D, W), 0 if they are not kept
-    first_row: int  # address of the first saved states
-    row_bytes: int  # from one saved row to the next
-    first_until: int  # steps before the one that makes the first saved state
-    between: int  # steps between those that make two saved states
-    trajectories: int
-    ended: int  # address of bits of lanes (lines,) that have ended
-    passed: int  # and of those that have passed a pole or ended
-    careful: int  # address of `careful.careful`, 0 if it is not ready
-    careful_arguments: int  # address of its array
+    bases: int = 0  # address of the states before a whole step (lines, D, W), 0 for none
+    first_row: int = 0  # address of the first saved states
+    row_bytes: int = 0  # from one saved row to the next
+    first_until: int = 0  # steps before the one that makes the first saved state
+    between: int = 0  # steps between those that make two saved states
+    trajectories: int = 0
+    ended: int = 0  # address of bits of lanes (lines,) that have ended
+    passed: int = 0  # and of those that have passed a pole or ended
+    careful: int = 0  # address of `careful.careful`, 0 if it is not ready
+    careful_arguments: int = 0  # address of its array
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
-    budget: int  # calls of `careful` that are left
-    line: int  # the first of a block
-    n: int  # the next step
-    stage: int  # of this step
-    until: int  # steps before the next one that makes a saved state
-    row: int  # address of the next saved states
+    budget: int = 0  # calls of `careful` that are left
+    line: int = 0  # the first of a block
+    n: int = 0  # the next step
+    stage: int = 0  # of this step
+    until: int = 0  # steps before the next one that makes a saved state
+    row: int = 0  # address of the next saved states
 
 
 SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the array
@@ -57,8 +53,8 @@ def text_of_steps(step, name, W, for_each, saves, tells_signs):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
 
     It returns DONE; or NOT_READY at a step that needs `careful` while that is not. The table is
-    common to all lanes, or `for_each` of them, or made of their h v at each stage. Signs are
-    told if they are compared over whole steps of several stages.
+    common to all lanes, or `for_each` of them. Signs are told if they are compared over whole steps
+    of several stages.
     """
     return _Driver(step, name, W, for_each, saves, tells_signs).finished()
 
@@ -105,14 +101,13 @@ class _Driver:
         """Add a step of all lines of a block, and what the next one begins with, if any."""
         text, of, n, row = self.text, self.of, now.n, now.row
         self.at = {"line": lo, "n": n, "stage": now.stage, "until": now.until, "row": row}
-        saves, plan = now.until.equals(0), of.plan + now.stage * 16
+        saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
         is_last = following.equals(of.stages)
-        self.begin_stage(plan)
         for at in text.rounds(Carried(line=lo)):
             line, offset = at.line, at.line * (Index(text, self.D) * text.size)
             state = of.x + offset
-            final = self.take_stage(state, line, n)
+            final = self.take_stage(state, table, line, n)
             if self.tells_signs:
                 with text.when(is_last):
                     self.tell_changes(of.bases + offset, line, n, final)
@@ -183,22 +178,12 @@ class _Driver:
             bases[k] = final[k]
 
     # -------------------------------------------------------------------------------------- stages
-    def begin_stage(self, plan):
-        plan = Integers(self.text, plan)
-        self.table, self.fraction = plan[0], None
-        if self.for_each == OF_HALVES:
-            self.fraction = self.text.load("double", plan.at(1))
-
-    def take_stage(self, state, line, n):
+    def take_stage(self, state, table, line, n):
         """Add a stage of a line; return its next state."""
-        text, step, table, fixed = self.text, self.step, self.table, {}
+        text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
-            numbers = step.T if self.for_each == OF_HALVES else len(step.table)
-            table = table + line * (numbers * text.size)
-        rows = text.array(state)
-        if self.for_each == OF_HALVES:
-            fixed = add_table(text, step, table, self.fraction)
-        stage = Stage(text, step, loader(text, step, self.for_each, state, table, fixed))
+            table = table + line * (len(step.table) * text.size)
+        stage = Stage(text, step, loader(text, step, self.for_each, state, table))
         usual = stage.take([rows[i] for i in range(step.D)])
         final = text.otherwise(
             stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n)
@@ -214,7 +199,7 @@ class _Driver:
         # Loaded and computed anew, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
         stage.take(x)
-        after, accurate, good, told, _ = stage.take_rare()
+        after, accurate, good, told = stage.take_rare()
         after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value

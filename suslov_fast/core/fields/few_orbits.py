@@ -24,13 +24,13 @@ def _prepared(step, stages, eps, values, B, saves):
     address = code_of(text_of_steps, step, W, False, saves, compares)
     table = common_table(step, stages, eps, values)[1]
     plan, lines = plan_of(stages, table), -(-B // W)
-    numbers = dict.fromkeys(DriverArguments._fields, 0) | {
-        "lines": lines, "block": lines, "plan": plan.ctypes.data, "stages": len(plan),
-        "trajectories": B, "budget": 1, "first_until": -1, "until": -1,
-    }  # fmt: skip
+    numbers = DriverArguments(
+        x=0, lines=lines, block=lines, steps=0, plan=plan.ctypes.data, stages=len(plan),
+        trajectories=B, budget=1, first_until=-1, until=-1,
+    )  # fmt: skip
     used = (B - 1) % W + 1  # lanes of the last line; the others are marked, by a byte for each line
     marks = (2**W - 2**used) << 8 * (lines - 1)
-    return address, array("q", [*DriverArguments(**numbers), marks]), W, (table, plan)
+    return address, array("q", [*numbers, marks]), W, (table, plan)
 
 
 def lanes_of(B):

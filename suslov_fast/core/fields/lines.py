@@ -12,25 +12,21 @@ from .stages import distinct
 PLANS = 32  # of fields, whose tables are kept
 
 
-def aligned(*shape, make=np.empty):
-    """Return memory that begins where a line of the cache begins.
+def zeros(*shape):
+    """Return zeros that begin where a line of the cache begins.
 
-    NumPy's begins 16 bytes later in some processes: then lines of lanes lie across lines of the
+    NumPy's begin 16 bytes later in some processes: then lines of lanes lie across lines of the
     cache, which costs up to a seventh of the time.
     """
     count = math.prod(shape)
-    memory = make(count + 7)
+    memory = np.zeros(count + 7)
     first = -address_of(memory) // 8 % 8
     return memory[first : first + count].reshape(shape)
 
 
-def zeros(*shape):
-    """Return zeros in such memory."""
-    return aligned(*shape, make=np.zeros)
-
-
-def _copy(array):
-    copy = aligned(*array.shape)
+def aligned(array):
+    """Return a copy of an array in such memory."""
+    copy = zeros(*array.shape)
     copy[:] = array
     return copy
 
@@ -39,12 +35,7 @@ def in_lines(rows, W):
     """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
     missing = -len(rows) % W
     padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
-    return _copy(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
-
-
-def halves_of(values, eps, W):
-    """Return eps / 2 times the values (lines, T, W)."""
-    return in_lines(0.5 * eps[:, np.newaxis] * values, W)
+    return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
 
 
 @functools.lru_cache(PLANS)  # because it takes long beside a few steps
@@ -58,16 +49,9 @@ def common_table(step, stages, eps, values):
     ]
 
 
-def plan_of(stages, table, halves=None):
-    """Return the plan (stages, 2) of `DriverArguments`; without a table, of the halves h v."""
-    plan = np.empty((len(stages.fractions), 2))
-    plan[:, 1] = stages.fractions
-    if table is None:
-        plan.view(np.int64)[:, 0] = halves.ctypes.data
-    else:
-        places = distinct(stages.fractions)[1]
-        plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
-    return plan
+def plan_of(stages, table):
+    """Return the plan (stages,) of `DriverArguments`."""
+    return table.ctypes.data + table.strides[0] * distinct(stages.fractions)[1]
 
 
 def compares_signs(step):
@@ -84,10 +68,10 @@ def tables_of(scheme, values, eps, W):
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:
         return common_table(*scheme, eps.tobytes(), values.tobytes())
-    halves = halves_of(values, eps, W)
+    halves = in_lines(0.5 * eps[:, np.newaxis] * values, W)
     fractions = fractions[:, np.newaxis, np.newaxis]
     of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
-    return halves, _copy(np.moveaxis(step.table_of(of_stages), 0, 2))
+    return halves, aligned(np.moveaxis(step.table_of(of_stages), 0, 2))
 
 
 def packed(truths):

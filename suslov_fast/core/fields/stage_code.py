@@ -20,7 +20,6 @@ class Rare(NamedTuple):
     accurate: Truth
     good: Index  # the bits of lanes where it is
     told: Index  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
-    values: dict
 
 
 class Stage:
@@ -32,9 +31,9 @@ class Stage:
     def __init__(self, text, step, load):
         self.text, self.step, self.load, self.values = text, step, load, {}
 
-    def take(self, x, others=()):
+    def take(self, x):
         """Carry out the usual operations on the state x; return the next state."""
-        self.values = dict(enumerate(x)) | dict(others)
+        self.values = dict(enumerate(x))
         self.carry_out(self.step.usual, self.values)
         return self._results(self.values, self.step.after)
 
@@ -63,40 +62,20 @@ class Stage:
         if step.changed is not None:
             told = told | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)
-        return Rare(after, accurate, accurate.bits(), told, values)
+        return Rare(after, accurate, accurate.bits(), told)
 
 
-def loader(text, step, for_each, state, table, fixed=()):
+def loader(text, step, for_each, state, table):
     """Return the function that loads a value: of the state, or of the table.
 
-    `state` and `table` are the addresses of their rows for one line. Values in the dict `fixed` are
-    there already.
+    `state` and `table` are the addresses of their rows for one line.
     """
     x, values = text.array(state), text.array(table) if for_each else Shared(text, table)
 
     def load(number):
-        if number in fixed:
-            return fixed[number]
         return x[number] if number < step.D else values[step.places[number]]
 
     return load
-
-
-def add_table(text, step, halves, fraction):
-    """Return the numbers of `Step.table`, by their numbers as values.
-
-    `halves` is the address of h v for one line, `fraction` the one of a stage.
-    """
-    halves, fraction, fixed = text.array(halves), text.splat(fraction), {}
-
-    def half_of(number):
-        return halves[number - step.D] * fraction
-
-    text.carry_out(step.fixed, fixed, half_of)
-    for number in step.table:
-        if number not in fixed:
-            fixed[number] = half_of(number)
-    return fixed
 
 
 def text_of_stage(step, name, *_):
@@ -111,7 +90,7 @@ def text_of_stage(step, name, *_):
     usual = stage.take([x[i] for i in range(step.D)])
 
     def rare():
-        after, accurate, _, told, _ = stage.take_rare()
+        after, accurate, _, told = stage.take_rare()
         with text.when(~accurate):
             text.leave("i64 1")
         return [*after, told << 8]

@@ -28,18 +28,17 @@ from ..compiling.threads import in_parts
 from ..lists.step import Step, of_one_sign
 from .careful import ENDED, PASSED, LineArrays, arguments_of, careful
 from .dense import take_dense
-from .driver import NOT_READY, OF_HALVES, SLOT, DriverArguments, text_of_steps
+from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
 from .few_orbits import lanes_of, take_few
 from .lines import (
     PLANS,
+    aligned,
     compares_signs,
-    halves_of,
     in_lines,
     note_undefined,
     packed,
     plan_of,
     tables_of,
-    zeros,
 )
 from .stages import WHOLE, Scheme
 
@@ -51,7 +50,8 @@ SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when th
 
 @functools.lru_cache(PLANS)
 def _step_of(places, D, is_whole):
-    return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
+    # A copy, because kernels would be compiled once more for arrays that cannot be written.
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1).copy(), D, keeps_signs=is_whole)
 
 
 def scheme_of(indices, D, stages=WHOLE):
@@ -84,20 +84,9 @@ class _Lines:
         self.B, self.count = len(states), -(-len(states) // W)
         self.D = self.scheme.step.D
         self.for_each, self.bases = max(map(len, parameters)) > 1, None
-        self.parameters = parameters
-        stages = self.scheme[1]
-        # Machine code computes the numbers of each stage, with less memory.
-        if self.for_each and len(stages.fractions) > 1:
-            self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
-        else:
-            self.halves, self.table = tables_of(self.scheme, *parameters, W)
+        self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
         self.start_from(states)
-
-    @functools.cached_property
-    def table(self):
-        """The values of `Step.table` (fractions, lines, n, W), where they are not given."""
-        return tables_of(self.scheme, *self.parameters, self.W)[1]
 
     def start_from(self, states):
         """Set the states, to NaN where trajectories have ended."""
@@ -109,8 +98,7 @@ class _Lines:
             self.marks[ENDED] = packed(self._of_lanes(ended, True))
             self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
         if compares_signs(self.scheme.step):
-            self.bases = zeros(self.count, self.D, self.W)
-            self.bases[:] = self.x
+            self.bases = aligned(self.x)
 
     def _of_lanes(self, truths, unused):
         """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
@@ -149,48 +137,42 @@ class _Lines:
                     return False
         return True
 
-    def _line_arrays(self):
-        """Return the arrays for `careful`."""
-        step, stages = self.scheme
-        return LineArrays(
-            self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
-            np.empty(step.own_D * (3 * step.own_D + 4) + step.T), step.own_D,
-        )  # fmt: skip
-
     def _driver_arguments(self, start, steps, saved, until, between, careful):
         """Return the arguments of the driver, and what has to stay alive while it runs."""
         arrays, own = None, None
         if careful:
-            arrays = self._line_arrays()
+            step, stages = self.scheme
+            arrays = LineArrays(
+                self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes,
+                self.marks, np.empty(step.own_D * (3 * step.own_D + 4) + step.T), step.own_D,
+            )  # fmt: skip
             own = arguments_of(arrays, start)
-        numbers = dict.fromkeys(DriverArguments._fields, 0)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
         # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
-        table = None if self.for_each == OF_HALVES else self.table
-        plan = plan_of(self.scheme.stages, table, self.halves)
-        numbers |= {
-            "x": self.x.ctypes.data,
-            "lines": self.count,
-            "block": block,
-            "steps": steps,
-            "plan": plan.ctypes.data,
-            "stages": len(plan),
-            "bases": 0 if self.bases is None else self.bases.ctypes.data,
-            "first_row": saved.ctypes.data,
-            "row_bytes": saved.strides[0],
-            "first_until": until,
-            "between": between,
-            "trajectories": self.B,
-            "ended": self.marks[ENDED].ctypes.data,
-            "passed": self.marks[PASSED].ctypes.data,
-            "careful": careful,
-            "careful_arguments": own.ctypes.data if careful else 0,
-            "until": until,
-            "row": saved.ctypes.data,
-        }
-        return np.array(DriverArguments(**numbers), np.int64), (arrays, own, plan)
+        plan = plan_of(self.scheme.stages, self.table)
+        numbers = DriverArguments(
+            x=self.x.ctypes.data,
+            lines=self.count,
+            block=block,
+            steps=steps,
+            plan=plan.ctypes.data,
+            stages=len(plan),
+            bases=0 if self.bases is None else self.bases.ctypes.data,
+            first_row=saved.ctypes.data,
+            row_bytes=saved.strides[0],
+            first_until=until,
+            between=between,
+            trajectories=self.B,
+            ended=self.marks[ENDED].ctypes.data,
+            passed=self.marks[PASSED].ctypes.data,
+            careful=careful,
+            careful_arguments=own.ctypes.data if careful else 0,
+            until=until,
+            row=saved.ctypes.data,
+        )
+        return np.array(numbers, np.int64), (arrays, own, plan)
 
 
 def _is_dense(step):

@@ -155,8 +155,8 @@ class Factors:
             return value
         return self.values.emit("fmul", value, self.inverse[k])
 
-    def is_accurate(self, most=np.inf):
-        """Return whether the least modulus of a pivot, at most `most`, is above its limit.
+    def is_accurate(self):
+        """Return whether the least modulus of a pivot is above its limit.
 
         That is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
         elimination.
@@ -167,10 +167,10 @@ class Factors:
             if self.original[k] not in (None, self.diagonal[k]):
                 largest.append(abs(1.0 - number(self.original[k])))
         limit = LEAST_PIVOT * self._extreme("max", [*largest, *sizes])
-        return self._extreme("min", [self._least_constant(most), *sizes]) > limit
+        return self._extreme("min", [self._least_constant(), *sizes]) > limit
 
-    def is_good(self, most=np.inf):
-        """Return whether the least pivot, at most `most`, is above a bound of its limit.
+    def is_good(self):
+        """Return whether the least pivot is above a bound of its limit.
 
         The bound holds if all pivots are positive, and takes fewer operations than the limit.
         """
@@ -179,7 +179,7 @@ class Factors:
             if self.original[k] not in (None, self.diagonal[k]):
                 largest.append(abs(self.values.number(self.original[k])))
         largest = 1.0 + self._extreme("max", [*largest, *pivots])
-        return self._extreme("min", [self._least_constant(most), *pivots]) > LEAST_PIVOT * largest
+        return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
         """Return the "min" or "max" of numbers; those of parameters alone come first."""
@@ -189,9 +189,9 @@ class Factors:
             (fixed if self.values.is_fixed(a.number) else others).append(a)
         return joined(instruction, [joined(instruction, fixed), *others])
 
-    def _least_constant(self, most):
-        """Return the least of `most` and of the pivots that are 1 for all states."""
-        return min(most, 1.0 if len(self.pivot) < len(self.order) else np.inf)
+    def _least_constant(self):
+        """Return the least of the pivots that are 1 for all states, infinity without any."""
+        return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
 def elimination_order(pattern, D):

@@ -240,6 +240,13 @@ def of_one_sign(indices):
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 
 
+def _plan_of(indices, D):
+    """Return an order of elimination, what is filled, and the entries that depend on the state."""
+    pattern, varying = places_of(indices, D)
+    order = elimination_order(pattern, D)
+    return order, filled(pattern, order), varying
+
+
 class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
@@ -267,35 +274,36 @@ class Step:
 
     good = accurate = negative = changed = factors = None  # without a plan
 
-    def __init__(self, indices, D, carried=0, keeps_signs=False):
-        values = self._begin(indices, D, carried, keeps_signs)
-        pattern, varying = places_of(indices, D)
-        order, right = elimination_order(pattern, D), {}
-        fill = filled(pattern, order)
+    def __init__(self, indices, D, keeps_signs=False):
+        self._begin(indices, D, keeps_signs)
+        order, fill, varying = _plan_of(indices, D)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
         self.is_sparse = work < sizes.SPARSE * D**3
         most = sizes.OF_LATTICE if self.is_sparse else sizes.OF_DENSE
         if work - of_state > sizes.LONGEST_ONCE or of_state > most:
             return
-        matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
-        self.factors = Factors(matrix, order, fill, right)
-        for k in reversed(order):
-            right[k] = self.factors.backward(k, right)
-        halves = {k: half for k, half in sorted(right.items()) if half is not None}
-        for k, half in halves.items():
-            self.after[k] = values.total(k, [(2.0, half)])
-        self._add_tests(halves)
+        self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
         self._separate_fixed()
 
-    def _begin(self, indices, D, carried, keeps_signs):
+    def _begin(self, indices, D, keeps_signs):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        self.values = Values(D + self.T + carried, range(D, D + self.T))
+        self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.own_D = D  # components of x
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
-        return self.values
+
+    def _increments(self, indices, D, halves, order, fill):
+        """Add elimination and the next state; return half of each increment that is not 0."""
+        right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
+        self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
+        for k in reversed(order):
+            right[k] = self.factors.backward(k, right)
+        found = {k: half for k, half in sorted(right.items()) if half is not None}
+        for k, half in found.items():
+            self.after[k] = self.values.total(k, [(2.0, half)])
+        return found
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > sizes.CODE)
@@ -311,7 +319,7 @@ class Step:
         parts = {k: abs(number(half)) for k, half in halves.items()}
         limits = {k: SMALL_PART * part for k, part in parts.items()}
         common = [sizes[k] >= limits[k] for k in halves]
-        tests = [*common, *self._good_pivots()]
+        tests = [*common, self.factors.is_good()]
         tested = sorted(self.of_one_sign) if self.keeps_signs else []
         tests += [(number(k) < 0.0) ^ (after[k] >= 0.0) for k in tested]
         if halves:
@@ -333,7 +341,7 @@ class Step:
             for k in halves:
                 self.after_rare[k] = keeps.select(after[k], number(following[k])).number
             tests.append(joined("fadd", [abs(number(following[k])) for k in halves]) < np.inf)
-        self.accurate = joined("and", [*tests, *self._accurate_pivots()]).number
+        self.accurate = joined("and", [*tests, self.factors.is_accurate()]).number
         negative = [number(pivot) < 0.0 for pivot in self.factors.pivot.values()]
         self.negative = joined("xor", negative or [number(1.0) < 0.0]).number
         changes = []
@@ -353,14 +361,6 @@ class Step:
             right[k] = self.factors.backward(k, right)
         return right
 
-    def _good_pivots(self):
-        """Return the tests of the pivots for `good`."""
-        return [self.factors.is_good()]
-
-    def _accurate_pivots(self):
-        """Return the tests of the pivots for `accurate`."""
-        return [self.factors.is_accurate()]
-
     def _separate_fixed(self):
         """Separate the operations on parameters alone, and list which of their values are used."""
         fixed, table = self.values.fixed, {}
@@ -369,15 +369,11 @@ class Step:
         others = [operation for operation in self.values.operations if operation[1] not in fixed]
         for _, _, operands in others:
             table |= dict.fromkeys(a for a in operands if type(a) is int and a in fixed)
-        table.update(dict.fromkeys(number for number in self._results() if number in fixed))
+        table |= dict.fromkeys(a for a in (*self.after, *self.after_rare) if a in fixed)
         self.table = [*table]
         self.places = {number: place for place, number in enumerate(self.table)}
         self.usual = [operation for operation in others if operation[1] not in rare]
         self.rare = [operation for operation in others if operation[1] in rare]
-
-    def _results(self):
-        """Return the numbers of values that are read after the operations."""
-        return [*self.after, *self.after_rare]
 
     def table_of(self, halves):
         """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
@@ -404,27 +400,18 @@ class Tangent(Step):
 
     def __init__(self, indices, D, keeps_signs=False, lengths=True):
         size = D * (1 + D) + D * lengths
-        values = self._begin(indices, size, 0, keeps_signs)
-        self.own_D = D
-        halves = range(size, size + indices.shape[1])
-        pattern, varying = places_of(indices, D)
-        order, right = elimination_order(pattern, D), {}
-        fill = filled(pattern, order)
+        self._begin(indices, size, keeps_signs)
+        order, fill, varying = _plan_of(indices, D)
+        self.own_D, halves = D, range(size, size + indices.shape[1])
         if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
             return
-        matrix = self.matrix = Matrix(indices, D, values, range(D), halves)
-        self.factors = Factors(matrix, order, fill, right)
-        for k in reversed(order):
-            right[k] = self.factors.backward(k, right)
-        halves_of = {k: half for k, half in sorted(right.items()) if half is not None}
-        for k, half in halves_of.items():
-            self.after[k] = values.total(k, [(2.0, half)])
-        columns = self._columns(Matrix(indices, D, values, self.after[:D], halves), D)
+        increments = self._increments(indices, D, halves, order, fill)
+        columns = self._columns(Matrix(indices, D, self.values, self.after[:D], halves), D)
         if lengths:
             columns = self._orthonormal(columns, D)
         self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
         self.D = D
-        self._add_tests(halves_of)
+        self._add_tests(increments)
         self.D = size
         self.after_rare[D:] = self.after[D:]
         self._separate_fixed()

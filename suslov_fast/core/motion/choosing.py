@@ -277,18 +277,6 @@ def _put_all(lines, truth):
         table = text.array(lines.table)
         for k in text.each(len(derived)):
             table.choose(truth, places[k], work.derived[k])
-        _put_copies(lines)
-
-
-def _put_copies(lines):
-    """Write what functions of long lists read of the table once more."""
-    places, copies = lines.half.copies()
-    if len(places):
-        text = lines.text
-        sources, targets = text.constants(places), text.constants(copies)
-        table = text.array(lines.table)
-        for k in text.each(len(places)):
-            table[targets[k]] = table[sources[k]]
 
 
 def _put_choices(lines, truth, kinds, found, place):
@@ -307,7 +295,6 @@ def _put_choices(lines, truth, kinds, found, place):
             shift = shift_of(f, first + k)
             _put_interval(lines, kind, truth.bits(), found.after(k), place, shift)
             place += Table.ROWS
-    _put_copies(lines)
 
 
 def shift_of(f, number):

@@ -292,18 +292,18 @@ class Motion:
         of_f = np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
         return np.where(np.isnan(x).any(axis=0), Cause.NO_STATE, of_f)
 
-    def _table(self, half, which):
+    def _table(self, which):
         """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
         if self.table.ndim == 1:
-            return half.table_of(self.table)
-        return np.ascontiguousarray(half.table_of(self.table[which].T).T)
+            return self.table.copy()
+        return np.ascontiguousarray(self.table[which])
 
     def _steps(self, half, rows, which, W, abandoned):
         """Take steps of one half of trajectories (K, rows), until none is in it.
 
         `which` are their numbers; `places` count the times that they have reached.
         """
-        table = self._table(half, which)
+        table = self._table(which)
         take = self._taker(half, rows, table, W)
         while not abandoned:
             is_done = take()
@@ -320,7 +320,7 @@ class Motion:
     def keep_choices(self, which, table):
         """Keep the choices that the code has written to the tables of trajectories."""
         if self.f.conditions:
-            self.table[which] = table[:, : self.table.shape[1]]
+            self.table[which] = table
 
     def _taker(self, half, rows, table, W):
         """Return the function that takes steps of trajectories, and returns whether it is done."""

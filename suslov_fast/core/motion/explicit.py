@@ -46,7 +46,6 @@ class ExplicitColumns(Scope):
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold
     function = "columns"
-    splits = True  # whether columns tell how far their two halves lie apart
 
     def __init__(self, text, half, name, for_each):
         super().__init__(text, half, name, for_each)

@@ -36,7 +36,7 @@ class _Memory:
     def __init__(self, f, settings, sign, B, for_each):
         half = self.half = half_of(f, bool(settings.stiff), settings.atol is not None)
         places, count = half.rows, B * half.rows.size
-        shape = (B, half.numbers) if for_each else (half.numbers,)
+        shape = (B, len(f.table)) if for_each else (len(f.table),)
         self.all = np.zeros(count + math.prod(shape))
         self.rows, self.table = self.all[:count].reshape(B, -1), self.all[count:].reshape(shape)
         rows, self.numbers = self.rows, numbers_of(settings, sign)[:]
@@ -83,7 +83,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
         memory = _Memory(*key)
     half, taker = memory.half, memory.taker
     if (source := table.tobytes()) != memory.source:
-        memory.first_table[:], memory.source = half.table_of(table.T).T, source
+        memory.first_table[:], memory.source = table, source
     if (moduli := times.tobytes()) != memory.moduli:
         memory.set_times(moduli, settings)
     memory.now[:] = memory.first
@@ -100,7 +100,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
         pass
     states = np.ndarray((len(times), B, f.D), np.float64, states)
     if memory.state.tolist().count(State.DONE) < B or _GREW in memory.low.tobytes():
-        own = memory.table[:, : len(f.table)].copy() if f.conditions else None
+        own = memory.table.copy() if f.conditions else None
         found = states, None, None, (memory.rows.copy(), own, records)
     else:
         found = states, memory.steps.astype(np.int64), records, None

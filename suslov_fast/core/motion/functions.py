@@ -2,16 +2,14 @@
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
 writes rows at another. Lists of operations are straight-line code, long ones in blocks, and dense
-matrices have loops. `numbers(table)` are the `reads` numbers that it reads after the table of f,
-and `scratch` the rows that it needs for itself.
+matrices have loops. `scratch` are the rows that it needs for itself.
 """
 
 from collections import defaultdict
 
 import numpy as np
 
-from ..code.sparse_code import ARRAYS, Arrays, add_factors, add_solution, lengths_of
-from ..code.text import Carried, Index, Shared
+from ..code.text import Carried, Shared
 from ..lists.step import OF_LIBRARY, OF_LISTS
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
@@ -27,17 +25,14 @@ class OfList:
     Results that are None are not there: their rows stay as they are.
     """
 
-    scratch, reads, called = 0, 0, frozenset()
+    scratch = 0
 
-    def __init__(self, list_, inputs, places):
-        self.list_, self.inputs, self.places = list_, inputs, places
+    def __init__(self, list_, inputs, places=None):
+        self.list_, self.inputs, self.places = list_, inputs, places or {}
         self.length = len(list_.operations)
         instructions = {instruction for instruction, *_ in list_.operations}
         self.calls = not instructions.isdisjoint(OF_LISTS)
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
-
-    def numbers(self, table):
-        return table[:0]
 
     def values(self, text, row, table, for_each):
         """Return the results by their places, where row(k) is the k-th input."""
@@ -60,7 +55,7 @@ class OfList:
             return text.value(a)
         return found[a] if a in found else load(a)
 
-    def add(self, text, name, for_each, first):
+    def add(self, text, name, for_each):
         """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
 
         Inputs are read anew in each block, and results written where they are found.
@@ -99,75 +94,35 @@ class OfList:
                     to[k] = self._result(text, a, {}, load)
 
 
-def of_list(list_, inputs, places=None):
-    """Return the function of a list."""
-    return OfList(list_, inputs, places or {})
+class SparseLoops:
+    """The factors of 1 - s J, or the solution of (1 - s J) v = g, by loops: see `sparse_code`."""
+
+    def __init__(self, plan, add):
+        self.plan, self.add_function, self.scratch = plan, add, len(plan.order)
+
+    def add(self, text, name, for_each):
+        """Add the function."""
+        self.add_function(text, name, self.plan)
 
 
-_ADDRESSES = "%from", "%table", "%to", "%scratch"
-
-
-class _Loops:
-    """A function that is written as loops; it may call others, `parts`, by their names.
-
-    `own` are the rows of its scratch before those of the parts.
-    """
-
-    length, own, parts = np.inf, 0, {}
-    scratch = property(
-        lambda self: self.own + max((a.scratch for a in self.parts.values()), default=0)
-    )
-    reads = property(lambda self: sum(part.reads for part in self.parts.values()))
-    called = property(lambda self: frozenset().union(*(a.called for a in self.parts.values())))
-
-    def numbers(self, table):
-        return np.concatenate([table[:0], *(part.numbers(table) for part in self.parts.values())])
-
-    def add(self, text, name, for_each, first):
-        """Add the parts as functions name_part, and the function itself, whose text is `write`."""
-        for key, part in self.parts.items():
-            part.add(text, f"{name}_{key}", for_each, first)
-            first += part.reads
-        with text.function(name):
-            self.write(text, name, for_each)
-
-
-class SparseFactors(_Loops):
-    """The factors of 1 - s J by loops, for entries of J in some places, see `sparse_code`."""
-
-    add_function = staticmethod(add_factors)
-
-    def __init__(self, plan):
-        self.plan, self.own = plan, len(plan.order)
-
-    def add(self, text, name, for_each, first):
-        plan = self.plan
-
-        def arrays_of(*names):
-            lengths = [Index(text, n) for n in lengths_of(plan)]
-            arrays = {k: text.constants(getattr(plan, k)).base for k in names}
-            return Arrays(*lengths, *(arrays.get(k) for k in ARRAYS))
-
-        self.add_function(text, name, arrays_of)
-
-
-class SparseSolution(SparseFactors):
-    """The solution of (1 - s J) v = g from these factors, in place of g."""
-
-    add_function = staticmethod(add_solution)
-
-
-class DenseQuadratic(_Loops):
+class DenseQuadratic:
     """f, or f', of a dense quadratic field: sums over all its coefficients.
 
     f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; in the table each component has
     c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
+    length, scratch = np.inf, 0
+
     def __init__(self, D, is_derivative):
         self.D, self.is_derivative = D, is_derivative
 
-    def write(self, text, name, for_each):
+    def add(self, text, name, for_each):
+        """Add the function."""
+        with text.function(name):
+            self._write(text, for_each)
+
+    def _write(self, text, for_each):
         D, x, f = self.D, text.array("%from"), text.array("%to")
         numbers = text.array("%table") if for_each else Shared(text, "%table")
 
@@ -192,13 +147,20 @@ class DenseQuadratic(_Loops):
             f[i] = sums.f
 
 
-class DenseProduct(_Loops):
+class DenseProduct:
     """f' times a vector, for all entries of f' in rows, s, and the vector."""
+
+    scratch = 0
 
     def __init__(self, D):
         self.D = D
 
-    def write(self, text, name, for_each):
+    def add(self, text, name, for_each):
+        """Add the function."""
+        with text.function(name):
+            self._write(text)
+
+    def _write(self, text):
         D, f = self.D, text.array("%to")
         entries, vector = text.array("%from"), text.array("%from", D * D + 1)
         for i in text.each(D):

@@ -1,10 +1,8 @@
 """The two halves of the motion of a right-hand side: the functions that their code is made of."""
 
 import functools
-import itertools
 
-import numpy as np
-
+from ..code.sparse_code import add_factors, add_solution
 from ..lists.changes import OF_SURFACE, read_by
 from ..lists.elimination import Elimination, operations_of
 from ..lists.hidden import POINTS, Hidden
@@ -16,14 +14,7 @@ from ..lists.two_sets import part_of, sets_of
 from ..lists.variational import Variational
 from . import errors
 from .columns import EXPLICIT, IMPLICIT
-from .functions import (
-    LONGEST,
-    DenseProduct,
-    DenseQuadratic,
-    SparseFactors,
-    SparseSolution,
-    of_list,
-)
+from .functions import LONGEST, DenseProduct, DenseQuadratic, OfList, SparseLoops
 from .rows import OF_CHANGES, Rows, Work, firsts_of
 
 
@@ -35,7 +26,6 @@ class Half:
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
     sets         `Sets` of all components if explicit columns are Störmer's, else None; then `f_a`
                  and `f_b` are the rates of each
-    numbers      how many numbers the table of a trajectory has
     largest      the rule for the size of all components
     allowed      the rule for the error that one may have
     parts        the first components and the numbers of those that have a size together: what
@@ -48,8 +38,6 @@ class Half:
     pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
     rows, work   `Rows` of a trajectory, and `Work`
     is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
-    pivots       how many pivots of 1 - s f' the implicit half writes before other factors
-    is_long      whether loops carry out f or the elimination
     codes        addresses of its code, see `engine.code_of_half`
     """
 
@@ -70,18 +58,17 @@ class Half:
         self.watched = self.block.D if f.watch else 0
         self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
-        self.is_long = f.is_dense or f.work > LONGEST
         self.changes = f.changes
         self.sets = None if is_implicit else sets_of(f)
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         else:
             self.functions = {
-                "f": of_list(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+                "f": OfList(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
-                self.functions[name] = of_list(part_of(f.f, components), D, f.places)
+                self.functions[name] = OfList(part_of(f.f, components), D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = _read(f.watched, self.watched) if self.watched else []
         self.hidden = f.hidden or Hidden()
@@ -92,7 +79,6 @@ class Half:
         if f.conditions:
             self._add_choices()
         factors = self._add_implicit() if is_implicit else 0
-        self.numbers = len(f.table) + sum(function.reads for function in self.functions.values())
         self._set_rows(factors)
 
     def _set_rows(self, factors):
@@ -110,7 +96,7 @@ class Half:
         columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
         jumps = bool(chooses and f.conditions.jumps and f is not block)
         self.work = firsts_of(Work, of_f | {
-            "line": self.rows.size, "table": self.numbers, "start": D, "a": D, "ends": columns,
+            "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
             "jacobian": f.entries + 1 + D if self.is_implicit else 0,
@@ -138,7 +124,7 @@ class Half:
         sides = 2 * (f.changes.surfaces if f.changes else 0)
         for name, list_ in (("surfaces", f.watched), ("phases", self.hidden.phases)):
             if list_:
-                self.functions[name] = of_list(list_, D, self.block.places)
+                self.functions[name] = OfList(list_, D, self.block.places)
         of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
         for name, list_, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
@@ -148,7 +134,7 @@ class Half:
         ):
             if list_:
                 places = {first + k: k for k in range(len(self.block.table))}
-                self.functions[name] = of_list(list_, first, places)
+                self.functions[name] = OfList(list_, first, places)
 
     def _add_changes(self):
         """Add the functions of changes."""
@@ -159,18 +145,18 @@ class Half:
             places = {rows + p: p for p in range(P)}
             if self.f is not block:  # whose scales follow the table of f
                 places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
-            self.functions[name] = of_list(list_, rows, places)
+            self.functions[name] = OfList(list_, rows, places)
 
     def _add_choices(self):
         """Add the functions of choices."""
         f, conditions = self.block, self.f.conditions
         given = conditions.P + conditions.jumps + conditions.kinks
         places = {f.D + p: p for p in range(given)}
-        self.functions["choices"] = of_list(f.choices, f.D, places)
+        self.functions["choices"] = OfList(f.choices, f.D, places)
         if f.derived.results:
-            self.functions["derived"] = of_list(f.derived, 0, places)
+            self.functions["derived"] = OfList(f.derived, 0, places)
         if f is not self.f and conditions.jumps:
-            self.functions["slopes"] = of_list(f.slopes, f.D, f.places)
+            self.functions["slopes"] = OfList(f.slopes, f.D, f.places)
 
     def _add_implicit(self):
         """Add the functions of the implicit half; return the number of factors."""
@@ -179,19 +165,20 @@ class Half:
             functions["j"] = DenseQuadratic(D, True)
             functions["power"] = DenseProduct(D)
         else:
-            functions["j"] = of_list(f.derivative, D, f.places)
-            functions["power"] = of_list(_product(f), f.entries + 1 + D)
+            functions["j"] = OfList(f.derivative, D, f.places)
+            functions["power"] = OfList(_product(f), f.entries + 1 + D)
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:
-            plan, self.is_long = Sparse(f.pattern, order, fill), True
-            functions["factor"], functions["solve"] = SparseFactors(plan), SparseSolution(plan)
+            plan = Sparse(f.pattern, order, fill)
+            functions["factor"] = SparseLoops(plan, add_factors)
+            functions["solve"] = SparseLoops(plan, add_solution)
             count, self.pivots = D + plan.size, D
         else:
             elimination = Elimination(f.pattern, order, fill)
             count, self.pivots = len(elimination.factors.results), elimination.pivots
-            functions["factor"] = of_list(elimination.factors, f.entries + 1)
-            functions["solve"] = of_list(elimination.solution, count + D)
+            functions["factor"] = OfList(elimination.factors, f.entries + 1)
+            functions["solve"] = OfList(elimination.solution, count + D)
         return count
 
     @property
@@ -203,27 +190,6 @@ class Half:
     def key(self):
         """A tuple that tells the code of this half from that of others."""
         return self.f.key, self.is_implicit, self.has_atol, self.sets is None
-
-    def table_of(self, table):
-        """Return the table (n, ...) of f with the numbers that functions read after it."""
-        numbers = [function.numbers(table) for function in self.functions.values()]
-        return np.concatenate([table, *numbers])
-
-    def copies(self):
-        """Return the places in the table of f of which functions read copies, and those of these.
-
-        Places of f stand once for each copy.
-        """
-        n = len(self.f.table)
-        (of, others) = (self.table_of(np.arange(first, first + n)) for first in (0.0, n + 0.5))
-        (where,) = np.nonzero(of[n:] != others[n:])
-        return of[n + where].astype(np.int64), n + where
-
-    def firsts(self):
-        """Return the places of these numbers, by names of functions."""
-        counts = [function.reads for function in self.functions.values()]
-        firsts = itertools.accumulate(counts, initial=len(self.f.table))
-        return dict(zip(self.functions, firsts, strict=False))
 
 
 def _read(list_, D):

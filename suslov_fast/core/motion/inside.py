@@ -201,20 +201,6 @@ def _find_nodes(lines):
         work.accepted.choose(fails, 0, 0.0)
 
 
-def put_points(lines):
-    """Yield v quarters of a step whose state is in `start` then, at the ends of its eighths.
-
-    `signed` is the length of a quarter.
-    """
-    own = weights(EXPLICIT, 2)
-    _take_quarters(
-        lines, len(EXPLICIT), lambda i: weighted(own, lines.of_columns(lines.work.ends, i))
-    )
-    for part in range(1, 8):
-        _put_between(lines, weights_at(0.5 * part))
-        yield part
-
-
 def _take_quarters(lines, count, end):
     """Find the nodes by so many columns; `end(i)` is that of component i of a quarter, less x."""
     text, work, D = lines.text, lines.work, lines.D

@@ -26,7 +26,7 @@ def attempts(f, table, x, last, settings):
         if state in (BEGINS, 1 - mode):  # the first half, or the other one
             mode = int(max(state, State.EXPLICIT))
             half = half_of(f, mode == State.IMPLICIT, motion.has_atol)
-            of_half = motion._table(half, which)
+            of_half = motion._table(which)
             take = motion._taker(half, rows, of_half, 1)
         while not take():
             pass

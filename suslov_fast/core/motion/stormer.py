@@ -24,7 +24,7 @@ from .lengths import ROUGH
 class StormerColumns(ExplicitColumns):
     """The function `columns` where there are `Half.sets`, see `ExplicitColumns`."""
 
-    names, splits = OF_SETS, False
+    names = OF_SETS
 
     def __init__(self, text, half, name, for_each):
         super().__init__(text, half, name, for_each)

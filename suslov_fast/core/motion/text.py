@@ -31,9 +31,9 @@ def text_of_half(half, name, W, for_each):
     It takes steps of all trajectories in this half and returns 1; or 0 when the budget is spent, to
     go on in the next call. A lane whose trajectory ends takes the next one.
     """
-    text, firsts = Code(W), half.firsts()
+    text = Code(W)
     for key, function in half.functions.items():
-        function.add(text, f"{name}_{key}", for_each, firsts[key])
+        function.add(text, f"{name}_{key}", for_each)
     explicit = StormerColumns if half.sets else ExplicitColumns
     columns = ImplicitColumns if half.is_implicit else explicit
     columns(text, half, name, for_each).add()

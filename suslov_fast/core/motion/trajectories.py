@@ -27,7 +27,7 @@ def take_next(lines, free):
             text.copy_numbers(of.rows + number * (8 * size), 8, line, text.size, size)
             if lines.for_each:
                 at = of.table + number * of.table_bytes
-                text.copy_numbers(at, 8, lines.table + offset, text.size, lines.half.numbers)
+                text.copy_numbers(at, 8, lines.table + offset, text.size, len(lines.f.table))
     begins = lines.line.state[0] < 0.0
     with text.when(begins.any()):
         _begin(lines, begins)
@@ -38,7 +38,7 @@ def _write_back(lines, offset, own):
     text, of, half = lines.text, lines.of, lines.half
     parts = [(lines.line.x.at(), of.rows, 8 * half.rows.size, half.rows.size)]
     if half.f.conditions:  # whose choices stand in the table
-        parts.append((lines.table, of.table, of.table_bytes, half.numbers))
+        parts.append((lines.table, of.table, of.table_bytes, len(half.f.table)))
     with text.when(own.differs(0)):
         number = own - 1
         for source, target, size, count in parts:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from numbers import Real
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -23,6 +24,11 @@ from .fields.terms import collected
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.
 _ROUNDING = 1e-12
+
+
+def _exact(a: Any) -> Any:
+    """Return a number as a fraction, and a rational function as it is."""
+    return Fraction(a) if isinstance(a, Real) else a
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +61,7 @@ class _In3D(Body):
 
     @cached_property
     def _field(self) -> Field:
-        I1, I2, *form = self.constants if self.shape else map(Fraction, self.constants)
+        I1, I2, *form = self.constants if self.shape else map(_exact, self.constants)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
         rows = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]

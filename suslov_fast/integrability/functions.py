@@ -29,17 +29,19 @@ from .polynomials import (
     Polynomials,
     decoded,
     degree_of,
-    has_eps,
     irreducible_factors,
     letter_of,
+    letters_in,
     modulo,
     polynomial_ring,
     polynomials_with,
     prime_of,
     renamed,
+    ring_with_letters,
     sort_key,
     value_at,
     variables_of,
+    with_values,
 )
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
@@ -54,6 +56,7 @@ class WithLetter:
 
     letter: Any  # its name, "" without one
     _at: Any  # the method that returns the same for a number in place of the letter
+    _with: Any  # the same for numbers in place of some of several letters
 
     @property
     def is_symbolic(self) -> bool:
@@ -86,7 +89,21 @@ class WithLetter:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
+        if len(self.letters) > 1:
+            return self._with(self._values(value, named))
         return self._at(value_of(self._letter_of(named), value, named))
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """The names of all letters."""
+        return (self.letter,) if self.letter else ()
+
+    def _values(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
+        """Return the numbers that a call gives for some of several letters."""
+        if value or not named or {*named} - {*self.letters}:
+            got = ", ".join([*map(short, value), *named]) or "none"
+            raise TypeError(f"letters: pass some of {', '.join(self.letters)} by name, not {got}")
+        return {name: arithmetic.constant(name, a) for name, a in named.items()}
 
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         """Return the letter that a value, which may have its name, is for."""
@@ -117,9 +134,15 @@ class RationalFunction(WithLetter):
     def __call__(self, x: Any, *value: Any, **named: Any) -> Any:
         """Return the value at a point as a fraction, or at states (..., n, D) as floats.
 
-        A function with a symbolic eps needs its value.
+        A function with a symbolic eps, or with letters, needs their values.
         """
-        point = [value_of(self.letter, value, named)] if self.is_symbolic else []
+        if len(self.letters) > 1:
+            numbers = self._values(value, named)
+            if missing := ", ".join(name for name in self.letters if name not in numbers):
+                raise TypeError(f"{missing}: pass a number for each letter, by name")
+            point = [numbers[name] for name in self.letters]
+        else:
+            point = [value_of(self.letter, value, named)] if self.is_symbolic else []
         if np.ndim(x) > 1:
             return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
         if self.factors:
@@ -148,6 +171,12 @@ class RationalFunction(WithLetter):
         """The name of the symbol in the coefficients, such as eps; "" without one."""
         return letter_of(self.factors[0][0]) if self.factors else ""
 
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """The names of the symbols in the coefficients, such as eps."""
+        count = letters_in(self.factors[0][0]) if self.factors else 0
+        return tuple(map(decoded, self._ring.names()[:count])) if count else ()
+
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         return self.letter or next(iter(named), "eps")  # a constant has none, and needs none
 
@@ -159,8 +188,22 @@ class RationalFunction(WithLetter):
             where = f"{self.letter} = {number}"
             raise ZeroDivisionError(f"{self} has no value at {where}") from None
         cofactor = self.cofactor and self.cofactor.subs(number)
-        names = self.factors and self._ring.names()[has_eps(self.factors[0][0]) :]
+        names = self.factors and self._ring.names()[letters_in(self.factors[0][0]) :]
         return replace(product.renamed(names or None), basis=self.basis, cofactor=cofactor)
+
+    def _with(self, values: Mapping[str, Fraction]) -> RationalFunction:
+        numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
+        try:
+            powers = [factored(with_values(P, numbers)) ** e for P, e in self.factors]
+        except ZeroDivisionError:
+            where = ", ".join(f"{name} = {a}" for name, a in values.items())
+            raise ZeroDivisionError(f"{self} has no value at {where}") from None
+        product = math.prod(powers, start=RationalFunction((), self.constant))
+        cofactor = self.cofactor and self.cofactor._with(values)
+        return replace(product, basis=self.basis, cofactor=cofactor)
+
+    def __bool__(self) -> bool:
+        return self.constant != 0
 
     def _sympy_(self) -> Any:
         """Return the formula in SymPy, which asks for it, with symbols of the names in it.
@@ -182,7 +225,9 @@ class RationalFunction(WithLetter):
         """The rational eps at which a factor is 0 for all x."""
         values = set()
         for P, _ in self.factors:
-            if degree_of(P) == 0 and P.total_degree() == 1:  # a * eps + b
+            if (
+                len(self.letters) == 1 and degree_of(P) == 0 and P.total_degree() == 1
+            ):  # a * eps + b
                 a, *b = map(int, P.coeffs())
                 values.add(Fraction(-sum(b), a))
         return tuple(sorted(values))
@@ -347,13 +392,14 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
     return arithmetic.constant(letter, *value, *named.values())
 
 
-def traced(name: str, f: Any, n: int, letter: str = "") -> list[Any]:
+def traced(name: str, f: Any, n: int, letters: Sequence[str] = ()) -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
-    given: dict[str, Any] = {letter: 0} if letter else {}
-    check_function(name, f, labels(n), given)
-    ring = polynomial_ring(n, bool(letter))
+    check_function(name, f, labels(n), dict.fromkeys(letters, 0))
+    several = len(letters) > 1
+    ring = ring_with_letters(n, letters) if several else polynomial_ring(n, bool(letters))
     symbols = [*map(factored, ring.gens())]
-    given = {letter: symbols.pop(0)} if letter else {}
+    given = dict(zip(letters, symbols, strict=False))
+    del symbols[: len(letters)]
     components = quotients_by(name, f, symbols, **given)
     if len(components) != n:
         raise ValueError(f"{name} must return {n} components, not {len(components)}")
@@ -414,7 +460,7 @@ def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
 
     Its coefficients, lowest first, are a row that `over_rationals` returns.
     """
-    symbolic = has_eps(ring.gens()[0])
+    symbolic = letters_in(ring.gens()[0])
     powers = tuple((k,) for k in range(len(coefficients)))
     (f,) = polynomials_with([coefficients], powers, symbolic)
     *_, t = f.context().gens()

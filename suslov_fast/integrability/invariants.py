@@ -41,7 +41,7 @@ from .polynomials import (
     degree_of,
     exponents_in_x,
     has_constant_term,
-    has_eps,
+    letters_in,
     limit,
     modulo,
     rank,
@@ -499,7 +499,7 @@ def _order_of_denominator(P: Any) -> tuple[Any, ...]:
 def is_definite(P: Any) -> bool:
     """Return True if a polynomial has one sign at random points, near 0 and far away."""
     rng, signs = random.Random(0), set()
-    symbolic, n = has_eps(P), variables_of(P)
+    symbolic, n = letters_in(P), variables_of(P)
     for k in range(_SIGNS):
         size = 10 ** (k % 7)
         x = [rng.randrange(-size, size + 1) for _ in range(n)]
@@ -530,7 +530,7 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
 
 def _coefficient(P: Any, monomial: tuple[int, ...]) -> Any:
     """Return the coefficient of a monomial in x, a polynomial in eps if it is symbolic."""
-    symbolic = has_eps(P)
+    symbolic = letters_in(P)
     zeros = [0] * len(monomial)
     terms = {(*e[:symbolic], *zeros): c for e, c in P.to_dict().items() if e[symbolic:] == monomial}
     return P.context().from_dict(terms)

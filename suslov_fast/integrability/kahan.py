@@ -26,7 +26,7 @@ from ..keywords import public
 from .arithmetic import as_written, constant, matrix
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, check_map
-from .polynomials import coprime, cramer, degree_of, has_eps, primitive
+from .polynomials import coprime, cramer, degree_of, letters_in, primitive
 
 _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looked for
 
@@ -89,17 +89,10 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
-        (indices, values), D = self.terms, self.dimension
+        indices, values = self.terms
         # Half of a product belongs to each order of its two factors.
         halves = np.where(indices[1] == indices[2], values, values / 2)
-        terms, scale = _integers(Terms(indices, halves))
-        forms: list[list[dict[int, list[int]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
-        for i in range(D):  # at eps = 0, A is the unit matrix and b is x
-            forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]
-        for (i, *pair), v in terms:
-            for j, k in {(*pair,), (*pair[::-1],)}:
-                forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
-        return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
+        return rows_of(*_integers(Terms(indices, halves)), self.dimension)
 
     @cached_property
     def _forms(self) -> list[Any]:
@@ -224,17 +217,34 @@ class KahanMap(RationalMap):
         """The integral H + grad H (x~ - x) / 3 of a field K grad H; None if it is constant."""
         if (H := self.hamiltonian) is None:
             return None
-        *numerators, F_0 = self.forms
-        energy = 3 * H * F_0  # 3 F_0 times the modified energy
-        for i, (F, x) in enumerate(zip(numerators, self.variables, strict=False), self.is_symbolic):
-            energy += H.derivative(i) * (F - x * F_0)
-        modified = quotient_of(energy, 3 * F_0, MODULAR)
+        energy = energy_of(H, self.forms, self.variables, int(self.is_symbolic))
+        modified = quotient_of(*energy, MODULAR)
         return modified if modified.degree else None
 
 
 def _slope(P: Any, i: int) -> Any:
     """Return the derivative of a polynomial by the variable x of a number, from 0."""
-    return P.derivative(i + has_eps(P))
+    return P.derivative(i + letters_in(P))
+
+
+def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
+    """Return `KahanMap._equations` of terms v x_j x_k, halved for j < k, over a denominator."""
+    forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
+    for i in range(D):  # at eps = 0, A is the unit matrix and b is x
+        forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]
+    for (i, *pair), v in terms:
+        for j, k in {(*pair,), (*pair[::-1],)}:
+            forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
+    return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
+
+
+def energy_of(H: Any, forms: Sequence[Any], x: Sequence[Any], first: int) -> tuple[Any, Any]:
+    """Return numerator and denominator of the modified energy; x has the place `first`."""
+    *numerators, F_0 = forms
+    energy = 3 * H * F_0
+    for i, (F, a) in enumerate(zip(numerators, x, strict=False), first):
+        energy += H.derivative(i) * (F - a * F_0)
+    return energy, 3 * F_0
 
 
 def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
@@ -282,11 +292,10 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
         how = "leave it out, kahan(field), for formulas in eps"
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
-    step = None if eps is None else constant("eps", eps, decimals)
-    if isinstance(field, Field):
-        map = KahanMap(field, step, decimals=decimals)
-    else:
-        map = KahanMap(_exactly(field, decimals).field(), step, decimals=False)
+    exact = _in_decimals(field) if decimals and not isinstance(field, Field) else field
+    map = KahanMap(
+        exact.field(), None if eps is None else constant("eps", eps, decimals), decimals=decimals
+    )
     _ = map.terms  # raises for a field that is not of degree 2
     return map
 
@@ -298,11 +307,7 @@ def checked_map(map: RationalMap | Body) -> RationalMap:
     return checked
 
 
-def _exactly(body: Any, decimals: bool) -> Any:
-    """Return a single body with its fractions, and with its floats as what was written."""
-
-    def read(a: Any) -> Fraction:
-        return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)
-
-    exact = (np.vectorize(read, "O")(body.exact_parts.get(n, a))[()] for n, a in body.parts.items())
-    return body._of(dict(zip(body.parts, exact, strict=True)))
+def _in_decimals(body: Any) -> Any:
+    """Return a single body with its floats as what was written."""
+    decimals = np.vectorize(as_written, "O")
+    return body._of({name: decimals(value)[()] for name, value in body.parts.items()})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -30,6 +30,7 @@ from .functions import (
     over_common_denominator,
     traced,
 )
+from .interpolation import value_of
 from .polynomials import (
     cleared,
     coprime,
@@ -41,12 +42,15 @@ from .polynomials import (
     irreducible_factors,
     modulo,
     polynomial_ring,
+    ring_modulo,
     sort_key,
     value_at,
+    with_values,
 )
 
 TERMS = 300_000  # of the largest polynomial that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
+_NUMBERS = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43)  # in place of letters
 _POINTS = 3  # random points: their common roots in eps are those of all points
 _FEW = 100  # monomials times the degree of a map
 
@@ -233,9 +237,9 @@ class RationalMap(WithLetter):
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.is_symbolic:
-            how = f"set it by map.subs({self.letter}=Fraction(1, 3)); for a formula of it "
+            how = f"set it by map.subs({self.letters[0]}=Fraction(1, 3)); for a formula of it "
             how += "sympy.Matrix([sympy.sympify(F) for F in map.formulas]).jacobian(symbols)"
-            raise TypeError(f"{self.letter} is symbolic here: {how}")
+            raise TypeError(f"{self.letters[0]} is symbolic here: {how}")
         x = arithmetic.rationals("point", point, self.dimension)
         return [arithmetic.fmpq(a) for a in (*x, 1)]
 
@@ -373,6 +377,93 @@ class RationalMap(WithLetter):
         return C * factored(numerator) / factored(denominator)
 
 
+class MapWithLetters(RationalMap):
+    """A birational map with several `letters`, which come before x in its ring.
+
+    `text` is what it is, and `energy` the modified energy, as numerator and denominator, or None.
+    """
+
+    is_invertible = True
+    letters: tuple[str, ...] = ()
+
+    def __init__(
+        self,
+        forms: Sequence[Any],
+        letters: Sequence[str],
+        names: Sequence[str] | None = None,
+        inverse: RationalMap | None = None,
+        text: str = "",
+        energy: Any = None,
+    ) -> None:
+        super().__init__(forms, inverse)
+        self.letters, self.names = tuple(letters), None if names is None else tuple(names)
+        self.text, self.energy = text, energy
+
+    @property
+    def is_symbolic(self) -> Any:
+        """The number of letters."""
+        return len(self.letters)
+
+    @cached_property
+    def ring(self) -> Any:
+        return self.forms[0].context()
+
+    def __repr__(self) -> str:
+        what = self.text or f"Map of {self.dimension} variables"
+        return f"{what}, letters {', '.join(self.letters)}"
+
+    def __reduce__(self) -> Any:
+        parts = self.forms, self.letters, self.names, self.inverse, self.text, self.energy
+        return MapWithLetters, parts
+
+    @cached_property
+    def _terms(self) -> list[dict[Any, dict[Any, int]]]:
+        """The coefficients of monomials in x of the forms, as terms in the letters."""
+        size, found = len(self.letters), [dict[Any, dict[Any, int]]() for _ in self.forms]
+        for of_x, F in zip(found, self.forms, strict=True):
+            for e, c in F.to_dict().items():
+                of_x.setdefault(e[size:], {})[e[:size]] = int(c)
+        return found
+
+    def at(self, values: Sequence[int], p: int) -> RationalMap:
+        """Return the map at numbers modulo a prime, for points modulo this prime."""
+        ring = ring_modulo(p, self.dimension)
+        residues = ({e: value_of(a, values, p) for e, a in F.items()} for F in self._terms)
+        return RationalMap([ring.from_dict({e: c for e, c in F.items() if c}) for F in residues])
+
+    @cached_property
+    def numbers(self) -> dict[str, Fraction]:
+        """Small primes in place of the letters, and the inverse of one in place of eps."""
+        primes = random.Random(0).sample(_NUMBERS[: len(self.letters) + 2], len(self.letters))
+        found = {name: Fraction(a) for name, a in zip(self.letters, primes, strict=True)}
+        return found | ({"eps": 1 / found["eps"]} if "eps" in found else {})
+
+    @cached_property
+    def at_numbers(self) -> RationalMap:
+        """The map at `numbers`."""
+        return self._with(self.numbers)
+
+    def _with(self, values: Mapping[str, Fraction]) -> RationalMap:
+        if missing := ", ".join(name for name in self.letters if name not in values):
+            raise TypeError(f"{missing}: pass a number for each letter of a map, by name")
+        numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
+
+        def at(map: Any, inverse: RationalMap | None = None) -> RationalMap:
+            forms = coprime(cleared(*(with_values(F, numbers) for F in map.forms)))
+            return RationalMap(forms, inverse)
+
+        map = at(self, self.inverse and at(self.inverse, at(self)))
+        map.names = self.names
+        return map
+
+    def at_eps(self, eps: int) -> RationalMap:
+        return self.at_numbers
+
+    def _at(self, value: Fraction) -> Any:
+        how = f"report(map) takes it, and map.subs({self.letters[0]}=..., ...) with all of them"
+        raise TypeError(f"a map with the letters {', '.join(self.letters)}: {how}")
+
+
 @public
 def rational_map(
     f: Callable[..., Any],
@@ -397,7 +488,8 @@ def rational_map(
         `RationalMap.inverse` is None.
     letter : str, optional
         The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
-        `kahan`. What is found then holds for general values, and `subs` sets one.
+        `kahan`. What is found then holds for general values, and `subs` sets one. Several names,
+        ``"a b"``, make a map for `report` alone.
 
     Returns
     -------
@@ -416,14 +508,19 @@ def rational_map(
     ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
-    if letter != "":
-        check_letter(letter, labels(n))
-    forms = traced("f", f, n, letter)
+    letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
+    for name in letters:
+        check_letter(name, labels(n))
+
+    def made(forms: Sequence[Any], inverse: RationalMap | None = None) -> RationalMap:
+        if len(letters) > 1:
+            return MapWithLetters(forms, letters, inverse=inverse)
+        return RationalMap(forms, inverse, *letters)
+
+    forms = traced("f", f, n, letters)
     if inverse is None:
-        return RationalMap(forms, letter=letter)
-    backward = traced("inverse", inverse, n, letter)
-    inverse_map = RationalMap(backward, RationalMap(forms, None, letter), letter)
-    map = RationalMap(forms, inverse_map, letter)
+        return made(forms)
+    map = made(forms, made(traced("inverse", inverse, n, letters), made(forms)))
     if not _takes_images_back(map):
         raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map

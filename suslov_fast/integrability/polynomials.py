@@ -10,13 +10,14 @@ import copyreg
 import math
 import random
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, reduce
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, takewhile
 from typing import Any, TypeVar
 
 import flint
 
+from ..bodies.fields.names import labels
 from .arithmetic import EPS, Rows, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
@@ -48,8 +49,14 @@ def ring_modulo(p: int, n: int) -> Any:
 
 
 def _ring(n: int, symbolic: bool, context: Any, *modulus: int) -> Any:
-    names = ["eps"] * symbolic + [f"x{i}" for i in range(1, n + 1)]
+    names = ["eps"] * symbolic + [*labels(n)]
     return context.get(names, *modulus, ordering="deglex")
+
+
+def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
+    """Return the ring of polynomials in n variables, with letters before them."""
+    names = ("eps" if name == "eps" else _LETTER + _encoded(name) for name in letters)
+    return flint.fmpz_mpoly_ctx.get((*names, *labels(n)), ordering="deglex")
 
 
 def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
@@ -57,18 +64,21 @@ def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
 
     python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
     """
-    old, symbolic = P.context().names(), has_eps(P)
+    old, symbolic = P.context().names(), letters_in(P)
     first = old[:symbolic] if letter in ("", "eps") else [_LETTER + letter] * symbolic
     new = (*first, *(old[symbolic:] if names is None else names))
     if new == old:
         return P
-    encoded = (re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name) for name in new)
-    return _from_terms((*encoded,), P.to_dict())
+    return _from_terms((*map(_encoded, new),), P.to_dict())
+
+
+def _encoded(name: str) -> str:
+    return re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name)
 
 
 def letter_of(P: Any) -> str:
     """Return the name of the letter of a polynomial; "" if it has none."""
-    return decoded(P.context().names()[0]) if has_eps(P) else ""
+    return decoded(P.context().names()[0]) if letters_in(P) else ""
 
 
 def decoded(text: str) -> str:
@@ -77,14 +87,15 @@ def decoded(text: str) -> str:
     return re.sub(r"_u([89a-f][0-9a-f]|[0-9a-f]{3,6})_", lambda code: chr(int(code[1], 16)), text)
 
 
-def has_eps(P: Any) -> bool:
-    first = P.context().names()[:1]
-    return first == ("eps",) or any(name.startswith(_LETTER) for name in first)
+def letters_in(P: Any) -> int:
+    """Return the number of letters, such as eps, which come before the variables x."""
+    names = P.context().names()
+    return len([*takewhile(lambda name: name == "eps" or name.startswith(_LETTER), names)])
 
 
 def variables_of(P: Any) -> int:
     """Return the number of variables x."""
-    return int(P.context().nvars()) - has_eps(P)
+    return int(P.context().nvars()) - letters_in(P)
 
 
 # Monomials and degrees in x.
@@ -101,7 +112,7 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
 
 def exponents_in_x(P: Any) -> list[tuple[int, ...]]:
     """Return the exponents of x in the terms of a polynomial."""
-    first = int(has_eps(P))
+    first = int(letters_in(P))
     return [e[first:] for e in P.monoms()]
 
 
@@ -150,7 +161,7 @@ def primitive(P: Any) -> Any:
 
 
 def _first_coefficient(P: Any) -> Any:
-    if not has_eps(P) or P == 0:
+    if not letters_in(P) or P == 0:
         return P.leading_coefficient()
     exponents = P.monoms()
     lowest = min(e[0] for e in exponents)
@@ -178,7 +189,7 @@ def cleared(*polynomials: Any) -> list[Any]:
 
 def without_content(P: Any) -> Any:
     """Return a polynomial without factors that do not depend on x."""
-    if not has_eps(P):
+    if not letters_in(P):
         return primitive(P)
     powers = irreducible_factors(P)
     return math.prod((f**e for f, e in powers if degree_of(f)), start=P.context().constant(1))
@@ -211,12 +222,12 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
 
 
 def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
-    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with its letter."""
-    symbolic = has_eps(P)
+    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with its letters."""
+    count = letters_in(P)
     terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
     homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
-    of_forms = polynomial_ring(len(forms), symbolic).from_dict(homogeneous)
-    return of_forms.compose(*ring.gens()[:symbolic], *forms, ctx=ring)
+    names = (*P.context().names()[:count], *labels(len(forms)))
+    return _from_terms(names, homogeneous).compose(*ring.gens()[:count], *forms, ctx=ring)
 
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
@@ -247,13 +258,26 @@ def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
 def modulo(P: Any, p: int, eps: Any) -> Any:
     """Return a polynomial in x, at this eps, modulo a prime p or, for p = 0, over the rationals."""
     context: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
-    n, symbolic = variables_of(P), has_eps(P)
+    n, symbolic = variables_of(P), letters_in(P)
     # python-flint 0.9 keeps terms that are 0 modulo p.
     terms = {e: c for e, c in P.to_dict().items() if not p or int(c) % p}
     residue = _ring(n, symbolic, *context).from_dict(terms)
     if symbolic:
         return residue.subs({"eps": eps}).project_to_context(_ring(n, False, *context))
     return residue
+
+
+def with_values(P: Any, values: Mapping[str, Any]) -> Any:
+    """Return a polynomial with numbers in place of letters, over the rationals, without them."""
+    names = P.context().names()
+    given = {
+        name: values[decoded(name)] for name in names[: letters_in(P)] if decoded(name) in values
+    }
+    rationals, left = (
+        flint.fmpq_mpoly_ctx.get(each, ordering="deglex")
+        for each in (names, tuple(name for name in names if name not in given))
+    )
+    return rationals.from_dict(P.to_dict()).subs(given).project_to_context(left)
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
@@ -343,7 +367,7 @@ def polynomials_with(rows: Rows, exponents: Exponents, symbolic: bool = False) -
 
 def limit(P: Any) -> Any:
     """Return the limit of a polynomial for eps to 0, in the same ring."""
-    if not has_eps(P):
+    if not letters_in(P):
         return P
     return P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
 
@@ -354,7 +378,7 @@ def with_independent_limits(space: Sequence[Any]) -> list[Any]:
     A combination of the basis whose limit is 0 is divided by eps, until no such one is left.
     """
     basis = list(space)
-    if not has_eps(basis[0]):
+    if not letters_in(basis[0]):
         return basis
     (eps, *_) = basis[0].context().gens()
     while rank(limits := [*map(limit, basis)]) < len(basis):

@@ -19,7 +19,7 @@ from .functions import rational_roots
 from .polynomials import (
     degree_of,
     exponents_up_to,
-    has_eps,
+    letters_in,
     modulo,
     prime_of,
     rank,
@@ -91,7 +91,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
         return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []
 
-    found = over_rationals(random.Random(prime_of([first, second])), search, has_eps(first))
+    found = over_rationals(random.Random(prime_of([first, second])), search, letters_in(first))
     for t in rational_roots(found[0], first.context()) if found else ():
         numerator, denominator = t.as_quotient(first.context())
         yield without_content(denominator * first + numerator * second)

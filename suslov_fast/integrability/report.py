@@ -16,16 +16,19 @@ from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
-from .maps import RationalMap, check_map
+from .letters import checked_letters, kahan_with_letters
+from .maps import MapWithLetters, RationalMap, check_map
 from .planar import PlanarEntropy
 from .relations import ImplicitIntegral
 from .search import Search
 from .surfaces import Level
 from .symmetries import Reversor
+from .theorems import lift
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
+_NO_INVERSE = "No inverse was given: it is not checked that the map is birational."
 Functions = tuple[RationalFunction, ...]
 
 
@@ -146,6 +149,8 @@ class Report:
 
     def _title(self) -> str:
         D = self.map.dimension
+        if isinstance(self.map, MapWithLetters):
+            return str(self.map)
         if not isinstance(self.map, KahanMap):
             return f"Map of {D} variables" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
@@ -249,6 +254,7 @@ def report(
     *,
     degree: int = 3,
     eps: Any = None,
+    letters: Any = None,
     decimals: bool = True,
     progress: Any = None,
 ) -> Report:
@@ -267,6 +273,10 @@ def report(
         Largest degree of polynomials, by default 3.
     eps : int, Fraction, float or str, optional
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
+    letters : str or sequence of str, optional
+        Names of parameters of a field or a body that stay symbols, ``"a b"``, beside eps. Formulas
+        hold for all their values: integrals are proved as identities. What is not found is said in
+        `notes`. Degrees, and which formulas there are, are those at small primes in their place.
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
@@ -300,11 +310,31 @@ def report(
     1/((2*Omega1 + Omega2)*(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
     ((4*Omega1^2 + Omega2^2)/(4*eps^2*Omega1^2 + 4*eps^2*Omega1*Omega2 + eps^2*Omega2^2 + 256),)
+
+    For all Euler tops, an integral of Hirota and Kimura:
+
+    >>> from suslov_fast import Field
+    >>> def euler(x, a, b, c):
+    ...     return a * x[1] * x[2], b * x[2] * x[0], c * x[0] * x[1]
+    >>> found = report(Field(euler, 3, a=1, b=2, c=-3), letters="a b c")
+    >>> found.integrals[0], found.integrals[0].basis
+    ((a*x2^2 - b*x1^2)/(-eps^2*a*c*x2^2 + 4), 'identity')
     """
     degree = integer("degree", degree, 1)
-    map, notes = _map_of(system, eps, decimals)
+    with_letters, notes = None, list[str]()
+    if eps is not None and (letters is not None or isinstance(system, MapWithLetters)):
+        raise wrong("eps", "left out beside letters", eps)
+    if letters is not None:
+        with_letters = kahan_with_letters(system, checked_letters(system, letters), decimals)
+    elif isinstance(system, MapWithLetters):
+        with_letters = system
+    if with_letters:
+        map = with_letters.at_numbers
+        notes += [_NO_INVERSE] * (map.inverse is None)
+    else:
+        map, notes = _map_of(system, eps, decimals)
     check_map(map)
-    if isinstance(map, KahanMap) and not map.is_invertible:
+    if (with_letters or isinstance(map, KahanMap)) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
     if progress is not None and not callable(progress):
@@ -317,12 +347,14 @@ def report(
             done = facts.queue.done
             if progress and is_false(progress(done, done + len(facts.queue.waiting))):
                 return found
+        facts.fill(found)
+        if with_letters:
+            lift(with_letters, found)
     except (KeyboardInterrupt, Exception) as error:
         error.report = found  # type: ignore[union-attr]
         error.args = error.args or ("what was found is sys.last_value.report",)
         raise
     found.finished = True
-    facts.fill(found)
     return found
 
 
@@ -331,8 +363,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "left out, because a map has its own", eps)
-        note = "No inverse was given: it is not checked that the map is birational."
-        return field, [] if field.inverse else [note]
+        return field, [] if field.inverse else [_NO_INVERSE]
     if callable(field) and not isinstance(field, Body):
         how = "Field(f, names), with numbers as parameters"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)

@@ -34,10 +34,10 @@ from .polynomials import (
     coefficients_in,
     coprime,
     degree_of,
-    has_eps,
     homogenized,
     irreducible_factors,
     letter_of,
+    letters_in,
     modulo,
     polynomial_ring,
     value_at,
@@ -118,7 +118,7 @@ class _Equations:
             symbols = map(factored, self.map.variables[:-1])
             (f,) = quotients_by("integrals", lambda x: (f(x),), symbols)
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
-        if has_eps(P) and not self.map.is_symbolic:
+        if letters_in(P) and not self.map.is_symbolic:
             eps, letter = getattr(self.map, "eps", None), letter_of(P)
             number = f"Fraction({str(eps or '1/3').replace('/', ', ')})"
             has = "" if eps is None else f", and the map has {letter} = {eps}"
@@ -335,5 +335,5 @@ def _of_variables(P: Any, places: list[int]) -> Any:
 
 def _in_ring(P: Any, ring: Any) -> Any:
     """Return a polynomial in a ring with a letter, which it may have or not."""
-    first = () if has_eps(P) else (0,)
+    first = () if letters_in(P) else (0,)
     return ring.from_dict({(*first, *e): c for e, c in P.terms()})

@@ -51,6 +51,26 @@ def of_equations(
         a = ratios.get(a, a) if isinstance(a, float) else a
         return exactly(a) if isinstance(a, float) else Fraction(a)
 
+    found = coefficients_by(number, equations, results, degree, parameters)
+    values: Any = np.empty((*shape, len(found)), np.float64 if exactly is None else object)
+    for k, c in enumerate(found.values()):
+        values[..., k] = c
+    within("coefficients of f", values, OTHERS)
+    return collected(np.array([*found], np.int64).reshape(-1, 3).T, values, D, degree)
+
+
+def coefficients_by(
+    number: Callable[[Any], Any],
+    equations: Equations,
+    results: Sequence[Any],
+    degree: int,
+    parameters: Sequence[Any],
+) -> Polynomial:
+    """Return the coefficients of f (degree 2) or H (degree 3) by three indices, of any numbers.
+
+    The list of operations is carried out with ``number(a)`` for constants and parameters a.
+    """
+    D = len(equations.names)
     known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
     known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
     with np.errstate(all="ignore"):
@@ -60,18 +80,14 @@ def of_equations(
             known[place] = rule(*of)
             if known[place] is None:
                 raise NotQuadratic(f"{equations.shown(place)} is no polynomial")
-    found: dict[tuple[int, ...], Any] = {}
+    found: Polynomial = {}
     for i, a in enumerate(results):
         terms = _constant(number(a)) if isinstance(a, float) else known[a]
         if (highest := max(map(len, terms), default=0)) > degree:
             raise NotQuadratic(f"a formula has the degree {highest}")
         row = (i,) if degree == 2 else ()
         found |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
-    values: Any = np.empty((*shape, len(found)), np.float64 if exactly is None else object)
-    for k, c in enumerate(found.values()):
-        values[..., k] = c
-    within("coefficients of f", values, OTHERS)
-    return collected(np.array([*found], np.int64).reshape(-1, 3).T, values, D, degree)
+    return found
 
 
 def _is_there(c: Any) -> bool:

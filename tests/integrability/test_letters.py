@@ -1,0 +1,262 @@
+"""Reports with letters: theorems of the literature, and values at random numbers."""
+
+import functools
+import random
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy
+
+from suslov_fast import Field, Suslov3D, SuslovGyrostat, iterate
+from suslov_fast.integrability import interpolation, kahan, rational_map, report
+from suslov_fast.integrability.letters import kahan_with_letters
+from suslov_fast.integrability.theorems import lift
+
+
+def euler(x, a, b, c):
+    return a * x[1] * x[2], b * x[2] * x[0], c * x[0] * x[1]
+
+
+def chain(x, a, b, c):
+    return x[0] * (a * x[1] - c * x[2]), x[1] * (b * x[2] - a * x[0]), x[2] * (c * x[0] - b * x[1])
+
+
+def volterra(x, a, b, c):
+    return a * x[1] * x[2], (b * x[0] + 1) * x[2], (c * x[0] - 1) * x[1]
+
+
+def prey(x, a, b, c, d):
+    return x[0] * (a - b * x[1]), -x[1] * (c - d * x[0])
+
+
+def cubic(x, a, b, c, d, e, f, g, h, i, j):
+    q, p = x
+    third = a * q**3 + b * q**2 * p + c * q * p**2 + d * p**3
+    return third + e * q**2 + f * q * p + g * p**2 + h * q + i * p + j
+
+
+def qrt(x, a, b, c, d, e):
+    y = x[1]
+    return y, -(b * y * y + d * y + e) / (a * y * y + b * y + c) - x[0]
+
+
+def qrt_back(x, a, b, c, d, e):
+    y = x[0]
+    return -(b * y * y + d * y + e) / (a * y * y + b * y + c) - x[1], y
+
+
+def values_of(names, rng):
+    """Random fractions, which floats hold exactly, for names."""
+    return {name: Fraction(rng.randint(1, 40), 16) for name in names}
+
+
+def point_of(n, rng):
+    return [Fraction(2 * rng.randint(-15, 15) + 1, 7) for _ in range(n)]
+
+
+BODY = "I1 I2 I13 I23"
+# The integrals of the literature: Dragovic and Gajic, Hirota and Kimura.
+KNOWN = {
+    "Lemma 1": (
+        lambda **a: Suslov3D(**a), BODY,
+        [lambda x, eps, I1, I2, I13, I23: (I1 * x[0]**2 + I2 * x[1]**2)
+         / (4 * I1 * I2 + eps**2 * (I13 * x[0] + I23 * x[1])**2)],
+    ),
+    "gyrostat": (
+        lambda **a: SuslovGyrostat(**a), f"{BODY} k",
+        [lambda x, eps, I1, I2, I13, I23, k: (I1 * x[0]**2 + I2 * x[1]**2)
+         / (4 * I1 * I2 + eps**2 * (I13 * x[0] + I23 * x[1] + k)**2)],
+    ),
+    "Euler top": (
+        lambda **a: Field(euler, 3, **a), "a b c",
+        [lambda x, eps, a, b, c: (a * x[1]**2 - b * x[0]**2) / (4 - eps**2 * a * c * x[1]**2),
+         lambda x, eps, a, b, c: (a * x[2]**2 - c * x[0]**2) / (4 - eps**2 * a * b * x[2]**2)],
+    ),
+    "Volterra chain": (
+        lambda **a: Field(chain, 3, **a), "a b c", [lambda x, eps, a, b, c: sum(x)],
+    ),
+    "Zhukovski-Volterra": (
+        lambda **a: Field(volterra, 3, **a), "a b c",
+        [lambda x, eps, a, b, c: (a * c * x[2]**2 - (c * x[0] - 1)**2)
+         / (4 - eps**2 * a * c * x[1]**2),
+         lambda x, eps, a, b, c: (a * b * x[1]**2 - (b * x[0] + 1)**2)
+         / (4 - eps**2 * a * b * x[2]**2)],
+    ),
+    "Lotka-Volterra": (lambda **a: Field(prey, "x y", **a), "a b c d", []),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_theorems_of_the_literature(name):
+    """Formulas are integrals at ten random numbers, and functions of the known ones."""
+    make, letters, known = KNOWN[name]
+    rng, names = random.Random(name), letters.split()
+    found = report(make(**dict.fromkeys(names, 1)), letters=letters)
+    assert len(found.integrals) == len(known)
+    assert {f.basis for f in (*found.integrals, *found.measures)} == {"identity"}
+    (density,) = found.measures
+    for _ in range(10):
+        numbers, eps = values_of(names, rng), Fraction(rng.randint(1, 40), 16)
+        map = kahan(make(**{n: float(a) for n, a in numbers.items()}), eps)
+        own = [F.subs(eps=eps, **numbers) if F.letters else F for F in found.integrals]
+        rho = density.subs(eps=eps, **numbers) if density.letters else density
+        points = [point_of(map.dimension, rng) for _ in range(4)]
+        for x in points:
+            y = map(x)
+            assert [F(x) for F in own] == [F(y) for F in own]
+            assert rho(y) * map.determinant(x) == rho(x)
+        for given in known:
+            values = [given(x, eps=eps, **numbers) for x in points]
+            assert any(is_affine(values, [F(x) for x in points]) for F in own)
+
+
+def is_affine(values, others):
+    """Whether others are a + b values, with b other than 0."""
+    (v, *vs), (w, *ws) = values, others
+    pairs = zip(vs, ws, strict=True)
+    return ws[0] != w and all((a - v) * (ws[0] - w) == (b - w) * (vs[0] - v) for a, b in pairs)
+
+
+def test_lemma_1_as_the_paper_prints_it():
+    found, (F,) = lemma_1(), lemma_1().integrals
+    x, y, eps, I1, I2, I13, I23 = sympy.symbols("Omega1 Omega2 eps I1 I2 I13 I23")
+    paper = (I1 * x**2 + I2 * y**2) / (4 * I1 * I2 + eps**2 * (I13 * x + I23 * y) ** 2)
+    assert sympy.simplify(sympy.sympify(F) - paper) == 0
+    assert F.letters == ("eps", "I1", "I2", "I13", "I23")
+    assert "I_{13}" in sympy.latex(F)
+    assert sympy.simplify(sympy.sympify(F.subs(eps=0, I2=3)) - paper.subs({eps: 0, I2: 3})) == 0
+    assert "letters eps, I1" in str(found)
+
+
+@functools.cache
+def lemma_1():
+    return report(Suslov3D(4, 1, -0.5, -0.25), letters=BODY)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+def test_substituted_formulas_are_those_at_numbers(seed):
+    """At random bodies the formula is what a report at these numbers finds."""
+    numbers, (F,) = values_of(BODY.split(), random.Random(seed)), lemma_1().integrals
+    body = Suslov3D(**{n: float(a) for n, a in numbers.items()})
+    (at_numbers,) = report(body).integrals
+    assert (F.subs(**numbers) / at_numbers).factors == ()
+
+
+def test_formulas_along_orbits():
+    body, eps = Suslov3D(4, 1, -0.5, -0.25), 0.1
+    (F,) = lemma_1().integrals
+    states = iterate(body, [1.0, 0.5], eps, 50).states
+    values = F(states, eps=eps, **body.parameters)
+    assert np.ptp(values) < 1e-12 * values.mean()
+    with pytest.raises(TypeError, match="I23"):
+        F([1, 2], eps=1, I1=1, I2=1, I13=1)
+    with pytest.raises(TypeError, match="by name"):
+        F.subs(J=1)
+
+
+def test_modified_hamiltonian_of_ten_coefficients():
+    """H + grad H (x~ - x) / 3 for all planar cubic H (Celledoni and others, 2013)."""
+    rng, names = random.Random(4), "abcdefghij"
+    field = Field.from_hamiltonian(cubic, "q p", **dict.fromkeys(names, 1))
+    (F,) = report(field, letters=" ".join(names), degree=2).integrals
+    assert F.basis == "identity"
+    numbers, eps = values_of(names, rng), Fraction(1, 8)
+    given = {n: float(a) for n, a in numbers.items()}
+    map = kahan(Field.from_hamiltonian(cubic, "q p", **given), eps)
+    ratios = set()
+    for x in ([1, 2], [Fraction(1, 3), -1], [5, Fraction(2, 7)]):
+        q, p = sympy.symbols("q p")
+        H = cubic((q, p), **{n: sympy.Rational(a) for n, a in numbers.items()})
+        at = {q: sympy.Rational(x[0]), p: sympy.Rational(x[1])}
+        steps = (sympy.Rational(b) - sympy.Rational(a) for a, b in zip(x, map(x), strict=True))
+        modified = H + sum(H.diff(v) * d for v, d in zip((q, p), steps, strict=True)) / 3
+        ratios.add(modified.subs(at) / sympy.Rational(F(x, eps=eps, **numbers)))
+    assert len(ratios) == 1
+
+
+def test_maps_with_letters():
+    found = report(rational_map(qrt, 2, qrt_back, letter="a b c d e"), degree=4)
+    (F,) = found.integrals
+    x, y, a, b, c, d, e = sympy.symbols("x1 x2 a b c d e")
+    biquadratic = a * (x * y) ** 2 + (b * x * y + e) * (x + y) + c * (x**2 + y**2) + d * x * y
+    assert sympy.expand(sympy.sympify(F) - biquadratic) == 0
+    lyness = rational_map(
+        lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2,
+        lambda x, a, b: ((a * x[0] + b) / x[1], x[0]), letter="a b",
+    )  # fmt: skip
+    (F,) = report(lyness).integrals
+    at_one = "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
+    difference = sympy.simplify(sympy.sympify(F.subs(a=1, b=3)) - sympy.sympify(at_one))
+    assert difference.is_number
+
+
+def test_values_of_maps_with_letters():
+    map = rational_map(lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2, letter="a b")
+    assert [str(value) for value in map([1, 2])] == ["2", "2*a + b"]
+    assert map.subs(a=1, b=3)([1, 2]) == (2, 5)
+    with pytest.raises(TypeError, match="b: pass"):
+        map.subs(a=1)
+    with pytest.raises(TypeError, match="a is symbolic"):
+        map.jacobian([1, 2])
+
+
+def test_what_holds_at_special_numbers_alone_is_not_lifted():
+    """x' = a x, y' = b y has the integral x / y where a = b."""
+    map = kahan_with_letters(
+        Field(lambda x, a, b: (a * x[0], b * x[1]), "x y", a=1, b=1), "ab", True
+    )
+    map.numbers = {"eps": Fraction(1, 5), "a": Fraction(2), "b": Fraction(2)}
+    map.at_numbers = map.subs(**map.numbers)
+    found = report(map.at_numbers, degree=1)
+    assert found.relations == 1
+    lift(map, found)
+    assert found.integrals == ()
+    assert any("numbers alone" in note for note in found.notes)
+
+
+def test_interpolation_of_random_functions():
+    """Sparse numerators and denominators with random fractions come back."""
+    rng = random.Random(5)
+    for count in (1, 2, 4):
+        terms = []
+        for _ in range(6):
+            exponents = {tuple(rng.choices(range(4), k=count)) for _ in range(5)}
+            terms.append({e: Fraction(rng.randint(1, 99), rng.randint(1, 9)) for e in exponents})
+        pairs = [*zip(terms[::2], terms[1::2], strict=True), ({}, {(0,) * count: Fraction(1)})]
+
+        def box(p, x, pairs=pairs):
+            residues = (
+                [{e: a.numerator * pow(a.denominator, -1, p) for e, a in P.items()} for P in pair]
+                for pair in pairs
+            )
+            values = ([interpolation.value_of(P, x, p) for P in pair] for pair in residues)
+            return [N * pow(D, -1, p) % p for N, D in values]
+
+        found = interpolation.over_rationals(box, count, rng)
+        x = [Fraction(rng.randint(2, 99), 7) for _ in range(count)]
+        for own, given in zip(found, pairs, strict=True):
+            values = [
+                sum(c * np.prod([a**k for a, k in zip(x, e, strict=True)]) for e, c in P.items())
+                for P in (*own, *given)
+            ]
+            assert values[0] * values[3] == values[1] * values[2]
+            assert len(own[0]) <= len(given[0])
+
+
+@pytest.mark.parametrize(
+    ("system", "options", "part"),
+    [
+        (Suslov3D(4, 1, -0.5, -0.25), {"letters": "I4"}, "I1, I2"),
+        (Suslov3D(4, 1, -0.5, -0.25), {"letters": "I1", "eps": 1}, "eps"),
+        (Suslov3D(4, 1, -0.5, -0.25), {"letters": 3}, "I1, I2"),
+        (Suslov3D([4, 3], 1, -0.5, -0.25), {"letters": "I1"}, "single"),
+        (Field(lambda x: (x[0],), 1), {"letters": "a"}, "none"),
+        (Field(lambda x, a: (x[0] * np.sqrt(a),), 1, a=2), {"letters": "a"}, "letters"),
+        (rational_map(lambda x: (x[1], x[0]), 2), {"letters": "a"}, "map"),
+    ],
+)
+def test_letters_that_are_none(system, options, part):
+    with pytest.raises((TypeError, ValueError), match=part):
+        report(system, **options)

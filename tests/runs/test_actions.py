@@ -77,7 +77,7 @@ def test_backwards():
     np.testing.assert_allclose(motion.states[:, 0], right, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("keywords", "end"), [({"ends": True}, 1.0), ({"most": 2}, 2.0)])
+@pytest.mark.parametrize(("keywords", "end"), [({"terminal": True}, 1.0), ({"most": 2}, 2.0)])
 def test_times_that_end(keywords, end):
     motion = flow(DECAY, [1.0], time=[3.0, 1.0, 2.0], events=Event(times=[1, 2, 3], **keywords))
     assert (motion.status, motion.end) == (Status.STOPPED, end)
@@ -244,7 +244,16 @@ def test_changes_over_surfaces_of_f(f):
     np.testing.assert_allclose(motion.states, [[4.25, 0.0], [-4.5, 1.0]], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("keywords", "n"), [({"ends": True}, 1), ({"most": 3}, 3)])
+@pytest.mark.parametrize(
+    "surface", [lambda x: np.minimum(x[0], 0), lambda x: np.floor(x[0]), lambda x: np.sign(x[0]) - 1]
+)
+def test_actions_to_where_the_surface_is_0_all_around(surface):
+    jump = Event(surface, direction=-1, to=lambda x: (x[0] + 2,))
+    motion = flow(Field(lambda x: (-1.0,), "x"), [1.0], time=10.0, events=jump)
+    np.testing.assert_allclose(motion.events.time, [1.0, 3.0, 5.0, 7.0, 9.0], atol=1e-8)
+
+
+@pytest.mark.parametrize(("keywords", "n"), [({"terminal": True}, 1), ({"most": 3}, 3)])
 def test_surfaces_that_end(keywords, n):
     change = Event(lambda x: x[0] - 2, direction=1, to=lambda x: (0, x[1] + 1), **keywords)
     motion = flow(CLOCK, [[0.0, 0.0], [1.0, 0.0]], time=20.0, events=change)

@@ -213,6 +213,8 @@ def values_of(
 def _parsed(text: Any) -> Any:
     if not isinstance(text, str) or len(text) > _LONGEST or not _CHARACTERS.fullmatch(text):
         how = f"a text of at most {_LONGEST} characters, names, numbers and signs of Python"
+        if "[" in str(text):
+            how = "a text whose tables are in parentheses, interp(x, (0, 1, 2), (0, 1, 0))"
         raise ValueError(f"equations: each must be {how}, not {short(text)}")
     try:
         return ast.parse(text.strip(), mode="eval").body

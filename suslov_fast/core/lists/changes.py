@@ -21,7 +21,8 @@ from .numbers import operand_of
 from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 from .step import dot
 
-OF_SURFACE = 4  # a value, its rate, and the sums of the moduli of the terms of both
+# A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
+OF_SURFACE = 5
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
 # Those that have no value everywhere, and the side where a surface has none, see `Rows.side`.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
@@ -175,6 +176,7 @@ def _toward(acts, D, P):
         steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
         results += [a, _product(values.emit, row, dict(enumerate(rates)))]
         results += [operand_of(size), _product(values.emit, steep, moduli)]
+        results.append(_product(values.emit, steep, dict.fromkeys(steep, 1.0)))
     given = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
     given |= {a: D + j for j, a in enumerate(rates)}
     return Part(renumbered(List(needed_for(values.operations, results), results), given), 2 * D)

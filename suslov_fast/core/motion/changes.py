@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 
 from ..code.text import Carried, Integers, Shared
-from ..lists.changes import GAP
+from ..lists.changes import GAP, OF_SURFACE
 from ..lists.numbers import larger, smaller
 from . import choosing, surfaces
 from .lengths import AT_FIRST, BEGIN_COMPONENT, first_length
@@ -52,6 +52,13 @@ def _side(value, rate, size, rate_size, near, sign):
 def FIRST_SIDE(value, rate, size, rate_size, sign):
     """On which side of a surface a trajectory starts."""
     return _side(value, rate, size, rate_size, 0.0, sign)
+
+
+@rule
+def FLAT_SIDE(side, level, value, slopes, slopes_later):
+    """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above."""
+    is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
+    return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
 
 
 def _is_on(value, rate, last, jumps):
@@ -203,8 +210,10 @@ def find_sides(lines, begins):
         return
     side, resting = lines.line.side, Carried(resting=0.0)
     _look(lines)
+    _look_a_moment_later(lines)
     for k in lines.text.each(lines.half.changes.surfaces, resting):
         found = lines.apply(FIRST_SIDE, **_at_surface(lines, k))
+        found = _with_flat_side(lines, k, **found)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
         lines.line.acted.choose(begins, k * 2, -inf)
@@ -296,8 +305,10 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
     _look_a_moment_later(lines)
     for k in text.each(changes.surfaces, again):
         side, acted, place, fired = lines.line.side, lines.line.acted, k * 2, work.fired[k * 3]
-        stays = side[place].equals(STAYS)
         level = side.after(1)
+        found = _with_flat_side(lines, k, side[place], level[place])
+        side[place], level[place] = found["side"], found["level"]
+        stays = found["side"].equals(STAYS)
         level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
@@ -306,6 +317,14 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
         acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
     lines.of_changes.resting[0] = vars(again).pop("resting")
+
+
+def _with_flat_side(lines, k, side, level):
+    """Return the side and the level of surface k after `FLAT_SIDE`."""
+    value, slopes = (lines.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
+    later = lines.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
+    own = {"value": value, "slopes": slopes, "slopes_later": later}
+    return lines.apply(FLAT_SIDE, side=side, level=level, **own)
 
 
 def _look_a_moment_later(lines):

@@ -149,8 +149,8 @@ class Work(NamedTuple):
     before: int  # the state before a change (D)
     f_before: int  # f there (D)
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
-    toward: int  # `OF_SURFACE` of surfaces of changes at that state (4 surfaces)
-    ahead: int  # the same at the end of a part of a step, or a moment later (4 surfaces)
+    toward: int  # `OF_SURFACE` of surfaces of changes at that state (5 surfaces)
+    ahead: int  # the same at the end of a part of a step, or a moment later (5 surfaces)
     fired: (
         int  # 1 where a change acts that was crossed upward at this instant, -1 downward, else 0,
     )

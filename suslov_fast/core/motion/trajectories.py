@@ -86,11 +86,12 @@ def _begin_with_changes(lines, begins):
     running = begins & line.state[0].equals(lines.mode)
     work.accepted[0] = running.select(1.0, 0.0)
     work.at_surface[0] = 0.0
-    work.taken.choose(begins, 0, 0.0)
+    work.taken.choose(begins, 0, line.wanted[0])
     is_over = running & (lines.number("last") <= 0.0)
     line.state.choose(is_over, 0, float(State.DONE))
     text.copy(line.x, work.new, lines.D)
     changes.find_sides(lines, begins)
+    work.taken.choose(begins, 0, 0.0)
     changes.change(lines)
     inside.save_at_end(lines)
     move(lines)

@@ -245,7 +245,8 @@ def test_changes_over_surfaces_of_f(f):
 
 
 @pytest.mark.parametrize(
-    "surface", [lambda x: np.minimum(x[0], 0), lambda x: np.floor(x[0]), lambda x: np.sign(x[0]) - 1]
+    "surface",
+    [lambda x: np.minimum(x[0], 0), lambda x: np.floor(x[0]), lambda x: np.sign(x[0]) - 1],
 )
 def test_actions_to_where_the_surface_is_0_all_around(surface):
     jump = Event(surface, direction=-1, to=lambda x: (x[0] + 2,))

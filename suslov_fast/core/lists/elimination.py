@@ -16,7 +16,6 @@ class Elimination:
               inverses of pivots, and the numbers below and above the diagonal
     pivots    the number of pivots that are not 1 by the pattern
     solution  `List` of these results and of g (D); the results are v (D)
-    pivots    how many inverses of pivots there are: others are 1
 
     `fill` is what `filled` returns for this order.
     """
@@ -26,7 +25,6 @@ class Elimination:
         values, first = _Products(s + 1 + D, ()), s + 1
         own = Factors(_Scaled(values, pattern), order, fill)
         found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
-        self.pivots = len(own.inverse)
         self.factors = List(needed_for(values.operations, found), found)
         self.pivots = len(own.inverse)
         values.operations, v = [], {}

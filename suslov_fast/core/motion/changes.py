@@ -13,7 +13,7 @@ import numpy as np
 from ..code.text import Carried, Integers, Shared
 from ..lists.changes import GAP, OF_SURFACE
 from ..lists.numbers import larger, smaller
-from . import choosing, surfaces
+from . import choosing
 from .lengths import AT_FIRST, BEGIN_COMPONENT, first_length
 from .records import record
 from .rows import OF_CHANGES, State
@@ -48,10 +48,7 @@ def _side(value, rate, size, rate_size, near, sign):
     }
 
 
-@rule
-def FIRST_SIDE(value, rate, size, rate_size, sign):
-    """On which side of a surface a trajectory starts."""
-    return _side(value, rate, size, rate_size, 0.0, sign)
+SIDE = rule(_side)
 
 
 @rule
@@ -77,7 +74,8 @@ def CROSSED(
     beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
     motion whose rate contradicts it is none: then the surface lies just beyond the state, until
     its next change. Nor is it one where a state leaves a surface on which it has stayed, or a
-    gap without values begins or ends.
+    gap without values begins or ends. After its change a state counts as on the surface if it is
+    `near`, twice as far as the crossing was.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -90,6 +88,7 @@ def CROSSED(
     is_back = is_back & _is_on(value - level, rate, last, jumps)
     beyond = is_above.select(value + (ROUNDING * abs(value) + TINY), value)
     crosses = differs & ~is_back
+    is_near = (by_motion > 0.0) & _is_on(value, rate, last, jumps)
     here = is_known.select(is_above.select(1.0, 0.0), GAP)
     own, leaves = _side(value, rate, size, rate_size, LOW * size, sign), stays & (accepted > 0.0)
     return {
@@ -97,20 +96,8 @@ def CROSSED(
         "level": leaves.select(own["level"], is_back.select(beyond, level)),
         "up": crosses & is_above,
         "down": crosses & ~is_above,
+        "near": is_near.select(abs(value) + abs(value), 0.0),
     }
-
-
-@rule
-def NEAR(value, rate, by_motion, jumps, last):
-    """How near a surface a state counts as on it after a change: the crossing was half as near."""
-    is_near = (by_motion > 0.0) & _is_on(value, rate, last, jumps)
-    return {"near": is_near.select(abs(value) + abs(value), 0.0)}
-
-
-@rule
-def AFTER_OWN(value, rate, size, rate_size, near, rate_before, sign):
-    """The side and the level of a surface after its own change."""
-    return _side(value, rate, size, rate_size + abs(rate_before), near, sign)
 
 
 @rule
@@ -212,7 +199,7 @@ def find_sides(lines, begins):
     _look(lines)
     _look_a_moment_later(lines)
     for k in lines.text.each(lines.half.changes.surfaces, resting):
-        found = lines.apply(FIRST_SIDE, **_at_surface(lines, k))
+        found = lines.apply(SIDE, near=0.0, **_at_surface(lines, k))
         found = _with_flat_side(lines, k, **found)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
@@ -238,12 +225,20 @@ def _is_there(lines):
 
 def _look(lines):
     """Find `OF_SURFACE` of surfaces at the new state."""
-    surfaces.look_at_changes(lines, lines.work.new, lines.work.f_new, lines.work.toward)
+    _look_at(lines, lines.work.new, lines.work.f_new, lines.work.toward)
+
+
+def _look_at(lines, x, f, to):
+    pair, D = lines.work.pair, lines.half.block.D
+    lines.text.copy(x, pair, D)
+    lines.text.copy(f, pair.after(D), D)
+    lines.call("toward", pair, lines.table, to)
 
 
 def _at_surface(lines, k):
-    """Return what `_look` has found of surface k, by name."""
-    return surfaces.of_surface(lines.work.toward, k, "value", "rate", "size", "rate_size")
+    """Return what `_look` has found of surface k, by name, but for its slopes."""
+    names = enumerate(("value", "rate", "size", "rate_size"))
+    return {name: lines.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
 
 
 def _change(lines):
@@ -312,7 +307,7 @@ def _act_at_surfaces(lines, is_there, by_motion, again):
         level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
-        own |= _at_surface(lines, k) | surfaces.of_surface(work.ahead.after(1), k, "later")
+        own |= _at_surface(lines, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
         found = lines.apply(AGAIN, **own, more=again.more, limit=again.limit)
         acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
@@ -334,7 +329,7 @@ def _look_a_moment_later(lines):
     for i in lines.text.each(lines.D):
         work.start[i] = work.new[i] + signed * work.f_new[i]
     lines.call("f", work.start, lines.table, work.f)
-    surfaces.look_at_changes(lines, work.start, work.f, work.ahead)
+    _look_at(lines, work.start, work.f, work.ahead)
 
 
 def _cross(lines, k, is_there, by_motion):
@@ -353,15 +348,15 @@ def _cross(lines, k, is_there, by_motion):
         _note(lines, k, fires, up | found["down"], by_motion)
         return
     with text.when(fires.any()):
-        near = lines.apply(NEAR, value=own["value"], rate=own["rate"], **given)["near"]
-        for n, value in enumerate((up.select(1.0, -1.0), near, own["rate"])):
+        for n, value in enumerate((up.select(1.0, -1.0), found["near"], own["rate"])):
             work.fired.choose(fires, 3 * k + n, value)
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
         _act(lines, k, fires, given["by_motion"])
         if half.changes.components[k]:
             _look(lines)
-            after = {"near": near, "rate_before": own["rate"]} | _at_surface(lines, k)
-            found = lines.apply(AFTER_OWN, **after)
+            after = _at_surface(lines, k) | {"near": found["near"]}
+            after["rate_size"] = after["rate_size"] + abs(own["rate"])
+            found = lines.apply(SIDE, **after)
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
 

@@ -179,12 +179,17 @@ def _find_nodes(lines):
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
     factors = factors[: FEW + 1]
 
-    def end(i):
-        ends = lines.of_columns(work.ends, i)[: FEW + 1]
-        ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
-        return weighted(factors, ends)
-
-    _take_quarters(lines, count, end)
+    x, f = line.x, line.f
+    for k in range(3):
+        lines.columns(x, f, count)
+        node = work.nodes.after(2 * k * D)
+        for i in text.each(D):
+            ends = lines.of_columns(work.ends, i)[: FEW + 1]
+            ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
+            node[i] = x[i] + weighted(factors, ends)
+        lines.call("f", node, lines.table, work.f)
+        x, f = node, node.after(D)
+        text.copy(work.f, f, D)
     sums = Carried(ratio=0.0, total=0.0)
     for v in TESTS:
         of_value, of_slope = weights_of_test(v)
@@ -199,20 +204,6 @@ def _find_nodes(lines):
     with text.when(fails.any(), likely=False):
         lines.keep(line, found, fails)
         work.accepted.choose(fails, 0, 0.0)
-
-
-def _take_quarters(lines, count, end):
-    """Find the nodes by so many columns; `end(i)` is that of component i of a quarter, less x."""
-    text, work, D = lines.text, lines.work, lines.D
-    x, f = lines.line.x, lines.line.f
-    for k in range(3):
-        lines.columns(x, f, count)
-        node = work.nodes.after(2 * k * D)
-        for i in text.each(D):
-            node[i] = x[i] + end(i)
-        lines.call("f", node, lines.table, work.f)
-        x, f = node, node.after(D)
-        text.copy(work.f, f, D)
 
 
 def _between(lines, weights, i):

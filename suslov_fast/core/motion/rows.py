@@ -150,7 +150,7 @@ class Work(NamedTuple):
     f_before: int  # f there (D)
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
     toward: int  # `OF_SURFACE` of surfaces of changes at that state (5 surfaces)
-    ahead: int  # the same at the end of a part of a step, or a moment later (5 surfaces)
+    ahead: int  # the same a moment later (5 surfaces)
     fired: (
         int  # 1 where a change acts that was crossed upward at this instant, -1 downward, else 0,
     )

@@ -16,8 +16,8 @@ where a straight line between states at both sides crosses the surface. If it is
 side that comes nearer, the other one counts half, a quarter, ... (the rule of Illinois); after
 ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, or a surface has
 been crossed for less, the step of length `outer` is taken. Points inside an implicit step are
-rough, so there the first length is that of the part. A motion that starts on a surface of a change,
-as a ball after a bounce, comes back where a parabola does (`START`).
+rough, so there the first length is that of the part. To a surface on which the step begins, as that
+of a ball after a bounce, Newton's method leads from its end (`BACK`).
 """
 
 import itertools
@@ -25,8 +25,6 @@ from math import inf
 
 import numpy as np
 
-from ..code.text import Carried
-from ..lists.changes import OF_SURFACE
 from ..lists.hidden import MIDDLE, POINTS
 from ..lists.numbers import larger, smaller
 from .lengths import AFTER_REFUSED, SAFETY
@@ -39,7 +37,7 @@ LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
 BESIDE = 2.0**-12  # part of a step, over which the change of a state tells its rate
-ON = 2.0**-8  # part of its value at the end of a part, by which a start on a surface is beside it
+ON = 2.0**-8  # part of a step in which a straight line crosses the surface on which it begins
 
 
 def _bend(change, f, f_new, signed, u):
@@ -185,17 +183,10 @@ def CUT(
 
 
 @rule
-def START(value, rate, side, level, ahead, end, taken, first, sign):
-    """The place where a motion from a surface comes back to it, in the first part of a step.
-
-    It is where a parabola with this rate at the start, and the value `ahead` at the end of the
-    part, crosses the surface.
-    """
-    a, b, of_rate = value - level, ahead - level, sign * rate * (end * taken)
-    is_above = side > 0.5
-    leads = is_above.select(of_rate, -of_rate) > 0.0
-    is_on = ((b >= 0.0) ^ is_above) & leads & (abs(a) <= ON * abs(b)) & (end <= POINTS[0])
-    return {"first": smaller(is_on.select(end * (of_rate / (of_rate - b)), inf), first)}
+def BACK(found, taken, end):
+    """The part of a step where a motion comes back to a surface, see `lists.aim`."""
+    place = 1.0 + found / taken
+    return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 
 
 def cut(lines, before, total):
@@ -284,21 +275,8 @@ def _look_inside(lines, u, x, phases, rates, quartic):
         lines.call("rates", moving, lines.table, rates)
 
 
-def look_at_changes(lines, x, f, to):
-    """Find `OF_SURFACE` of surfaces of changes at a state with this f."""
-    pair, D = lines.work.pair, lines.half.block.D
-    lines.text.copy(x, pair, D)
-    lines.text.copy(f, pair.after(D), D)
-    lines.call("toward", pair, lines.table, to)
-
-
-def of_surface(rows, k, *names):
-    """Return `OF_SURFACE` of surface k in these rows, by the names."""
-    return {name: rows.after(n)[k * OF_SURFACE] for n, name in enumerate(names)}
-
-
 def _aim(lines, inputs, is_far, from_start):
-    """Return `aim`, `since` and `left` of `CUT`, and where `START` finds a surface.
+    """Return `aim`, `since` and `left` of `CUT`, and `place`, also that of `BACK`.
 
     `is_far` is true in lanes that were not looking for a surface before this step, and
     `from_start` in those that know of no part of it that crosses none.
@@ -307,7 +285,9 @@ def _aim(lines, inputs, is_far, from_start):
     changes, found = lines.half.changes, work.aim.after(3)
     for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
         work.aim.put_chosen(k, value)
-    looks = ~is_far
+    comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
+    comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
+    looks = ~is_far | comes_back
     if changes and changes.surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
@@ -323,27 +303,12 @@ def _aim(lines, inputs, is_far, from_start):
         lines.call("aim", work.end, lines.table, found)
         work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
         work.aim.choose(~is_far, 1, found[1])
-    if changes and changes.surfaces:
-        is_first = from_start & (inputs["crossed"] > 0.0)
-        with text.when(is_first.any(), likely=False):
-            _start(lines, is_first, inputs)
+        own = {name: inputs[name] for name in ("taken", "end")}
+        place = lines.apply(BACK, found=found[0], **own)["place"]
+        work.aim.choose(comes_back, 2, place)
     found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
     has_left = changes and changes.surfaces
     return found | {"left": is_asked.select(work.aim[3], np.inf) if has_left else np.inf}
-
-
-def _start(lines, is_first, inputs):
-    """Find where motions that start on a surface of a change come back to it."""
-    line, work = lines.line, lines.work
-    look_at_changes(lines, line.x, line.f, work.toward)
-    look_at_changes(lines, line.far, line.f, work.ahead)
-    sums = Carried(first=np.inf)
-    for k in lines.text.each(lines.half.changes.surfaces, sums):
-        own = of_surface(work.toward, k, "value", "rate")
-        own |= {"side": line.side[2 * k], "level": line.side.after(1)[2 * k]}
-        own |= {"ahead": work.ahead[k * OF_SURFACE], "end": inputs["end"], "taken": inputs["taken"]}
-        sums.update(lines.apply(START, **own, **vars(sums)))
-    work.aim.choose(is_first & (sums.first < np.inf), 2, sums.first)
 
 
 def put_point(lines, u, to, quartic=None):

@@ -183,6 +183,16 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     return f": pass {how}, because the last axis holds the components"
 
 
+def without_fractions(value: Any) -> tuple[Any, Any]:
+    """Return numbers with floats in place of fractions, and all of them exact; None without any."""
+    if isinstance(value, Fraction | list | tuple | np.ndarray):
+        with suppress(Exception):  # for other values an error follows
+            exact = np.asarray(value)
+            if exact.dtype.kind == "O" and any(isinstance(a, Fraction) for a in exact.flat):
+                return np.vectorize(float, [object])(exact)[()], exact
+    return value, None
+
+
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if (array := _plain(value)) is not None:

@@ -22,7 +22,7 @@ Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
-    "arrays axes batch_of_one called constants coordinates derived_by labels "
+    "arrays axes batch_of_one called constants coordinates derived_by exact_parts labels "
     "energy_terms exact_terms is_hamiltonian listed_right_hand_sides may_escape meaning "
     "motion_lists of_member of_terms parts positive read "
     "reduction right_hand_sides steady steady_line texts variable with_parts "
@@ -94,6 +94,9 @@ class Body(Members, metaclass=Answering):
             name, value = field.name, getattr(self, field.name)
             if value is None and field.default is None:
                 continue
+            value, fractions = checks.without_fractions(value)
+            if fractions is not None:
+                self.exact_parts[name] = fractions
             array = checks.real_array(name, value)
             checks.within(name, array, self.positive.get(name, checks.OTHERS))
             if name in self.positive and not (array > 0).all():
@@ -108,6 +111,11 @@ class Body(Members, metaclass=Answering):
                 raise wrong(name, "positive", f"{array.min()}{how}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast
+
+    @cached_property
+    def exact_parts(self) -> dict[str, Any]:
+        """The parameters that hold fractions, by name, as they were given; copies have none."""
+        return {}
 
     @cached_property
     def parts(self) -> dict[str, Any]:

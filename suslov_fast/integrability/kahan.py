@@ -292,10 +292,11 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
         how = "leave it out, kahan(field), for formulas in eps"
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
-    exact = _in_decimals(field) if decimals and not isinstance(field, Field) else field
-    map = KahanMap(
-        exact.field(), None if eps is None else constant("eps", eps, decimals), decimals=decimals
-    )
+    step = None if eps is None else constant("eps", eps, decimals)
+    if isinstance(field, Field):
+        map = KahanMap(field, step, decimals=decimals)
+    else:
+        map = KahanMap(_exactly(field, decimals).field(), step, decimals=False)
     _ = map.terms  # raises for a field that is not of degree 2
     return map
 
@@ -307,7 +308,11 @@ def checked_map(map: RationalMap | Body) -> RationalMap:
     return checked
 
 
-def _in_decimals(body: Any) -> Any:
-    """Return a single body with its floats as what was written."""
-    decimals = np.vectorize(as_written, "O")
-    return body._of({name: decimals(value)[()] for name, value in body.parts.items()})
+def _exactly(body: Any, decimals: bool) -> Any:
+    """Return a single body with its fractions, and with its floats as what was written."""
+
+    def read(a: Any) -> Fraction:
+        return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)
+
+    exact = (np.vectorize(read, "O")(body.exact_parts.get(n, a))[()] for n, a in body.parts.items())
+    return body._of(dict(zip(body.parts, exact, strict=True)))

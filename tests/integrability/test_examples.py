@@ -57,7 +57,7 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     A, B = np.random.default_rng(seed).integers(-3, 4, (2, 3, 3)).astype(object)
     forward, backward = qrt(A, B)
     map = rational_map(forward, 2, inverse=backward)
-    found = report(map, degree=4, progress=lambda done, parts: done < 25)
+    found = report(map, degree=4, progress=lambda done, parts: done < 28)
     (integral,) = found.integrals
     assert (integral.basis, integral.degree, found.finished) == (IDENTITY, 4, False)
     assert found.proved_entropy is None

@@ -759,6 +759,19 @@ def test_decimals():
     assert_holds(found)
 
 
+def test_fractions_of_a_body_are_exact():
+    """Their floats are those of the body; no warning says that the map has floats."""
+    I1, I2, I13 = F(5, 3), F(1009, 1013), F(1, 3) + F(1, 2**70)
+    body = Suslov3D(I1, I2, I13, 0)
+    assert (body.I1, body.I13) == (5 / 3, 1 / 3)
+    for decimals in (True, False):
+        values = {abs(a) for a in kahan(body, 1, decimals=decimals).terms.values}
+        assert values == {I13 / I1, I13 / I2}
+    many = SuslovND([1, F(2, 1009)], [F(1, 3), 0.1])
+    assert F(1009, 6) in {abs(a) for a in kahan(many, 1).terms.values}
+    assert kahan(pickle.loads(pickle.dumps(body)), 1) == kahan(body, 1)
+
+
 @pytest.mark.slow
 def test_a_report_that_is_cut_short():
     def interrupt(done, parts):

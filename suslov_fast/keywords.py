@@ -103,7 +103,7 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
         each = "; ".join(f"{word!r}: use {how(word)}" for word in unknown)
         return TypeError(f"{called} has no argument {each}")
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
-    if named and "positional arguments but" in str(error):
+    if named and str(error).endswith("given") and len(args) > len(parameters) - len(named):
         others = ", ".join(name for name in known if name not in named)
         value = args[len(parameters) - len(named)]  # the first of those without a place
         shown = value if isinstance(value, int) else ""

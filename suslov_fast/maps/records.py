@@ -19,7 +19,6 @@ from .formulas import (
 from .methods import (
     COMPOSITIONS,
     FIELD,
-    GAUSS,
     STEPS_3D,
     STEPS_ND,
     STEPS_WITH_ROTOR,
@@ -41,7 +40,7 @@ for _record in (
         name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
         body=SuslovND,
-        methods={"auto": STEPS_ND, "gauss": GAUSS},
+        methods={"auto": STEPS_ND, "gauss": FIELD},
         formulas=IN_ND,
         attitude="in_rows",
         plane=in_plane,

@@ -99,7 +99,7 @@ ARROWS = {
 # The same for the rooms of the core.
 IN_CORE = {
     "lists": "",
-    "compiling": "lists",
+    "compiling": "",
     "suslov": "compiling",
     "code": "lists compiling",
     "fields": "lists compiling code",

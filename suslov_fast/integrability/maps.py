@@ -68,7 +68,7 @@ class RationalMap(WithLetter):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
-    _latest: tuple[int, Any] = 0, None  # a prime, and the residues of the forms
+    _latest: tuple[Any, Any] = None, None  # a modulus, and the forms for it
     modified_energy: Any = None  # the integral of such a map, if it is not constant
 
     def __init__(
@@ -151,19 +151,20 @@ class RationalMap(WithLetter):
         """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
         if self.is_symbolic:
             return [self.pullback(F, self.degree, x) for F in self.forms]
-        if isinstance(x[0], flint.nmod):
-            return self._values_of_residues(x)[0]
+        if isinstance(x[0], flint.nmod | flint.fmpq):
+            return self._values(x)[0]
         return [value_at(F, x, self.degree) for F in self.forms]
 
-    def _values_of_residues(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
-        """Return the forms at a point modulo a prime, and the derivatives of each if wanted."""
-        p = int(x[0].modulus())
-        if self._latest[0] != p:
-            forms = [modulo(F, p, EPS) for F in self.forms]
+    def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
+        """Return the forms at a point of numbers, and the derivatives of each if wanted."""
+        modulus = arithmetic.moduli(x[0])
+        if self._latest[0] != modulus:
+            forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
             derivatives = ([P.derivative(i) for i in range(self.dimension)] for P in forms)
-            self._latest = p, [forms, *derivatives]
-        rows = self._latest[1] if slopes else self._latest[1][:1]
-        return [[flint.nmod(P(*x[:-1]), p) for P in row] for row in rows]
+            self._latest = modulus, [forms, *derivatives]
+        rows, number = self._latest[1], type(x[0])
+        rows = rows if slopes else rows[:1]
+        return [[number(P(*x[:-1]), *modulus) for P in row] for row in rows]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
         """Return F at polynomials, without a common factor."""
@@ -194,13 +195,7 @@ class RationalMap(WithLetter):
     def derivative(self, x: Sequence[Any]) -> Any:
         """Return the matrix of derivatives: (dF_i - Phi_i dF_0) / F_0."""
         y, columns = self.image(x), range(self.dimension)
-        if isinstance(x[0], flint.nmod):
-            (*_, below), *numerators, denominator = self._values_of_residues(x, slopes=True)
-        else:
-            *numerators, denominator = (
-                [value_at(F.derivative(i), x) for i in columns] for F in self.forms
-            )
-            below = value_at(self.forms[-1], x)
+        (*_, below), *numerators, denominator = self._values(x, slopes=True)
         rows = [
             [row[i] - a * denominator[i] for i in columns]
             for a, row in zip(y, numerators, strict=False)

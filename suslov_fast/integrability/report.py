@@ -365,7 +365,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
             raise wrong("eps", "left out, because a map has its own", eps)
         return field, [] if field.inverse else [_NO_INVERSE]
     if callable(field) and not isinstance(field, Body):
-        how = "Field(f, names), with numbers as parameters"
+        how = "Field(f, names) of equations, or rational_map(f, n) of a map"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
     map, notes = kahan(field, eps, decimals=decimals), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:

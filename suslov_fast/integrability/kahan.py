@@ -296,7 +296,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if isinstance(field, Field):
         map = KahanMap(field, step, decimals=decimals)
     else:
-        map = KahanMap(_exactly(field, decimals).field(), step, decimals=False)
+        map = KahanMap(exact_body(field, decimals).field(), step, decimals=False)
     _ = map.terms  # raises for a field that is not of degree 2
     return map
 
@@ -308,7 +308,7 @@ def checked_map(map: RationalMap | Body) -> RationalMap:
     return checked
 
 
-def _exactly(body: Any, decimals: bool) -> Any:
+def exact_body(body: Any, decimals: bool) -> Any:
     """Return a single body with its fractions, and with its floats as what was written."""
 
     def read(a: Any) -> Fraction:

@@ -24,7 +24,7 @@ from ..checks import wrong
 from .arithmetic import as_written
 from .functions import RationalFunction, factored, over_common_denominator
 from .interpolation import MOST, Box, Unknown, over_rationals
-from .kahan import KahanMap, energy_of, rows_of
+from .kahan import KahanMap, energy_of, exact_body, rows_of
 from .maps import MapWithLetters
 from .polynomials import coprime, cramer, ring_with_letters
 
@@ -125,10 +125,7 @@ def _coefficients(system: Body, symbols: Mapping[str, Any], decimals: bool) -> t
     """Return the coefficients of f, and of H or None, with symbols for some parameters."""
     exactly = as_written if decimals else Fraction
     if not isinstance(system, Field):
-        parts = {
-            name: symbols.get(name, np.vectorize(exactly, "O")(a)[()])
-            for name, a in system.parts.items()
-        }
+        parts = {**exact_body(system, decimals).parts, **symbols}
         terms = system._of(parts).field()._own_terms
         return {place: _function(c) for place, c in terms.members()}, None
     equations = system._equations

@@ -192,6 +192,16 @@ def test_maps_with_letters():
     assert difference.is_number
 
 
+def test_fractions_of_a_body_beside_letters_are_exact():
+    body = Suslov3D(Fraction(5, 3), 1, Fraction(1, 3), 0.1)
+    (F,) = report(body, letters="I2").integrals
+    numbers = {"eps": Fraction(1, 2), "I2": Fraction(7, 3)}
+    others = {"I1": Fraction(5, 3), "I13": Fraction(1, 3), "I23": Fraction(1, 10)}
+    paper = KNOWN["Lemma 1"][2][0]
+    points = [2, 5], [1, -3], [4, 7]
+    assert len({F(x, **numbers) / paper(x, **numbers, **others) for x in points}) == 1
+
+
 def test_values_of_maps_with_letters():
     map = rational_map(lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2, letter="a b")
     assert [str(value) for value in map([1, 2])] == ["2", "2*a + b"]

@@ -90,7 +90,7 @@ class WithLetter:
         (2/(-2*eps + 1), 6)
         """
         if len(self.letters) > 1:
-            return self._with(self._values(value, named))
+            return self._with(self._numbers_for(value, named))
         return self._at(value_of(self._letter_of(named), value, named))
 
     @property
@@ -98,7 +98,7 @@ class WithLetter:
         """The names of all letters."""
         return (self.letter,) if self.letter else ()
 
-    def _values(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
+    def _numbers_for(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
         """Return the numbers that a call gives for some of several letters."""
         if value or not named or {*named} - {*self.letters}:
             got = ", ".join([*map(short, value), *named]) or "none"
@@ -137,7 +137,7 @@ class RationalFunction(WithLetter):
         A function with a symbolic eps, or with letters, needs their values.
         """
         if len(self.letters) > 1:
-            numbers = self._values(value, named)
+            numbers = self._numbers_for(value, named)
             if missing := ", ".join(name for name in self.letters if name not in numbers):
                 raise TypeError(f"{missing}: pass a number for each letter, by name")
             point = [numbers[name] for name in self.letters]

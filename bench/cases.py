@@ -21,7 +21,7 @@ from problem import BODY, EPS_FIELD, body_nd, dense_field, sparse_field, starts,
 from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
 import suslov_fast as sf
-from suslov_fast import exact, iterate
+from suslov_fast import iterate
 
 CASES: list[work.Case] = []
 
@@ -43,7 +43,7 @@ def saved(omega0, steps, every, _):
 
 
 def at(omega0, n):
-    return exact(BODY, omega0, EPS, n)
+    return BODY.exact(omega0, EPS, n)
 
 
 FREE, FOUR = "C, dimensionless variables", "one division per four steps"
@@ -88,7 +88,7 @@ for batch in (10**k for k in range(7)):
 
 def with_rotor(k, size):
     """Last states of bodies with a rotor; for k = 0 its steps are those of a body without one."""
-    body, omega0 = sf.SuslovGyrostat(4, 1, -0.5, -0.3, k), starts(size(65_536, 64))
+    body, omega0 = sf.Suslov3D(4, 1, -0.5, -0.3, k), starts(size(65_536, 64))
     steps = size(200, 5)
     call = partial(iterate, body, omega0, EPS, steps, save_every=None)
     return Work(call, len(omega0) * steps, "step")
@@ -120,7 +120,7 @@ for key, whose, label, function, part in (
     add("motion", key, whose, label, *arguments, one_thread=whose != OURS)
 
 # Functions of a state: the number of values per state; those in WITHOUT_EPS have no argument eps.
-WITHOUT_EPS = {"energy": 1, "to_xy": 2, "from_xy": 2, "vector_field": 2, "reaction": 1}
+WITHOUT_EPS = {"energy": 1, "to_xy": 2, "vector_field": 2, "reaction": 1}
 WITH_EPS = {"first_integral": 1, "modified_energy": 1, "criticality": 1, "invariant_density": 1}
 QUANTITIES = WITHOUT_EPS | WITH_EPS | {"step": 2, "jacobian": 4}
 
@@ -132,7 +132,10 @@ def in_numpy(name, states):
 
 for name, values in QUANTITIES.items():
     eps, more = {} if name in WITHOUT_EPS else {"eps": EPS}, {"one_thread": True}
-    call, limit = partial(getattr(sf, name), BODY, **eps), ("copy", 16 + 8 * values)
+    own = {"step": partial(sf.step, BODY), "vector_field": BODY}
+    of_map = partial(getattr(sf.kahan, name), BODY) if name in sf.kahan.__all__ else None
+    function = own.get(name) or of_map or getattr(BODY, name)
+    call, limit = partial(function, **eps), ("copy", 16 + 8 * values)
     add("quantities", name, OURS, f"`{name}`", work.quantities, call, name, limit=limit, **more)
     if hasattr(Formulas, name):
         key, label, call = f"{name}-numpy", f"`{name}` in NumPy", partial(in_numpy, name)
@@ -293,7 +296,7 @@ for key, label, what in (
 
 # ------------------------------------------------------------------ small calls, disks, processes
 
-BODY_ND, STATE_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
+BODY_ND, STATE_ND = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
 LORENZ, POINT = problem.sparse_field(3), [-8.0, 8.0, 27.0]
 STATE, SYSTEM = [1.0, 0.5], np.random.default_rng(4).normal(size=(4, 4))
 for key, whose, label, call in (
@@ -301,8 +304,8 @@ for key, whose, label, call in (
     ("iterate-nd", OURS, "`iterate`, n = 4", lambda: iterate(BODY_ND, STATE_ND, EPS, 10)),
     ("step", OURS, "`step`, one state", lambda: sf.step(BODY, STATE, EPS)),
     ("step-nd", OURS, "`step`, n = 4", lambda: sf.step(BODY_ND, STATE_ND, EPS)),
-    ("exact", OURS, "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
-    ("first_integral", OURS, "`first_integral`", lambda: sf.first_integral(BODY, STATE, EPS)),
+    ("exact", OURS, "`exact`, one state", lambda: BODY.exact(STATE, EPS, 10)),
+    ("first_integral", OURS, "`first_integral`", lambda: BODY.first_integral(STATE, EPS)),
     ("step-field", OURS, "`step`, Lorenz", lambda: sf.step(LORENZ, POINT, EPS)),
     ("flow", OURS, "`flow`, Lorenz, to time 1", lambda: sf.flow(LORENZ, POINT, time=1.0)),
     ("solve", NUMPY, "`numpy.linalg.solve`, 4 x 4", lambda: np.linalg.solve(SYSTEM, SYSTEM[0])),
@@ -312,7 +315,7 @@ BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.Field.from_terms(np.ones((2, 2
 for key, label, code in (
     ("exact", "`exact`", f"s.exact({BODY_3D}, [1, 0.5], 0.2, 25)"),
     ("iterate", "`iterate`", f"s.iterate({BODY_3D}, np.ones((10_000, 2)), 0.2, 20)"),
-    ("gyrostat", "gyrostat", "s.iterate(s.SuslovGyrostat(4, 1, -.5, -.3, .7), [1, 0.5], 0.2, 20)"),
+    ("gyrostat", "gyrostat", "s.iterate(s.Suslov3D(4, 1, -.5, -.3, .7), [1, 0.5], 0.2, 20)"),
     ("nd", "n = 4", "s.iterate(s.SuslovND([1.3, 2, 3], [.4, -.7, .5]), [1, .5, .2], 0.1, 20)"),
     ("field", "a field", f"s.iterate({FIELD}, [0.1, 0.1], 0.1, 20)"),
 ):

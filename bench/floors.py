@@ -79,7 +79,6 @@ ROWS = (
     ("steps with a rotor, beside those without", "rotors-iterate-0.7", "rotors-iterate-0", "≤", 3),
     ("`energy`, beside NumPy", "quantities-energy", "quantities-energy-numpy", "≥", 1.5),
     ("`to_xy`, beside NumPy", "quantities-to_xy", "quantities-to_xy-numpy", "≥", 1.5),
-    ("`from_xy`, beside NumPy", "quantities-from_xy", "quantities-from_xy-numpy", "≥", 1.5),
     ("`vector_field`, beside NumPy",
      "quantities-vector_field", "quantities-vector_field-numpy", "≥", 1.5),
     ("`reaction`, beside NumPy", "quantities-reaction", "quantities-reaction-numpy", "≥", 1.5),

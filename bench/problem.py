@@ -106,7 +106,9 @@ def starts_field(batch, D):
 def body_nd(components):
     """A body in components + 1 dimensions, whose motions with |Omega| about 1 are similar."""
     rng = np.random.default_rng(components)
-    return SuslovND(rng.uniform(1, 4, components), rng.normal(size=components) / components**0.5)
+    return SuslovND(
+        J=rng.uniform(1, 4, components), I=rng.normal(size=components) / components**0.5
+    )
 
 
 def starts_nd(batch, components):

@@ -40,7 +40,7 @@ MODULE_OF = {
     for alias in node.names
 }
 __all__ = sorted(MODULE_OF)
-_MODULES = ("compiled", "integrability")
+_MODULES = ("compiled", "integrability", "kahan")
 
 
 def _imported(name: str) -> ModuleType:

@@ -175,8 +175,7 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
 def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
     """Return advice, for messages, on states of a wrong shape."""
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
-        rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
-        return f": for vectors in space pass {rotated}, with the rotation of from_inertia"
+        return ": for vectors in the basis of a tensor pass (omega @ body.rotation.T)[..., :2]"
     if len(shape) < 2 or shape[0] != len(labels):
         return ""
     how = "np.moveaxis(x0, 0, -1)" if len(shape) > 2 else "the transpose"

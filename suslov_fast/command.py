@@ -232,8 +232,7 @@ def _system(options: argparse.Namespace) -> tuple[Any, Any]:
         return body, eps if options.eps is None else float(options.eps)
     if len(options.body) not in (4, 5):
         raise ValueError("--body must be four numbers I1,I2,I13,I23, or five, with the rotor k")
-    kind = sf.Suslov3D if len(options.body) == 4 else sf.SuslovGyrostat
-    return kind(*options.body), options.eps
+    return sf.Suslov3D(*options.body), options.eps
 
 
 # ---------------------------------------------------------------------------------- options

@@ -28,7 +28,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload, typeof_impl
 
-from .bodies.base import Body
+from .bodies.fields.base import Body
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
 from .core.compiling.arrays import uncounted
 from .core.compiling.numba import for_users, of_kind
@@ -81,7 +81,7 @@ def system(body: Body, /, eps: Reals, *, method: str = "auto") -> System:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovGyrostat, SuslovND or Field
+    body : Suslov3D, SuslovND or Field
         A single body, or a field.
     eps : float
         Step size in time, positive or negative.

@@ -9,9 +9,9 @@ class SuslovError(Exception):
 
     Examples
     --------
-    >>> from suslov_fast import SuslovError, SuslovND, first_integral
+    >>> from suslov_fast import SuslovError, SuslovND
     >>> try:
-    ...     first_integral(SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), [1, 1, 1], eps=0.1)
+    ...     SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]).first_integral([1, 1, 1], eps=0.1)
     ... except SuslovError as error:
     ...     print(type(error).__name__)
     NotIntegrableError

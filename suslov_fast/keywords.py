@@ -52,9 +52,11 @@ def missing_in(module: str, name: str) -> Exception:
 
 
 def _of_class(thing: Any, name: str) -> str:
-    """Return the public class of the package that has a name which the package lacks."""
+    """Return where a public class or `kahan` has a name which the package lacks."""
     if thing is not suslov_fast:
         return ""
+    if name in suslov_fast.kahan.__all__:
+        return f"suslov_fast.kahan.{name}(system, x, eps)"
     things = (getattr(suslov_fast, each) for each in ("Field", *suslov_fast.__all__))
     owners = (each for each in things if isinstance(each, Answering) and hasattr(each, name))
     owner = next(owners, None)
@@ -107,7 +109,8 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
         others = ", ".join(name for name in known if name not in named)
         value = args[len(parameters) - len(named)]  # the first of those without a place
         shown = value if isinstance(value, int) else ""
-        return TypeError(f"{error}: {others}; pass others by name, as {named[0]}={shown}")
+        which = f"{others}; pass others" if others else "pass them"
+        return TypeError(f"{error}: {which} by name, as {named[0]}={shown}")
     return error
 
 

@@ -100,7 +100,7 @@ def unit():
 def case(request, body):
     if request.param == "3D":
         return body, [1.0, 0.5]
-    return sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
+    return sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
 
 
 @pytest.fixture(autouse=True)

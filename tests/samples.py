@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from suslov_fast import Field, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast import Field, Suslov3D, SuslovND, kahan
 from suslov_fast.maps import MAPS
 from suslov_fast.maps.methods import COMPOSITIONS
 
@@ -21,13 +21,13 @@ def random_with_I3(rng, shape):
     """Return bodies with an admissible I3."""
     moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
     I3 = rng.uniform(2.7, 3.3, shape)
-    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
+    return Suslov3D(moments[0], moments[1], products[0], products[1], I3=I3)
 
 
 def random_nd(rng, shape, m=4, equal=False):
     """Return bodies in n = m + 1 dimensions; with `equal`, all J of a body are equal."""
     J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
-    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
+    return SuslovND(J=J * np.ones(m), I=rng.uniform(-0.5, 0.5, (*shape, m)) * J)
 
 
 def random_field(rng, shape, D=5):
@@ -37,18 +37,19 @@ def random_field(rng, shape, D=5):
 
 # Functions of (rng, shape), by the name of a map.
 RANDOM = {
-    "Suslov3D": (lambda rng, shape: Suslov3D(**random_3d(rng, shape)), random_with_I3),
-    "SuslovND": (random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
-    "SuslovGyrostat": (
-        lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
+    "Suslov3D": (
+        lambda rng, shape: Suslov3D(**random_3d(rng, shape)),
+        random_with_I3,
+        lambda rng, shape: Suslov3D(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
     ),
+    "SuslovND": (random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
 }
 SQUARE = Field.from_terms([[[1]]])  # x' = x**2
 # A body, and a state without a next one for eps = 1.
 POLES = {
-    "Suslov3D": (Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-    "SuslovND": (SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
-    "SuslovGyrostat": (SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+    "Suslov3D": (Suslov3D(1, 1, 0.25, 0, I3=1.5), (4.0, -12.0)),
+    "SuslovND": (SuslovND(J=[4.0, 1.0, 1.0], I=[0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
+    "Suslov3D with a rotor": (Suslov3D(1, 1, 1, 0, 0.5), (1.0, -3.875)),
     "Kahan": (SQUARE, (1.0,)),
     **{f"Kahan, order {n}": (SQUARE, (1.0 / s.fractions[0],)) for n, s in COMPOSITIONS.items()},
 }
@@ -57,3 +58,10 @@ POLES = {
 def random_bodies(name):
     """Return the functions of a map that make random bodies."""
     return (random_field,) if MAPS[name].body is Field else RANDOM[name]
+
+
+def quantity(name):
+    """Return the function of (body, omega, eps) of this name: of `kahan`, or a method."""
+    if name in kahan.__all__:
+        return getattr(kahan, name)
+    return lambda body, omega, *eps: getattr(body, name)(omega, *eps)

@@ -11,10 +11,8 @@ from suslov_fast import (
     Motion,
     SingularStepError,
     Suslov3D,
-    SuslovGyrostat,
     SuslovND,
     Trajectories,
-    body_from_dict,
     crossings,
     flow,
     iterate,
@@ -44,10 +42,10 @@ assert_type(run.ok, NDArray[np.bool_])
 assert_type(flow(Field.from_terms([[[1.0]]]), [1.0], time=0.5), Motion)
 any_field = Field(lambda x: (x[1], -np.sin(x[0])), 2)
 assert_type(any_field.dimension, int)
-assert_type(SuslovND([1.0, 2.0], [0.1, 0.2]).dimension, int)
+assert_type(SuslovND(J=[1.0, 2.0], I=[0.1, 0.2]).dimension, int)
 assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), Field)
-body = body_from_dict({})
-assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | Field)
+assert_type(Suslov3D.from_dict({}), Suslov3D)
+assert_type(Suslov3D.from_inertia([[1.0]]), Suslov3D)
 print(run.no_such_name)  # type: ignore[attr-defined]
 iterate(run.body, [1.0], "0.1", 5)  # type: ignore[arg-type]
 iterate(run.body, [1.0], [0.1, 0.2], 5)

@@ -8,12 +8,12 @@ that rotation. The sphere has radius 1, and the hidden half of the path is faint
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, iterate, to_vector
+from suslov_fast import Suslov3D, iterate
 
 body = Suslov3D(I1=4, I2=1, I13=-0.3, I23=-1, I3=3.7)
 run = iterate(body, [-1.0, 0.32], eps=0.02, steps=900, attitude=True)
 axis = run.attitude[..., 2]
-rotation = to_vector(body, run.states, attitude=run.attitude)[[0, -1]]
+rotation = (run.attitude[..., :2] @ run.states[..., np.newaxis])[[0, -1], :, 0]
 rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
 
 figure = plt.figure(figsize=(6, 5), layout="constrained")

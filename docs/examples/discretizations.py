@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numba
 import numpy as np
 
-from suslov_fast import Suslov3D, flow, limits
+from suslov_fast import Suslov3D, flow
 
 body, omega0, duration = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), np.array([-0.9, 1.3]), 30.0
 I1, I2, I13, I23 = body.I1, body.I2, body.I13, body.I23
@@ -131,7 +131,7 @@ def largest_error(orbit, steps):
     ).max()
 
 
-_, final = limits(body, omega0, 1e-9)
+_, final = body.limits(omega0, 1e-9)
 
 # %%
 # Properties at the step 0.5: the order of the largest error until time 30, and this error; the

@@ -9,11 +9,11 @@ above the limit, hollow ones below; the distance passes through 0 where they cha
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, limits, lyapunov_exponents, multipliers
+from suslov_fast import Suslov3D, kahan, lyapunov_exponents
 
 body, omega, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [1.0, 0.5], 0.2
-_, end = limits(body, omega, eps)
-expected = np.log(multipliers(body, end, eps)) / eps
+_, end = body.limits(omega, eps)
+expected = np.log(kahan.multipliers(body, end, eps)) / eps
 
 steps = np.unique(np.geomspace(10, 100_000, 25).astype(int))
 found = np.array([lyapunov_exponents(body, omega, eps, int(n)) for n in steps])

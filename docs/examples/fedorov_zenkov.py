@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from suslov_fast import Suslov3D, energy, first_integral, flow, iterate
+from suslov_fast import Suslov3D, flow, iterate
 
 body, eps, steps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3, I3=4), 0.5, 120
 inertia = np.array([[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 4]])
@@ -71,10 +71,10 @@ def momentum_energy(omega):
 
 reduced = np.array([momentum_energy(omega) for omega in roots[:, 0]])
 for name, values, look in (
-    ("this map: first integral F", first_integral(body, kahan[:, 0], eps), "k-"),
-    ("this map: energy", energy(body, kahan[:, 0]), "k--"),
+    ("this map: first integral F", body.first_integral(kahan[:, 0], eps), "k-"),
+    ("this map: energy", body.energy(kahan[:, 0]), "k--"),
     ("Fedorov and Zenkov: energy of the momentum", reduced, "C0-"),
-    ("Fedorov and Zenkov: energy", energy(body, roots[:, 0]), "C0--"),
+    ("Fedorov and Zenkov: energy", body.energy(roots[:, 0]), "C0--"),
 ):
     change = np.maximum(abs(values / values[0] - 1), 1e-16)
     width = 1 if look.startswith("k") else 2.5

@@ -9,16 +9,16 @@ the modified energy drifts too, but its drift is of order 4 in eps instead of 2.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import SuslovND, energy, iterate
+from suslov_fast import SuslovND, iterate
 
 body = SuslovND(J=[1.0, 1.6, 2.2], I=[0.5, -0.3, 0.4])
 
 # Nine states of energy 1 around the repelling steady state of energy 1.
-pole = body.I / np.sqrt(energy(body, body.I))
+pole = body.I / np.sqrt(body.energy(body.I))
 tangent = np.linalg.svd((body.J * pole)[None])[2][1:]
 turn = np.linspace(0, 2 * np.pi, 10)[:-1, None]
 starts = pole + 0.05 * (np.cos(turn) * tangent[0] + np.sin(turn) * tangent[1])
-starts /= np.sqrt(energy(body, starts))[:, None]
+starts /= np.sqrt(body.energy(starts))[:, None]
 orbits = iterate(body, starts, eps=0.2, steps=150).states
 
 figure = plt.figure(figsize=(7.2, 3.6))

@@ -9,9 +9,9 @@ of the map, thin lines the levels of its first integral.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import SuslovGyrostat, first_integral, iterate
+from suslov_fast import Suslov3D, iterate
 
-body, eps = SuslovGyrostat(I1=4, I2=2, I13=-0.5, I23=-0.3, k=0.4), 0.4
+body, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3, k=0.4), 0.4
 starts = np.concatenate([np.linspace(-2.2, -0.2, 7), [1.4, 1.8, 2.2]])[:, None] * [0.3, 0.8]
 runs = [iterate(body, starts, sign * eps, steps=150) for sign in (1, -1)]
 
@@ -21,8 +21,8 @@ periodic = body.k**2 > A2
 
 figure, axes = plt.subplots(figsize=(6, 5.6), layout="constrained")
 grid = np.linspace(-2.6, 2.6, 300)
-F = first_integral(body, np.stack(np.meshgrid(grid, grid), axis=-1), eps)
-levels = np.unique(first_integral(body, starts, eps))
+F = body.first_integral(np.stack(np.meshgrid(grid, grid), axis=-1), eps)
+levels = np.unique(body.first_integral(starts, eps))
 axes.contour(grid, grid, F, levels=levels, colors="gray", linewidths=0.5)
 axes.plot([], [], color="gray", linewidth=0.5, label="levels of $F$")
 for chosen, marker, color, label in (

@@ -12,12 +12,12 @@ are drawn at the distance of the circle. Red lines are the eigenvectors.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import SuslovGyrostat, iterate
+from suslov_fast import Suslov3D, iterate
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.4), layout="constrained")
 omega0, eps, steps = [-0.9, 1.1], 0.5, 12
 for panel, letter, k in zip(axes, "ab", (0.4, 2.6), strict=True):
-    body = SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=k)
+    body = Suslov3D(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=k)
     e = eps / (2 * np.sqrt(body.I1 * body.I2))
     g = body.I13 / np.sqrt(body.I1) + 1j * body.I23 / np.sqrt(body.I2)
 

@@ -15,13 +15,13 @@ from fractions import Fraction
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, SuslovGyrostat
+from suslov_fast import Suslov3D
 from suslov_fast.integrability import kahan
 
 EPS = Fraction(1, 2)
 BODIES = {
     "Suslov body": Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.25),
-    "gyrostat, k = 1/2": SuslovGyrostat(I1=4, I2=2, I13=-0.5, I23=-0.25, k=0.5),
+    "gyrostat, k = 1/2": Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.25, k=0.5),
 }
 
 

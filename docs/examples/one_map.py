@@ -8,7 +8,7 @@ random realizable bodies with twelve step sizes from 0.2 to 1.9 lie on the conic
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, from_xy, iterate, to_xy
+from suslov_fast import Suslov3D, iterate
 
 rng = np.random.default_rng(4)
 body = Suslov3D(*rng.uniform(2, 4, (2, 12)), *rng.uniform(-0.6, 0.6, (2, 12)))
@@ -16,14 +16,17 @@ assert np.isfinite(body.admissible_I3()).all()
 a = body.I1 * body.I2
 # Close to the repelling half of the line, on either side of it.
 side = rng.choice([-1, 1], 12)
-omega0 = from_xy(body, np.stack([0.1 * side * np.sqrt(a), a], axis=-1))
+xy = np.stack([0.1 * side * np.sqrt(a), a], axis=-1)
+# to_xy is linear.
+of_basis = body.to_xy(np.eye(2)[:, np.newaxis]).swapaxes(0, 1)
+omega0 = np.einsum("ni,nij->nj", xy, np.linalg.inv(of_basis))
 eps = 2 * np.linspace(0.1, 0.95, 12)
 
 orbits = iterate(body, omega0, eps, steps=60)
-x, y = np.moveaxis(to_xy(body, orbits.states), -1, 0)
+x, y = np.moveaxis(body.to_xy(orbits.states), -1, 0)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
-t = np.broadcast_to(orbits.criticality()[0], x.shape)
+t = np.broadcast_to(orbits.body.criticality(orbits.states, orbits.eps)[0], x.shape)
 X, Y = eps * x / (2 * np.sqrt(a)), eps * y / (2 * a)
 for k, marker in enumerate("os^vD<>PX*ph"):
     style = {"marker": marker, "s": 14, "linewidths": 0, "vmin": 0, "vmax": 1}

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from suslov_fast import Field, energy, flow, iterate
+from suslov_fast import Field, flow, iterate
 
 try:
     import heyoka
@@ -124,7 +124,7 @@ some = np.random.default_rng(0).uniform(-0.25, 0.25, (16, 4))
 for name, method in METHODS.items():
     for eps in (1 / 2, 1 / 4, 1 / 8):
         run = iterate(field, some, eps, 1_000_000, save_every=100, method=method)
-        change = abs(run.energy() - energy(field, some))
+        change = abs(run.energy() - field.energy(some))
         print(f"{name} {eps:6g}", *(f"{change[:k].max():8.0e}" for k in (11, 101, 10_001)))
 
 # %%

@@ -9,12 +9,12 @@ repelling half of the line, and is negative for states past the middle. Outside 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, closed_form
+from suslov_fast import Suslov3D
 
 body, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), 1.5
 axis = np.linspace(-16, 16, 400)
 omega = np.stack(np.meshgrid(axis, axis), axis=-1)
-constants = closed_form(body, omega, eps)
+constants = body.closed_form(omega, eps)
 n = np.where(constants.t < 1, -constants.k2 / (constants.k1 * eps), np.nan)
 
 figure, axes = plt.subplots(figsize=(6.4, 4.8), layout="constrained")

@@ -10,7 +10,7 @@ step size. Numbers count steps.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, criticality, exact, from_xy, iterate, to_xy
+from suslov_fast import Suslov3D, iterate
 
 body, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), 1.0
 a = body.I1 * body.I2
@@ -24,10 +24,10 @@ panels = [
 ]
 figure, axes = plt.subplots(1, 3, figsize=(7.2, 3.6), layout="constrained")
 for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", panels, strict=True):
-    omega0 = from_xy(body, starts * units)
-    iterated = to_xy(body, iterate(body, omega0, eps, steps).states) / units
-    closed = to_xy(body, exact(body, omega0, eps, np.arange(steps + 1))) / units
-    t = criticality(body, omega0[0], eps)
+    omega0 = starts * units @ np.linalg.inv(body.to_xy(np.eye(2)))
+    iterated = body.to_xy(iterate(body, omega0, eps, steps).states) / units
+    closed = body.to_xy(body.exact(omega0, eps, np.arange(steps + 1))) / units
+    t = body.criticality(omega0[0], eps)
 
     # The level of the first integral, X**2 (1 - t**2) + Y**2 = t**2, as a contour.
     X, Y = np.meshgrid(np.linspace(-width, width, 201), np.linspace(-height, height, 201))

@@ -11,14 +11,14 @@ rotation_number, which is 0 up to A.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import SuslovGyrostat, iterate, rotation_number
+from suslov_fast import Suslov3D, iterate
 
 moments, omega0, eps = {"I1": 4, "I2": 2, "I13": -0.5, "I23": -0.3}, [-1.2, 1.6], 0.2
 
 
 def turned(k, steps):
     """Turns of Omega since the start, and A, for rotors of momentum k."""
-    body = SuslovGyrostat(**moments, k=k)
+    body = Suslov3D(**moments, k=k)
     run = iterate(body, omega0, eps, steps)
     phi = np.unwrap(np.arctan2(*np.moveaxis(run.states * np.sqrt([4, 2]), -1, 0)[::-1]), axis=0)
     R = 2 * np.sqrt(body.I1 * body.I2 * run.first_integral()[0])
@@ -39,7 +39,7 @@ axes[0].legend(title="$k$ ($k / A$)", frameon=False, fontsize="small", title_fon
 many = np.linspace(0, 2, 81)
 _, turns, A = turned(many, 10_000)
 axes[1].plot(many, (turns[-1] - turns[2000]) / 8000, "k.", markersize=4, label="measured")
-formula = rotation_number(SuslovGyrostat(**moments, k=many), omega0, eps)
+formula = Suslov3D(**moments, k=many).rotation_number(omega0, eps)
 axes[1].plot(many, formula, color="crimson", linewidth=1, label="rotation number")
 axes[1].axvline(np.interp(0, many - A, many), color="0.7", linewidth=0.8, label="$k = A$")
 axes[1].set(xlabel="momentum $k$ of the rotor", ylabel=rf"turns per step, $\epsilon = {eps}$")

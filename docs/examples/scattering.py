@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import BoundaryNorm
 
-from suslov_fast import Suslov3D, scattering_angle
+from suslov_fast import Suslov3D
 
 bounds = [0.01, 0.03, 0.1, 0.3, 1, 3, 10, 20, 30, 45]
 style = {"cmap": "viridis", "norm": BoundaryNorm(bounds, 256, extend="min"), "extend": "min"}
@@ -21,7 +21,7 @@ figure, axes = plt.subplots(1, 2, figsize=(6.4, 4.4), sharey=True, layout="const
 for panel, ratio in zip(axes, (1, 4), strict=True):
     I1, I2 = np.sqrt(ratio), 1 / np.sqrt(ratio)  # I1 I2 = 1
     body = Suslov3D(I1, I2, I13, I23[:, np.newaxis])
-    degrees = np.rad2deg(scattering_angle(body))
+    degrees = np.rad2deg(body.scattering_angle())
     degrees[np.isnan(body.admissible_I3()[0])] = np.nan
     shades = panel.contourf(I13, I23, degrees, bounds, **style)
     lines = panel.contour(I13, I23, degrees, [1, 10, 30], colors="black", linewidths=0.7)

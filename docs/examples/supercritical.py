@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from suslov_fast import Suslov3D, criticality
+from suslov_fast import Suslov3D
 
 I13 = np.linspace(0.02, 0.9, 60)
 eps = np.geomspace(2, 100, 48)
@@ -17,7 +17,7 @@ omega = np.random.default_rng(0).uniform(-2, 2, (2000, 2))
 
 bodies = Suslov3D(I1=4, I2=2, I13=I13[:, None, None], I23=-0.3)
 t = xr.DataArray(
-    criticality(bodies, omega, eps[:, None]),
+    bodies.criticality(omega, eps[:, None]),
     dims=("I13", "eps", "state"),
     coords={"I13": I13, "eps": eps},
 )

@@ -1,9 +1,9 @@
-"""The n-dimensional body, equations (13) and (14), and which formulas are known for it."""
+"""The n-dimensional body, equations (13) and (14)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -16,28 +16,30 @@ from ..checks import (
     common_shape,
     first_index,
     real_array,
-    spell,
     states,
     warn,
     within,
     wrong,
 )
-from ..errors import SuslovError
+from ..engine.problem import Problem
 from ..keywords import public, public_class
-from .base import Body
+from ..maps import MAPS, Map
+from ..maps.methods import FIELD, STEPS_ND
+from .adapted import adapted
 from .fields.field import Field
 from .fields.polynomials import numbers
 from .fields.terms import collected
+from .formulas_nd import IN_ND, check_known, eigenvalues_nd, in_plane
 from .reduction import Reduction, first_of_equal
-from .rigid import adapted
+from .suslov import Suslov
 
 # Relative rounding error of J and I after the rotation by from_mass_tensor.
 _ROUNDING = 1e-14
 
 
 @public_class
-@dataclass(frozen=True, eq=False, repr=False)
-class SuslovND(Body):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SuslovND(Suslov):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis Omega_ij = 0 for i, j < n, and the inertia matrix is diagonal except for its last
@@ -51,7 +53,13 @@ class SuslovND(Body):
         J_i = I_ii + I_nn, between 1e-60 and 1e60, in any unit that I shares.
     I : array_like(float, shape=(..., n - 1))
         The products I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
-        velocity is constant.
+        velocity is constant. No body has I_i above J_i / 2 in modulus: such numbers are computed,
+        with one warning.
+
+    Attributes
+    ----------
+    rotation : ndarray(float, shape=(..., n, n)) or None
+        Of a body that :meth:`from_mass_tensor` made: the rotation to the adapted basis.
 
     Examples
     --------
@@ -63,10 +71,10 @@ class SuslovND(Body):
 
     J: Any  # array_like when given, then an array
     I: Any
+    rotation: Any = field(default=None, init=False)
 
-    axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
+    axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1, "rotation": 2}
     positive: ClassVar[dict[str, int]] = {"J": OTHERS}
-    steady: ClassVar[str] = "c I for all numbers c, or all states if I = 0"
     meaning: ClassVar[str] = (
         ", of n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as 1.3, "
         "2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor, and "
@@ -82,6 +90,12 @@ class SuslovND(Body):
         if len(J) == 2 and J[0] == J[1] > 2 and len(I) == 1 and (self.J == self.J.T).all():
             how = "SuslovND.from_mass_tensor(M) takes a tensor, and I[np.newaxis] tells a family"
             warn(f"J: the rows of this symmetric matrix are bodies of a family: {how}")
+        # The mass tensor is positive, so that I_in**2 < I_ii I_nn <= J_i**2 / 4.
+        beyond = abs(self.I) > 0.5 * self.J
+        if beyond.any():
+            i = first_index(beyond)[-1] + 1
+            how = "no body has these numbers; were J and I exchanged?"
+            warn(f"I: I_{i} exceeds J_{i} / 2, half of I_ii + I_nn: {how}")
 
     @cached_property
     def dimension(self) -> int:
@@ -103,7 +117,7 @@ class SuslovND(Body):
 
     @cached_property
     def _field(self) -> Field:
-        parts = (numbers(name, each, bool(self.shape)) for name, each in self.parts.items())
+        parts = (numbers(name, each, bool(self.shape)) for name, each in self.parameters.items())
         places, values = self._terms_of(*parts)
         terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
         return Field.of_terms(terms, self.labels)
@@ -122,6 +136,19 @@ class SuslovND(Body):
     @cached_property
     def reduction(self) -> Reduction:
         return Reduction(self.J, self.I)
+
+    @property
+    def is_solved(self) -> Any:
+        """True for members with a closed form."""
+        return self.reduction.steady | (self.reduction.count == 2)
+
+    def _check_solved(self, function: str) -> None:
+        """Raise NotIntegrableError unless each member has a closed form."""
+        check_known(self, function)
+
+    def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+        """Return an equivalent problem in three dimensions, and the way back of its states."""
+        return in_plane(problem)
 
     @public
     def reduced(
@@ -166,10 +193,10 @@ class SuslovND(Body):
         Examples
         --------
         >>> from suslov_fast import SuslovND, iterate
-        >>> body = SuslovND(J=[2, 2, 2, 3], I=[1, 2, -2, 3])
+        >>> body = SuslovND(J=[2, 2, 2, 3], I=[0.25, 0.5, -0.5, 0.75])
         >>> reduced, to_reduced, from_reduced = body.reduced()
         >>> reduced
-        SuslovND(J=[2.0, 2.0, 3.0], I=[3.0, 0.0, 3.0])
+        SuslovND(J=[2.0, 2.0, 3.0], I=[0.75, 0.0, 0.75])
         >>> omega = [0.5, 0.1, 0.3, -0.2]
         >>> orbit = iterate(reduced, to_reduced(omega), eps=0.1, steps=50).states
         >>> run = iterate(body, omega, eps=0.1, steps=50)
@@ -196,9 +223,7 @@ class SuslovND(Body):
 
     @classmethod
     @public
-    def from_mass_tensor(
-        cls, I: ArrayLike, a: ArrayLike | None = None
-    ) -> tuple[SuslovND, FloatArray]:
+    def from_mass_tensor(cls, I: ArrayLike, a: ArrayLike | None = None) -> SuslovND:
         """Return the body with these second moments of mass and this constrained axis.
 
         Parameters
@@ -214,12 +239,11 @@ class SuslovND(Body):
 
         Returns
         -------
-        body : SuslovND
+        SuslovND
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment,
             or 1e-14 of the largest product, count as rounding errors, and become 0; J that differ
-            by less than 1e-14 of the largest become equal.
-        rotation : ndarray(float, shape=(..., n, n))
-            The rotation matrix that takes components to the adapted basis:
+            by less than 1e-14 of the largest become equal. Its attribute `rotation` (..., n, n) is
+            the rotation matrix that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. The identity if the basis is adapted already.
 
         Raises
@@ -230,8 +254,7 @@ class SuslovND(Body):
         Examples
         --------
         >>> from suslov_fast import SuslovND
-        >>> body, rotation = SuslovND.from_mass_tensor([[1, 0, 0.4], [0, 2, -0.7], [0.4, -0.7, 3]])
-        >>> body
+        >>> SuslovND.from_mass_tensor([[1, 0, 0.4], [0, 2, -0.7], [0.4, -0.7, 3]])
         SuslovND(J=[4.0, 5.0], I=[0.4, -0.7])
         """
         given = real_array("I", I)
@@ -243,51 +266,16 @@ class SuslovND(Body):
         J, products = moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]
         largest, size = (abs(each).max(axis=-1, keepdims=True) for each in (J, products))
         J = np.take_along_axis(J, first_of_equal(J, _ROUNDING * largest), axis=-1)
-        return cls(J, np.where(abs(products) < _ROUNDING * size, 0.0, products)), rotation
+        products = np.where(abs(products) < _ROUNDING * size, 0.0, products)
+        return cls(J=J, I=products)._rotated(rotation)
 
 
-class NotIntegrableError(SuslovError, ValueError):
-    """No formula is known for this body: no closed form, first integral or invariant measure.
-
-    Functions that need one raise it; the message says for which bodies a formula is known, and what
-    to use for this one.
-
-    Examples
-    --------
-    >>> from suslov_fast import NotIntegrableError, SuslovND, first_integral
-    >>> body = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
-    >>> try:
-    ...     first_integral(body, [1.0, 0.5, 0.2], eps=0.1)
-    ... except NotIntegrableError as error:
-    ...     print(str(error).rpartition(": ")[2])
-    use suslov_fast.integrability.report, which looks for integrals
-    """
-
-    known: Any = False  # for which members of a batch a formula is known
-
-
-_INSTEAD = {
-    **dict.fromkeys(("exact", "limits"), "iterate"),
-    "flow": "flow, which computes it to a tolerance",
-    "first_integral": "suslov_fast.integrability.report, which looks for integrals",
-    "criticality": "iterate, and compare with half the step size",
-    "invariant_density": "the determinant of jacobian",
-}
-
-
-def check_known(body: SuslovND, function: str) -> None:
-    """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
-    if (how := _INSTEAD.get(function)) is None:
-        return
-    parts = body.reduction
-    known, expected = parts.steady | (parts.count == 2), "two coordinates"
-    if function == "invariant_density":
-        known = known | (parts.count == 3) & parts.one_coupled
-        expected += ", or three of which one has a coupling"
-    if not known.all():
-        which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
-        known_for = f"only for those that equal J, or I = 0, reduce to {expected} (see reduced)"
-        text = f"{function} has no known formula for {which}, {known_for}: use {how}"
-        error = NotIntegrableError(text)
-        error.known = known
-        raise error
+MAPS["SuslovND"] = Map(  # equation (15)
+    name="SuslovND",
+    title="Discrete Suslov problem in n dimensions",
+    body=SuslovND,
+    methods={"auto": STEPS_ND, "gauss": FIELD},
+    formulas=IN_ND,
+    attitude="in_rows",
+    eigenvalues=eigenvalues_nd,
+)

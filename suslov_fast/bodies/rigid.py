@@ -1,29 +1,33 @@
-"""Bodies in three dimensions, with and without a rotor: the Suslov problem, equations (1), (2).
+"""Bodies in three dimensions, also with a rotor: the Suslov problem, equations (1), (2).
 
-Also the four examples of the paper, and the rotation of inertia tensors to adapted bases.
+Also the four examples of the paper.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Real
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, Reals, wrong
+from ..core.suslov import quantities
+from ..engine.evaluation import Formula, mask_and_warn
+from ..engine.problem import Problem, check
 from ..keywords import public, public_class
-from .base import Body
+from ..maps import MAPS, Map, map_of
+from ..maps.formulas import KAHAN, formulas_named, values_by_rows
+from ..maps.methods import STEPS_3D
+from .adapted import in_adapted_basis
 from .fields.field import Field
 from .fields.terms import collected
-
-# Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
-# equality, and the parallel axis theorem loses a few digits.
-_ROUNDING = 1e-12
+from .suslov import Suslov, whole_states
 
 
 def _exact(a: Any) -> Any:
@@ -31,27 +35,87 @@ def _exact(a: Any) -> Any:
     return Fraction(a) if isinstance(a, Real) else a
 
 
+class ClosedForm(NamedTuple):
+    """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...).
+
+    The integral h has the unit (inertia * omega)**2 and the rate k1 the unit 1 / eps; the phase k2
+    and the criticality t are dimensionless.
+    """
+
+    h: FloatArray  # equation (9)
+    k1: FloatArray  # equation (12)
+    k2: FloatArray  # Theorem 1
+    t: FloatArray
+
+    def __repr__(self) -> str:
+        """Return the constants as text; those of one orbit as numbers, not as np.float64(...)."""
+        parts = [value if np.ndim(value) else float(value) for value in self]
+        return f"ClosedForm(h={parts[0]}, k1={parts[1]}, k2={parts[2]}, t={parts[3]})"
+
+
+@public_class
 @dataclass(frozen=True, eq=False, repr=False)
-class _In3D(Body):
-    """The parameters and equations that both bodies in three dimensions share."""
+class Suslov3D(Suslov):
+    """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
+
+    In that basis the constraint is Omega3 = 0 and the inertia tensor is
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``. With l = I13 Omega1 + I23 Omega2 + k the
+    equations of motion are ``I1 Omega1' = -l Omega2`` and ``I2 Omega2' = l Omega1``: equation (2)
+    of Dragovic and Gajic, arXiv:0807.2966, with the momentum k of a rotor, by default 0.
+
+    Parameters
+    ----------
+    I1, I2 : array_like(float, shape=(...))
+        Moments of inertia, between 1e-50 and 1e50, in any unit that all parameters share.
+    I13, I23 : array_like(float, shape=(...))
+        Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 and there is
+        no rotor every angular velocity is constant.
+    k : array_like(float, shape=(...))
+        Momentum of a rotor along the constrained axis, of either sign, 0 or between 1e-60 and 1e60
+        in modulus. Unit: inertia * omega.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, which only :meth:`step_full` uses: it drops out of the map.
+        :meth:`admissible_I3` tells which of them rigid bodies have.
+
+    Attributes
+    ----------
+    rotation : ndarray(float, shape=(..., 3, 3)) or None
+        Of a body that :meth:`from_inertia` made: the rotation to the adapted basis.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
+    >>> bodies.shape, bodies[-1]
+    ((3,), Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3))
+    >>> Suslov3D(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    Suslov3D(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    """
 
     I1: Any  # array_like when given, then a float or an array
     I2: Any
     I13: Any
     I23: Any
+    k: Any = 0.0
+    I3: Any = None
+    rotation: Any = field(default=None, init=False)
 
     positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
+    is_solved: ClassVar[Any] = True
 
     @property
     def constants(self) -> tuple[Any, ...]:
-        """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23; k or 0."""
+        """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23, k."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
-        return I1, self.I2, self.I13, self.I23, vars(self).get("k", 0.0)
+        return I1, self.I2, self.I13, self.I23, self.k
 
     @property
     def steady_line(self) -> FloatArray | None:
         *_, I13, I23, k = self.constants
-        return None if np.any(k) else np.stack(np.broadcast_arrays(I23, -I13), axis=-1)
+        if np.all(k):
+            return None
+        line = np.stack(np.broadcast_arrays(I23, -I13, k)[:2], axis=-1)
+        return np.where(np.asarray(k)[..., np.newaxis] == 0.0, line, np.nan)
 
     def _inertia(self, I3: Any) -> FloatArray:
         """Return the inertia tensors (..., 3, 3) with this I3."""
@@ -70,40 +134,19 @@ class _In3D(Body):
         terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
         return Field.of_terms(terms, self.labels)
 
+    def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+        """Return a problem in three dimensions, which needs no reduction."""
+        return problem, lambda states: states
 
-@public_class
-@dataclass(frozen=True, eq=False, repr=False)
-class Suslov3D(_In3D):
-    """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
+    def _check_solved(self, function: str) -> None:
+        """Raise nothing, because each body in three dimensions has a closed form."""
 
-    In that basis the constraint is Omega3 = 0 and the inertia tensor is
-    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``. With x = I13 Omega1 + I23 Omega2 the equations
-    of motion are ``I1 Omega1' = -x Omega2`` and ``I2 Omega2' = x Omega1``: equation (2) of
-    Dragovic and Gajic, arXiv:0807.2966.
+    def _without_rotor(self, function: str) -> None:
+        """Raise ValueError if a body has a rotor."""
+        if np.any(self.k):
+            raise ValueError(f"{function} is for bodies without a rotor, whose k is 0")
 
-    Parameters
-    ----------
-    I1, I2 : array_like(float, shape=(...))
-        Moments of inertia, between 1e-50 and 1e50, in any unit that all parameters share.
-    I13, I23 : array_like(float, shape=(...))
-        Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
-        velocity is constant.
-    I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, which only :func:`step_full` uses: it drops out of the map.
-        :meth:`admissible_I3` tells which of them rigid bodies have.
-
-    Examples
-    --------
-    >>> from suslov_fast import Suslov3D
-    >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
-    >>> bodies.shape, bodies[-1]
-    ((3,), Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3))
-    """
-
-    I3: Any = None
-
-    steady: ClassVar[str] = "c (I23, -I13) for all numbers c"
-
+    # ------------------------------------------------------------------------- constructors
     @public
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
@@ -149,29 +192,31 @@ class Suslov3D(_In3D):
     @classmethod
     @public
     def from_inertia(
-        cls, I: ArrayLike, a: ArrayLike = (0.0, 0.0, 1.0)
-    ) -> tuple[Suslov3D, FloatArray]:
+        cls, I: ArrayLike, a: ArrayLike = (0.0, 0.0, 1.0), k: ArrayLike = 0.0
+    ) -> Suslov3D:
         """Return the body with this inertia tensor and this constrained axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(..., 3, 3))
             Inertia tensor about the fixed point, in any basis fixed in the body and any unit (which
-            the parameters of the body then have): the matrix of M = I Omega. Its entries off the
-            diagonal are integrals of -x y dm; some CAD programs print +x y dm. From the tensor
-            about the centre of mass, at the vector d from the fixed point, it is
-            ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``; 1 g mm^2 is 1e-9 kg m^2.
+            the parameters of the body then have): the matrix of M = I Omega, of the whole body,
+            also of a rotor. Its entries off the diagonal are integrals of -x y dm; some CAD
+            programs print +x y dm. From the tensor about the centre of mass, at the vector d from
+            the fixed point, it is ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``; 1 g mm^2
+            is 1e-9 kg m^2.
         a : array_like(float, shape=(..., 3)), optional
             The axis, in that basis, about which the body must not rotate, of any length but 0; by
             default the third.
+        k : array_like(float, shape=(...))
+            Momentum of a rotor along a, positive in the direction of a.
 
         Returns
         -------
-        body : Suslov3D
+        Suslov3D
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
-            count as rounding errors, and become 0.
-        rotation : ndarray(float, shape=(..., 3, 3))
-            The rotation matrix that takes components to the adapted basis:
+            count as rounding errors, and become 0. Its attribute `rotation` (..., 3, 3) is the
+            rotation matrix that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. The state of the body with angular velocity
             omega is ``(rotation @ omega)[:2]``. The identity if the basis is adapted already.
 
@@ -184,56 +229,212 @@ class Suslov3D(_In3D):
         Examples
         --------
         >>> from suslov_fast import Suslov3D
-        >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
-        >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
+        >>> body = Suslov3D.from_inertia([[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]], a=[0, 0, 2])
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
+        >>> body.rotation
+        array([[1., 0., 0.],
+               [0., 1., 0.],
+               [0., 0., 1.]])
         """
-        I1, I2, I13, I23, I3, rotation = _in_adapted_basis(I, a)
-        return cls(I1, I2, I13, I23, I3), rotation
+        I1, I2, I13, I23, I3, rotation = in_adapted_basis(I, a)
+        return cls(I1, I2, I13, I23, k, I3)._rotated(rotation)
 
-
-@public_class
-@dataclass(frozen=True, eq=False, repr=False)
-class SuslovGyrostat(_In3D):
-    """A rigid body, or a batch of them, with a rotor along the constrained axis.
-
-    With l = I13 Omega1 + I23 Omega2 + k the equations of motion are ``I1 Omega1' = -l Omega2`` and
-    ``I2 Omega2' = l Omega1``: equation (2) of Dragovic and Gajic, arXiv:0807.2966, with the
-    momentum k of the rotor. Omega rotates even if I13 = I23 = 0.
-
-    Parameters
-    ----------
-    I1, I2, I13, I23, I3
-        As in :class:`Suslov3D`; I3 is optional.
-    k : array_like(float, shape=(...))
-        Momentum of the rotor, of either sign, 0 or between 1e-60 and 1e60 in modulus. Unit:
-        inertia * omega.
-
-    Examples
-    --------
-    >>> from suslov_fast import SuslovGyrostat
-    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
-    SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
-    """
-
-    k: Any
-    I3: Any = None
-
-    steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
-
-    @classmethod
+    # ------------------------------------------------------------------------- quantities
     @public
-    def from_inertia(
-        cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
-    ) -> tuple[SuslovGyrostat, FloatArray]:
-        """Return the body and the rotation, as :meth:`Suslov3D.from_inertia` does.
+    def rotation_number(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
+        """Return the rotation number of an orbit: the mean number of turns per step of the map.
 
-        I is that of the whole body, the rotor included; k (...) is the momentum of the rotor along
-        a, positive in the direction of a, in the unit of I * omega.
+        With e = eps / (2 sqrt(I1 I2)) and the :meth:`criticality` e A, it is
+        sign(k) arctan(e sqrt(k**2 - A**2)) / pi, and 0 where orbits go from one steady state to
+        another. The angle counted is the argument of z / (1 - i e l), with
+        z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and l = I13 Omega1 + I23 Omega2 + k; if
+        abs(e) A < 1, Omega makes as many turns.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., 2))
+            Angular velocities. NaN gives NaN.
+        eps : array_like(float, shape=(...))
+            Step size in time.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+            Turns, dimensionless, between -1/2 and 1/2, with the sign of k eps.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8])
+        >>> body.rotation_number([1.1, -0.4], eps=0.35).round(6)
+        array([0.      , 0.      , 0.043038])
         """
-        I1, I2, I13, I23, I3, rotation = _in_adapted_basis(I, a)
-        return cls(I1, I2, I13, I23, k, I3), rotation
+        values: FloatArray = self._value("rotation_number", omega, eps)
+        return values
+
+    @public
+    def to_xy(self, omega: ArrayLike, /) -> FloatArray:
+        """Return x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2 of a state.
+
+        Equation (7) of Dragovic and Gajic, arXiv:0807.2966. In these coordinates the equations of
+        motion are ``x' = x y / (I1 I2)`` and ``y' = -x**2`` (Remark 2). The steady states are the
+        line x = 0.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., 2))
+            Angular velocities. NaN gives NaN.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., 2))
+            x, unit inertia * omega, and y, unit inertia**2 * omega.
+
+        Raises
+        ------
+        ValueError
+            If the body has a rotor.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).to_xy([1.0, 0.5])
+        array([-0.625, -0.75 ])
+        """
+        self._without_rotor("to_xy")
+        values: FloatArray = self._value("to_xy", omega)
+        return values
+
+    @public
+    def closed_form(self, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:
+        """Return the constants h, k1 and k2 of the closed form of an orbit, and its criticality t.
+
+        In the coordinates of :meth:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
+        x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
+        y = 2 sqrt(h I1 I2) tanh(theta), where k1 = -(2 / eps) artanh t. :meth:`exact` evaluates it.
+
+        Parameters
+        ----------
+        omega0 : array_like(float, shape=(..., 2))
+            Initial angular velocities. NaN gives NaN.
+        eps : array_like(float, shape=(...))
+            Step size in time; 0 is the continuous motion.
+
+        Returns
+        -------
+        ClosedForm
+            Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
+            k2, dimensionless; and t, the :meth:`criticality`. k1 and k2 are NaN where t is not
+            between -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
+
+        Raises
+        ------
+        ValueError
+            If the body has a rotor.
+
+        Notes
+        -----
+        h is the integral of equation (9) of Dragovic and Gajic, arXiv:0807.2966; k1 solves equation
+        (12), and k2 is that of Theorem 1 for positive x, with two corrections: the prefactor
+        2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> constants = body.closed_form([1.0, 0.5], eps=0.2)
+        >>> float(constants.k1.round(6)), float(constants.t.round(6))
+        (-0.402536, 0.040232)
+        """
+        self._without_rotor("closed_form")
+        problem = self._problem(omega0, eps)
+        return ClosedForm(*quantities.closed_form(*self.constants, problem.eps, problem.omega))
+
+    @public
+    def step_full(self, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None) -> FloatArray:
+        """Return the next state of the scheme in three components.
+
+        Equation (3) of Dragovic and Gajic, arXiv:0807.2966, where the constraint is Omega3 = 0. The
+        scheme itself only changes the sign of Omega3; where that is not 0, it has no limit for
+        eps -> 0.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., 3))
+            Angular velocities (Omega1, Omega2, Omega3).
+        eps : array_like(float, shape=(...))
+            Step size in time.
+        I3 : array_like(float, shape=(...)), optional
+            Third moment of inertia, positive; by default that of the body.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., 3))
+            The next states. NaN for a state that contains NaN; NaN, with one
+            :class:`IntegrationWarning`, for a state on a pole of the map.
+
+        Raises
+        ------
+        TypeError
+            If neither `I3` nor ``body.I3`` is given.
+        ValueError
+            If the body has a rotor.
+
+        Examples
+        --------
+        Does a violation of the constraint decay?
+
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
+        >>> body.step_full([1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
+        array([ 0.9897  ,  0.406546, -0.1     ])
+        """
+        self._without_rotor("step_full")
+        body = self if I3 is None else replace(self, I3=I3)
+        if body.I3 is None:
+            raise TypeError("I3 is missing: pass I3, or a body that has one")
+        labels = "Omega1", "Omega2", "Omega3"
+        problem = check(map_of(self), body, omega, eps, components=labels)
+        after = quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
+        return mask_and_warn(problem, after)
+
+    @public
+    def scattering_angle(self) -> FloatArray:
+        """Return the angle between the limits of the angular velocity in space.
+
+        These are the limits at times -infinity and +infinity of the continuous motion. The angle
+        depends only on the body; that of the map converges to it with order 2 in eps. With
+        D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
+        alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
+        kappa**2 = (alpha - i gamma)**2 - beta**2,
+
+        sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
+        + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2,
+
+        for gamma = 0 a result of Fedorov, Maciejewski and Przybylska, Nonlinearity 22 (2009),
+        arXiv:0902.0079.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+            Angle in radians between 0 (the body turns over) and pi (it returns to its initial
+            orientation); NaN if I13 = I23 = 0. Its error is about
+            1e-15 (alpha + beta + abs(gamma)).
+
+        Raises
+        ------
+        ValueError
+            If the body has a rotor.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> float(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3).scattering_angle().round(12))
+        1.221073798141
+        """
+        self._without_rotor("scattering_angle")
+        return scattering_angle(*np.broadcast_arrays(*self.constants[:4]))
 
 
 class Figure(NamedTuple):
@@ -252,67 +453,63 @@ FIGURES = {  # the four examples at the end of Section 4
 }
 
 
-def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
-    """Return I1, I2, I13, I23, I3 and the rotation; ValueError if no rigid body has the tensor."""
-    tensors, rotation = adapted(I, a, 3)
-    principal = np.linalg.eigvalsh(checks.real_array("I", I))
-    largest, others = principal[..., -1], principal[..., 0] + principal[..., 1]
-    bad = others - largest < -_ROUNDING * largest
-    _refuse("I", bad, f"is of no rigid body (triangle inequality): {_CONVENTIONS}")
-    I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
-    return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
+# ------------------------------------------------------------------------------------ formulas
+def scattering_angle(
+    I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
+) -> FloatArray:
+    """Return the angle (...) of bodies without a rotor."""
+    # Written with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
+    # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P
+    # is the real part of B**2 / (A + i C + P + i Q), and
+    # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
+    # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
+    with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
+        m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
+        A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
+        C = abs(B * (I13 * (I2 - I1) / D * I23))
+        kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
+        P, Q = kappa.real, kappa.imag
+        gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
+        # Numerators and denominators are divided by exp(A), so that they do not overflow.
+        cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
+        S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
+        product = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
+        return np.asarray(2.0 * np.arctan2(S, np.sqrt(product) * np.hypot(cosine, sine)))[()]
 
 
-# How programs print another tensor.
-_CONVENTIONS = "it is about the fixed point, with minus the integrals of x y dm off the diagonal"
+def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+    """Return the eigenvalues (..., 2) of f' (..., 2, 2) at steady states.
 
-
-def _refuse(name: str, bad: Any, what: str) -> None:
-    """Raise ValueError, which names the first member of a batch of which something is true."""
-    if bad.any():
-        member = f": member {checks.spell(checks.first_index(bad))}" if np.ndim(bad) else ""
-        raise ValueError(f"{name}{member} {what}")
-
-
-def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
-    """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
-
-    The axis a becomes e_n; the other axes diagonalize their block and rotate as little as possible.
+    The one along a line of steady states is exactly 0. Without a rotor they are real.
     """
-    if isinstance(a, str):
-        example = [*[0] * (n - 1), 1]
-        raise wrong("a", f"{n} numbers, such as {example}", repr(a), TypeError)
-    matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
-    size = abs(matrix).max(axis=(-2, -1), initial=0.0)
-    asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
-    how = "for printed digits pass (I + I.T) / 2, and I + np.triu(I, 1).T for an upper half"
-    _refuse("I", ~(asymmetry <= 1e-12 * size), f"is not symmetric: {how}")
-    least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
-    _refuse("I", ~(least > 1e-15 * size), f"is not positive definite: {_CONVENTIONS}")
-    if axis.shape[-1:] != (n,):
-        expected = f"{n} numbers, the components of an axis, or axes (..., {n})"
-        raise wrong("a", expected, f"of the shape {axis.shape}")
-    length = np.linalg.norm(axis, axis=-1, keepdims=True)
-    _refuse("a", ~((length > 0) & (length < np.inf))[..., 0], "is not an axis of finite length")
-    checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
-    # Rotate the axis to e_n by the smallest angle. If it points down, rotate its opposite in this
-    # way, and then make half a turn.
-    sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)
-    up = sign * axis / length
-    between = up + np.eye(n)[-1]
-    to_last = np.eye(n) - between[..., :, None] * between[..., None, :] / between[..., -1:, None]
-    to_last[..., -1, :] = up
-    to_last[..., [0, -1], :] *= sign[..., None]
-    rotated = to_last @ matrix @ to_last.swapaxes(-2, -1)
-    vectors = np.linalg.eigh(rotated[..., :-1, :-1])[1]
-    order = abs(vectors).argmax(axis=-2).argsort(axis=-1)
-    vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
-    vectors *= np.where(np.diagonal(vectors, axis1=-2, axis2=-1) < 0.0, -1.0, 1.0)[..., None, :]
-    turn = np.broadcast_to(np.eye(n), rotated.shape).copy()
-    turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
-    turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
-    tensors = turn @ rotated @ turn.swapaxes(-2, -1)
-    # Products of inertia that should be 0 have rounding errors of the moments.
-    largest = np.diagonal(tensors, axis1=-2, axis2=-1).max(axis=-1)[..., None]
-    tensors[..., :-1, -1][abs(tensors[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
-    return tensors, turn @ to_last + 0.0  # no -0.0
+    (I1, I2, _, _, k), x = problem.body.constants, problem.omega
+    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
+    root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
+    values = np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
+    return values if np.any(k) else values.real
+
+
+def _momentum(problem: Problem) -> FloatArray:
+    I1, I2, I13, I23, k = problem.body.constants
+    w1, w2, _ = np.moveaxis(whole_states(problem), -1, 0)
+    return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
+
+
+IN_3D = {
+    **KAHAN,
+    **formulas_named("first_integral energy modified_energy rotation_number reaction to_xy"),
+    **formulas_named("vector_field matrix jacobian"),
+    "criticality": Formula(partial(values_by_rows, quantities.criticality)),
+    "step": Formula(partial(values_by_rows, quantities.step)),
+    **formulas_named("invariant_density", poles=True),
+    "momentum": Formula(_momentum),
+}
+MAPS["Suslov3D"] = Map(  # equation (4) of the paper
+    name="Suslov3D",
+    title="Discrete Suslov problem",
+    body=Suslov3D,
+    methods={"auto": STEPS_3D},
+    formulas=IN_3D,
+    attitude="axial",
+    eigenvalues=eigenvalues_in_3d,
+)

@@ -51,11 +51,8 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     """
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
-    if not body.axes:  # all constants are numbers, also those that are no parameters
-        constants = [flat_parameter(value, batch) for value in body.constants]
-        return *constants, flat_parameter(eps, batch)
-    axes = [body.axes.get(name, 0) for name in body.arrays]
-    constants = [flat_parameter(a, batch, n) for a, n in zip(body.constants, axes, strict=True)]
+    axes = max(body.axes.get(name, 0) for name in body.arrays)  # of all constants
+    constants = [flat_parameter(value, batch, axes) for value in body.constants]
     return *constants, flat_parameter(eps, batch)
 
 

@@ -19,7 +19,7 @@ class Status(IntEnum):
     `OK` (0) is a finished trajectory. `SINGULAR` and `NONFINITE` are negative: the last state has
     no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
     the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
-    dimensions, where the :func:`criticality` is 1 or more; `PASSED_POLE` is for all others, see
+    dimensions, whose :meth:`Suslov3D.criticality` is 1 or more; `PASSED_POLE` is for others, see
     :class:`IntegrationWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
     `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
     at the start, and `STOPPED`, which is positive, those that a change of the state ends.

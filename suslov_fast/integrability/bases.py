@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import integer, short, wrong
 from ..keywords import public
 from . import arithmetic

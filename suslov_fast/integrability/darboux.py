@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import flint
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import integer, wrong
 from ..keywords import public
 from . import arithmetic

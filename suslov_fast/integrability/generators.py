@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import integer
 from ..keywords import public
 from . import arithmetic

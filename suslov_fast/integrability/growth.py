@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import flint
 import numpy as np
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import integer, short, wrong
 from ..keywords import public
 from .arithmetic import DRAWS, random_prime

@@ -17,7 +17,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
 from ..bodies.fields.names import labels
 from ..bodies.fields.terms import Terms

@@ -16,8 +16,8 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.base import Body
 from ..bodies.fields import coefficients
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
 from ..bodies.fields.terms import collected
 from ..checks import wrong

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..keywords import public
 from .kahan import checked_map
 from .maps import RationalMap

@@ -16,7 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import wrong
 from ..keywords import public
 from .contracted import Passage, Plane, is_proved, passages_across

@@ -8,7 +8,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
 from ..checks import integer, is_false, kind_of, wrong
 from ..keywords import public

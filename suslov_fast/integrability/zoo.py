@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.fields.field import Field
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..bodies.rigid import Suslov3D
 from ..keywords import public
 from .maps import RationalMap, rational_map
 
@@ -107,7 +107,7 @@ def zoo() -> dict[str, tuple[Field | RationalMap, Fraction | None]]:
     I, hamiltonian = (4, 2, -0.5, -0.25), Field.from_hamiltonian
     fields = {
         "Suslov body": ("1/4", Suslov3D(*I).field()),
-        "Suslov gyrostat": ("1/4", SuslovGyrostat(*I, k=0.5).field()),
+        "Suslov gyrostat": ("1/4", Suslov3D(*I, k=0.5).field()),
         "cubic Hamiltonian": (
             "1/2",
             of(lambda x, y: (y**2 - x**2) / 2 + x**3 / 3, make=hamiltonian),

@@ -8,5 +8,4 @@ from .base import (
     map_of as map_of,
     methods_of as methods_of,
     named as named,
-    problem as problem,
 )

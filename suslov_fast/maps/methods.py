@@ -24,13 +24,17 @@ def _cost_of_field(D: int, arguments: Any) -> float:
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
 
+def _cost_in_3d(D: int, arguments: Any) -> float:
+    """Return 1, or 2 with a rotor."""
+    return 2.0 if arguments[4].any() else 1.0
+
+
 def _cost_in_nd(D: int, arguments: Any) -> float:
     """Return a time between those of a usual step, O(n), and of a step by elimination, O(n**3)."""
     return 16.0 * D + D**3 / 30.0
 
 
-STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED)
-STEPS_WITH_ROTOR = STEPS_3D._replace(cost=lambda D, arguments: 2.0)
+STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
 # Kahan's map of the field of any body.
 FIELD = Steps(
     steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True

@@ -180,7 +180,7 @@ def explore(
 
     Parameters
     ----------
-    system : Suslov3D, SuslovGyrostat, SuslovND, Field
+    system : Suslov3D, SuslovND, Field
         The system. A parameter of a family has a slider from its least to its largest value, other
         ones from 0 to twice their value.
     x0 : array_like(float, shape=(D,)), optional

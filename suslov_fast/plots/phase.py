@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.classes import BodyIn3D
+from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, kind_of, positive, short, wrong
 from ..keywords import public
-from ..maps import map_of
-from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 
 # Least distance of t from 1, because at 1 a level is two lines, which have no phases.
@@ -28,7 +26,7 @@ class Plane:
     abs(z) / sqrt(1 + e**2 l**2) = R; the phase on a level is psi = arg(z / (1 - i e l)) - arg(g).
     """
 
-    def __init__(self, body: BodyIn3D, eps: float) -> None:
+    def __init__(self, body: Suslov3D, eps: float) -> None:
         self.body, self.eps = body, eps
         I1, I2, I13, I23, self.k = body.constants
         self.roots, self.products = np.sqrt([I1, I2]), np.array([I13, I23])
@@ -95,7 +93,7 @@ class Plane:
 
 @public
 def plot_phase(
-    body: BodyIn3D,
+    body: Suslov3D,
     /,
     eps: float | None = None,
     extent: float = 2.0,
@@ -109,7 +107,7 @@ def plot_phase(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
+    body : Suslov3D
         A single body, with I13 or I23 other than 0, or a rotor.
     eps : float, optional
         Positive step size. The criticality must be below 1 in the whole figure; by default it is
@@ -151,7 +149,9 @@ def plot_phase(
     extent = positive("extent", extent)
     if hasattr(body, "plot"):
         raise wrong("body", "a body", f"{kind_of(body)}: call its plot()", TypeError)
-    map_of(body).require("plot_phase", body)
+    if not isinstance(body, Suslov3D):
+        how = "iterate(...).plot() or flow(...).plot() draws orbits"
+        raise wrong("body", "a Suslov3D", f"{kind_of(body)}: {how}", TypeError)
     I1, I2, I13, I23, k = body.constants
     if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one, with I13 or I23 other than 0", body)
@@ -205,7 +205,7 @@ def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) 
     inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
     if inside.size:
         state = orbit[inside[np.argmin(abs(inside - len(orbit) // 2))]]
-        velocity = vector_field(body, state)
+        velocity = body(state)
         half = 0.01 * extent * velocity / np.hypot(*velocity)
         style = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
         axes.annotate("", xy=state + half, xytext=state - half, arrowprops=style)

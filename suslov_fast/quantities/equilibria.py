@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies.base import Body
 from ..bodies.classes import System
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import system_of
 from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
 from ..core.lists.linear_terms import coefficients
@@ -127,15 +127,20 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
-        if body.steady_line is not None:
-            x = _on_line(body.steady_line, x)
+        if (line := body.steady_line) is not None:
+            has_line = ~np.isnan(line).any(axis=-1)
+            x = np.where(has_line[..., np.newaxis], _on_line(line, x), x)
         equations = _Equations(field, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
-        if body.steady_line is None:
+        if line is None or not has_line.all():
             y, is_found, is_degenerate, is_family = _found(equations, has_value)
         else:
             y, is_found = equations.start, has_value
             is_degenerate = is_family = np.zeros(batch, bool)
+        if line is not None:
+            y = np.where(has_line[..., np.newaxis], equations.start, y)
+            is_found = np.where(has_line, has_value, is_found)
+            is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
         values = _eigenvalues(slopes)

@@ -56,7 +56,7 @@ def crossings(
 
     Parameters
     ----------
-    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+    system : Field, Suslov3D, SuslovND or callable
         A single field or body, or a batch, or a function as in :func:`flow`.
     x0 : array_like(float, shape=(..., D))
         Initial states, as in :func:`flow`.

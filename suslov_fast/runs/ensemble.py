@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import checks
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..checks import Reals, common_shape, extra, warn, wrong
 from ..engine.starts import either_map_or_motion
 from ..engine.status import IntegrationWarning, Status

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.base import Body
+from ..bodies.fields.base import Body
 from ..bodies.fields.calls import (
     called_by_name,
     check_function,

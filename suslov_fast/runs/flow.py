@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.base import Body
 from ..bodies.classes import System
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field, system_of
 from ..bodies.fields.motion_lists import with_changes
-from ..bodies.nd import NotIntegrableError
+from ..bodies.solution import states_at
 from ..checks import FloatArray, Reals, short, wrong
 from ..core.lists.changes import Act
 from ..engine.motions import Asked, Found, nothing_found, solve
@@ -43,7 +43,6 @@ from .events import (
     warn_of_times_that_never_come,
 )
 from .motion import Motion
-from .solution import states_at
 
 _FEW = 16  # times, of which Python sees sooner than NumPy whether they ascend
 
@@ -74,7 +73,7 @@ def flow(
 
     Parameters
     ----------
-    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+    system : Field, Suslov3D, SuslovND or callable
         A single field or body, or a batch. A function of the state in place of a field has the
         variables x1, x2, ..., as many as x0 has components, and no parameters.
     x0 : array_like(float, shape=(..., D))
@@ -263,15 +262,8 @@ def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) 
 
 def _are_exact(body: Any) -> Any:
     """Return whether the closed form of a body is known: True, False, or for each member."""
-    record = map_of(body)
-    if record.plane is None:
-        return False
-    try:
-        record.require("flow", body)
-    except NotIntegrableError as error:
-        known = error.known
-        return known if np.any(known) else False
-    return True
+    known = body.is_solved
+    return bool(np.all(known)) or (known if np.any(known) else False)
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:

@@ -1,20 +1,17 @@
-"""One step and many steps of the map of a body or a field: `step`, `iterate`, `step_full`."""
+"""One step and many steps of the map of a body or a field: `step`, `iterate`."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
-from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, Reals, integer, wrong
+from ..engine.evaluation import mask_and_warn
 from ..engine.problem import check, warn_of_times
 from ..engine.stretches import March, Progress, few_after
 from ..keywords import public
 from ..maps import Method, map_of
-from ..quantities.evaluation import mask_and_warn
 from .failures import OnSingular, report_failures
 from .trajectories import Trajectories, run_to_end
 
@@ -102,7 +99,7 @@ def iterate(
 
     Parameters
     ----------
-    system : Field, Suslov3D, SuslovGyrostat or SuslovND
+    system : Field, Suslov3D or SuslovND
         A single field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
@@ -136,7 +133,7 @@ def iterate(
     -------
     Trajectories
         The saved states and the status of each trajectory. After a state on a pole, which has no
-        next one, states are NaN; for bodies :func:`exact` continues beyond.
+        next one, states are NaN; for bodies :meth:`Suslov3D.exact` continues beyond.
 
     Raises
     ------
@@ -178,55 +175,3 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     if isinstance(steps, int) and steps < 0:
         raise wrong("steps", expected, f"{steps}: for steps back pass -eps")
     return integer("steps", steps, 0, expected), save_every
-
-
-@public
-def step_full(
-    body: Suslov3D, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None
-) -> FloatArray:
-    """Return the next state of the scheme in three components.
-
-    Equation (3) of Dragovic and Gajic, arXiv:0807.2966, where the constraint is Omega3 = 0. The
-    scheme itself only changes the sign of Omega3; where that is not 0, it has no limit for
-    eps -> 0.
-
-    Parameters
-    ----------
-    body : Suslov3D
-        The body, or a batch.
-    omega : array_like(float, shape=(..., 3))
-        Angular velocities (Omega1, Omega2, Omega3).
-    eps
-        As in :func:`iterate`.
-    I3 : array_like(float, shape=(...)), optional
-        Third moment of inertia, positive; by default that of the body.
-
-    Returns
-    -------
-    ndarray(float, shape=(..., 3))
-        The next states. NaN for a state that contains NaN; NaN, with one
-        :class:`IntegrationWarning`, for a state on a pole of the map.
-
-    Raises
-    ------
-    TypeError
-        If neither `I3` nor ``body.I3`` is given.
-
-    Examples
-    --------
-    Does a violation of the constraint decay?
-
-    >>> from suslov_fast import Suslov3D, step_full
-    >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
-    >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
-    array([ 0.9897  ,  0.406546, -0.1     ])
-    """
-    map = map_of(body)
-    map.require("step_full", body)
-    if I3 is not None:
-        body = replace(body, I3=I3)
-    elif body.I3 is None:
-        raise TypeError("I3 is missing: pass I3, or a body that has one")
-    labels = "Omega1", "Omega2", "Omega3"
-    problem = check(map, body, omega, eps, components=labels)
-    return mask_and_warn(problem, map.formulas["step_full"].compute(problem))

@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..bodies.base import Body
 from ..bodies.classes import System
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import system_of
 from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.derivatives import growth
+from ..engine.evaluation import mask_and_warn
 from ..engine.motion_growth import exponents_of
 from ..engine.motions import Asked, threads_for
-from ..engine.problem import warn_of_times
+from ..engine.problem import check, warn_of_times
 from ..engine.starts import (
     RTOL,
     checked_settings,
@@ -28,8 +29,7 @@ from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
-from ..maps import Method, problem
-from ..quantities.evaluation import mask_and_warn
+from ..maps import Method, map_of
 from .event import Event, field_of
 from .events import acts_of, batch_of, checked_events, stops_of
 
@@ -131,7 +131,7 @@ def lyapunov_exponents(
             exponents, ends = exponents_of(field, x, batch, asked, before, acts)
         warn_of_ends(ends, x, batch)
         return exponents.reshape(*batch, exponents.shape[1])
-    checked = problem("lyapunov_exponents", body, x0, eps, threads, method, name="x0")
+    checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     warn_of_times(checked)
     length = abs(np.broadcast_to(checked.eps, checked.batch))[..., np.newaxis]

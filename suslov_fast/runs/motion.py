@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.classes import BodyOrField
-from ..bodies.fields.field import Field
 from ..checks import FloatArray, short, wrong
 from ..engine.status import ended_in_words
 from .columns import OF_EVENTS
 from .event import Event
 from .events import Events, events_of
-from .results import QUANTITIES, OfMotion, States
+from .results import OfMotion, States
 
 
 class Derivatives(dict[str, FloatArray]):
@@ -128,14 +127,6 @@ class Motion(States, OfMotion):
         if not len(self.time):
             raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]
-
-    @property
-    def _functions(self) -> list[str]:
-        from ..maps import map_of
-
-        if isinstance(self.body, Field):
-            return ["energy"] if self.body.is_hamiltonian else []
-        return [name for name in map_of(self.body).functions(self.body) if name in QUANTITIES]
 
     _is_whole = True
 

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..bodies.base import Body
 from ..bodies.classes import System
+from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field, system_of
 from ..checks import FloatArray, short, warn, wrong
 from ..core.lists.linear_terms import coefficients
 from ..engine.starts import checked_settings
 from ..keywords import public
-from ..quantities.derivatives import vector_field
 from . import shooting
 from .event import Event
 from .events import checked_events
@@ -84,7 +83,7 @@ def periodic_orbit(
 
     Parameters
     ----------
-    system : Field, Suslov3D, SuslovGyrostat, SuslovND or callable
+    system : Field, Suslov3D, SuslovND or callable
         A single field or body, or a function as in :func:`flow`.
     start : array_like(float, shape=(D,))
         A state near the orbit.
@@ -201,7 +200,7 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
     own = ~motion.drifts
     with np.errstate(all="ignore"):
         end = motion.states(x, np.array([last]))[0]
-        rate = abs(vector_field(field, end))[own].max()
+        rate = abs(field(end))[own].max()
     # In the time until then, such a rate moves it by less than a part of its way.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[own].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
@@ -218,7 +217,7 @@ def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> 
     with np.errstate(all="ignore"):
         states = motion.states(x, period * _FRACTIONS)
     later = states + np.where(motion.drifts, period * motion.rate, 0.0)
-    pairs = [tuple(vector_field(field, each).T for each in (states, later))]
+    pairs = [tuple(field(each).T for each in (states, later))]
     pairs.append(tuple(motion.of_changes(each) for each in (states, later)))
     now, then = (np.concatenate(each) for each in zip(*pairs, strict=True))
     differ = abs(then - now).max(axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, integer, short, warn, wrong
 from ..engine.status import count_in_words
 from ..keywords import lacking, public
-from ..quantities.evaluation import evaluate
 from ..words import answer
 from .columns import OF_KIND
 
@@ -23,23 +22,6 @@ if TYPE_CHECKING:
     import xarray
 
 T = TypeVar("T", bound=np.generic)
-
-# Names of the methods of `quantity`; `dir(run)` hides those that its map does not have.
-QUANTITIES: set[str] = set()
-
-
-def quantity(name: str) -> Callable[[Any], FloatArray]:
-    """Return a method that evaluates a public function for the states of a result."""
-
-    def method(self: Any) -> FloatArray:
-        return self._value(name, self.states)
-
-    method.__name__, method.__qualname__ = name, f"States.{name}"
-    method.__doc__ = (
-        f"Return the values (n, ...) of the states, as :func:`suslov_fast.{name}` does."
-    )
-    QUANTITIES.add(name)
-    return public(method)
 
 
 class Result:
@@ -52,7 +34,6 @@ class Result:
     body: Any
     status: Any
     called: ClassVar[str] = "a run"  # in messages
-    _functions: Any = ()  # the names of the quantities that the system has
 
     @property
     def _titles(self: Any) -> dict[str, str]:
@@ -64,19 +45,6 @@ class Result:
     @property
     def _meaning(self) -> str:
         return "state" if self.body.variable == "x" else "angular velocity"
-
-    @property
-    def _conserved(self: Any) -> str | None:
-        """The name of a conserved, or nearly conserved, quantity; along motions the energy."""
-        if (map := vars(self).get("map")) is None:
-            return "energy" if "energy" in self._functions else None
-        return map.conserves(self.body)
-
-    def _value(self, name: str, states: FloatArray) -> FloatArray:
-        """Return the values of a public function of the system for states."""
-        if (map := vars(self).get("map")) is None:
-            return evaluate(name, self.body, states)
-        return evaluate(name, self.body, states, vars(self)["eps"], map=map)
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
@@ -138,8 +106,7 @@ class Result:
             raise lacking(self, name, here)
 
     def __dir__(self) -> list[str]:
-        hidden = {"called", *(QUANTITIES - {*self._functions})}
-        return [name for name in super().__dir__() if name not in hidden]
+        return [name for name in super().__dir__() if name != "called"]
 
     def __getitem__(self, name: str | Sequence[str]) -> FloatArray:
         """Return a component of the states by its name, or several."""
@@ -259,9 +226,21 @@ class States(Result):
     _is_whole: Any
     _heading: Any
 
-    first_integral = quantity("first_integral")
-    energy = quantity("energy")
-    reaction = quantity("reaction")
+    @public
+    def energy(self) -> FloatArray:
+        """Return the energy (n, ...) of the states, as :meth:`Suslov3D.energy` does."""
+        return self._of_body("energy")(self.states)
+
+    @public
+    def first_integral(self) -> FloatArray:
+        """Return the first integral (n, ...), as :meth:`Suslov3D.first_integral` does."""
+        return self._of_body("first_integral")(self.states, vars(self).get("eps", 0.0))
+
+    def _of_body(self, name: str) -> Any:
+        """Return a method of the body, if it has one."""
+        if not hasattr(type(self.body), name):
+            raise lacking(self.body, name)
+        return getattr(self.body, name)
 
     @public
     def plot(

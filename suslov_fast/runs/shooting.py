@@ -28,7 +28,6 @@ from ..core.motion.stepping import attempts
 from ..engine.motions import Asked, Found
 from ..engine.sensitivity import Columns, WithColumns
 from ..engine.status import Status
-from ..quantities.derivatives import vector_field
 from .event import Event
 from .events import acts_of, stops_of
 from .flow import to_tolerance
@@ -84,7 +83,7 @@ class OfMotion:
             self._moving = WithColumns(field.shape, with_changes(field, acts))
             self._listed = with_changes(field, acts, (), True)
         (_, f, table), *_ = self._listed or field.listed_right_hand_sides
-        self.rate = vector_field(field, start)
+        self.rate = field(start)
         parts = f.changes.components if f.changes else ()
         changed = {i for own in parts for i in own}  # which do not only drift
         self.drifts = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
@@ -102,7 +101,7 @@ class OfMotion:
         times = np.array([T / M])
         found = self._solved(columns.field, columns.starts, times, columns.settings)
         (ends,), (slopes,) = columns.parted(found.states)
-        rates: FloatArray = vector_field(self.field, ends) * (T / M)
+        rates: FloatArray = self.field(ends) * (T / M)
         return Arcs(nodes, T, ends, slopes, rates)
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
@@ -256,7 +255,7 @@ class Shooting:
         right = (-self.gaps[:, own] / sizes).ravel()
         if self.flow.keeps_phase and not self.flow.is_forced:
             row = np.zeros((1, matrix.shape[1]))
-            rate = vector_field(self.flow.field, self.nodes[0])[own] / sizes
+            rate = self.flow.field(self.nodes[0])[own] / sizes
             row[0, abs(rate).argmax()] = _STRONG
             matrix, right = np.concatenate([matrix, row]), np.append(right, 0.0)
         if not np.isfinite(matrix).all():
@@ -375,7 +374,7 @@ def _sizes_and_slowest(
     sizes = np.maximum(np.where(own, sizes, 0.0), _LEAST_SIZE * largest)
     if flow.is_forced or flow.keeps_phase or not finite.all():
         return sizes, None
-    speeds = (abs(vector_field(flow.field, states)) / sizes)[:, own].max(axis=1)
+    speeds = (abs(flow.field(states)) / sizes)[:, own].max(axis=1)
     # As if the motion were periodic, the largest speed within a part of the period.
     around = np.concatenate([speeds, speeds, speeds])
     places = np.concatenate([times - T, times, times + T])

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import kahan
 from ..bodies.classes import BodyOrField
-from ..checks import FloatArray, one_of
+from ..checks import FloatArray, one_of, wrong
+from ..core.fields.stages import WHOLE
 from ..engine.status import first_beyond
 from ..engine.stretches import March, Progress, reporter
+from ..keywords import public
 from ..maps import Map
 from .failures import ON_SINGULAR, OnSingular, report_failures
-from .results import States, in_short, quantity, read_only
+from .results import States, in_short, read_only
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,7 +52,7 @@ class Trajectories(States):
     Notes
     -----
     ``run.states[k]`` are the states saved as number k, and ``run.member(k)`` is the run of
-    trajectory k alone. ``dir(run)`` lists the quantities that the run has. Two runs are equal if
+    trajectory k alone. Two runs are equal if
     all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run stays what was
     computed: change a copy, ``run.states.copy()``.
 
@@ -91,10 +94,6 @@ class Trajectories(States):
         N = int(self.n[-1])
         return titled(self), f"of {N:,} steps", N + 1
 
-    @property
-    def _functions(self) -> list[str]:
-        return self.map.functions(self.body)
-
     @cached_property
     def n(self) -> NDArray[np.int64]:
         """Step numbers of the saved states, shape (n_saved,): 0, save_every, 2 save_every, ..."""
@@ -117,9 +116,13 @@ class Trajectories(States):
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
         return read_only(n < first_beyond(self.failed_at, self.first_pole))
 
-    modified_energy = quantity("modified_energy")
-    criticality = quantity("criticality")
-    to_xy = quantity("to_xy")
+    @public
+    def modified_energy(self) -> FloatArray:
+        """Return the modified energy (n, ...), as :func:`kahan.modified_energy` does."""
+        if self.map.stages is not WHOLE:
+            how = "use energy, which varies along orbits of higher order"
+            raise wrong("method", "'auto'", f"{self.method!r}: {how}", TypeError)
+        return kahan.modified_energy(self.body, self.states, self.eps)
 
     def __repr__(self) -> str:
         n = self.n

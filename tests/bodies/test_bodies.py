@@ -1,24 +1,22 @@
 """Bodies: parameters, families, copies, adapted bases, and the range of I3."""
 
+import pickle
+from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from suslov_fast import (
-    Suslov3D,
-    SuslovGyrostat,
-    SuslovND,
-)
+from suslov_fast import Suslov3D, SuslovND, equilibria, flow, iterate, kahan
 
-GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), GYROSTAT]
+GYROSTAT = Suslov3D(2.3, 1.4, 0.5, -0.7, 0.9)
+SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), GYROSTAT]
 BATCHES = {
     (2, 3): Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
     (2,): Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]),
-    (3, 2): SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
-    (2, 1): SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
-    (0,): SuslovGyrostat(2.3, 1.4, 0.5, -0.7, []),
+    (3, 2): SuslovND(J=np.ones((2, 5)), I=np.full((3, 1, 5), 0.1)),
+    (2, 1): Suslov3D(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
+    (0,): Suslov3D(2.3, 1.4, 0.5, -0.7, []),
 }
 BODIES = [*SINGLE, *BATCHES.values()]
 
@@ -47,9 +45,10 @@ def test_parameters_are_kept():
 def test_what_counts_as_equal():
     assert Suslov3D(1, 1, 0.0, 1) == Suslov3D(1, 1, -0.0, 1)
     assert hash(Suslov3D(1, 1, 0.0, 1)) == hash(Suslov3D(1, 1, -0.0, 1))
-    assert Suslov3D(4, 2, -0.5, -0.3, 3) != Suslov3D(4, 2, -0.5, -0.3)
-    assert Suslov3D(4, 1, -0.5, -0.3) != SuslovGyrostat(4, 1, -0.5, -0.3, 0)
-    assert SuslovND([1, 2], [3, 4]) != SuslovND([1, 2], [3, 5])
+    assert Suslov3D(4, 2, -0.5, -0.3, I3=3) != Suslov3D(4, 2, -0.5, -0.3)
+    assert Suslov3D(4, 1, -0.5, -0.3) == Suslov3D(4, 1, -0.5, -0.3, 0)
+    assert Suslov3D(4, 1, -0.5, -0.3) != Suslov3D(4, 1, -0.5, -0.3, 1)
+    assert SuslovND(J=[1, 2], I=[0.3, 0.4]) != SuslovND(J=[1, 2], I=[0.3, 0.5])
     large = Suslov3D(np.linspace(1, 2, 1000), 1, 0.1, 0.2)
     assert repr(large) == (
         "<Suslov3D of shape (1000,): I1: 1000 values from 1 to 2, I2=1.0, I13=0.1, I23=0.2>"
@@ -59,9 +58,9 @@ def test_what_counts_as_equal():
 def test_the_text_of_a_single_body_is_a_call(rng):
     tensor, matter = random_inertia(rng), random_inertia(rng, (3,)).reshape(9, 3)
     bodies = [
-        Suslov3D.from_inertia(tensor, [0.1, -0.2, 1])[0],
-        SuslovGyrostat.from_inertia(tensor, [0.1, -0.2, 1], 1 / 3)[0],
-        SuslovND.from_mass_tensor(matter @ matter.T + np.eye(9), rng.normal(size=9))[0],
+        Suslov3D.from_inertia(tensor, [0.1, -0.2, 1]),
+        Suslov3D.from_inertia(tensor, [0.1, -0.2, 1], 1 / 3),
+        SuslovND.from_mass_tensor(matter @ matter.T + np.eye(9), rng.normal(size=9)),
     ]
     for body in (*SINGLE, *bodies):
         assert eval(repr(body)) == body
@@ -84,7 +83,7 @@ def test_members_along_several_axes(index):
         assert member.shape == expected.shape
         assert (np.broadcast_to(member.arrays[name], expected.shape) == expected).all()
     assert np.ndim(member.I13) == 0
-    several = SuslovND(np.arange(1.0, 25).reshape(2, 3, 4), [0.1, 0.2, 0.3, 0.4])
+    several = SuslovND(J=np.arange(1.0, 25).reshape(2, 3, 4), I=[0.1, 0.2, 0.3, 0.4])
     assert (several.J[index] == several[index].J).all()
     assert several[index].I.tolist() == several.I.tolist()
 
@@ -154,7 +153,8 @@ SPECIAL_AXES = [[0, 0, -1], [1, 0, 0], [1e-9, 0, -1], [0, -1, 0]]
 def test_from_inertia(rng, shape, axis):
     inertia = random_inertia(rng, shape)
     axis = rng.normal(size=axis) if isinstance(axis, tuple) else np.array(axis)
-    body, rotation = Suslov3D.from_inertia(inertia, axis)
+    body = Suslov3D.from_inertia(inertia, axis)
+    rotation = body.rotation
     assert rotation.shape[:-2] == body.shape == np.broadcast_shapes(shape, axis.shape[:-1])
     assert abs(adapted(rotation, np.eye(3)) - np.eye(3)).max() < 1e-14
     assert (np.linalg.det(rotation) > 0).all()
@@ -169,9 +169,9 @@ def test_from_inertia(rng, shape, axis):
 def test_an_adapted_basis_is_kept():
     for I1, axis in ((2.0, [0, 0, 1]), (3.0, [0, 0, 5]), (4.0, [0, 0, 1e-150])):
         inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
-        body, rotation = Suslov3D.from_inertia(inertia, axis)
-        assert body == Suslov3D(I1, 2, -0.5, -0.3, 3)
-        assert (rotation == np.eye(3)).all()
+        body = Suslov3D.from_inertia(inertia, axis)
+        assert body == Suslov3D(I1, 2, -0.5, -0.3, I3=3)
+        assert (body.rotation == np.eye(3)).all()
 
 
 @pytest.mark.parametrize("unit", [1e-46, 1.0, 1e37])
@@ -180,7 +180,7 @@ def test_products_that_are_rounding_errors_are_zero(rng, unit):
     for _ in range(20):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         tensor = unit * turn @ np.diag([2.0, 2.5, 3.0]) @ turn.T
-        body, _ = Suslov3D.from_inertia((tensor + tensor.T) / 2, turn[:, 2])
+        body = Suslov3D.from_inertia((tensor + tensor.T) / 2, turn[:, 2])
         assert max(abs(body.I13), abs(body.I23)) in (0, pytest.approx(unit * 2e-15, rel=1))
         assert "-0.0" not in repr(body)
         matter = unit * turn @ np.diag([1.0, 2.0, 3.0]) @ turn.T
@@ -191,7 +191,8 @@ def test_from_mass_tensor(rng):
     for n in (2, 3, 4, 7):
         root = rng.normal(size=(n, n))
         matter, axis = root @ root.T, rng.normal(size=n)
-        body, rotation = SuslovND.from_mass_tensor(matter, axis)
+        body = SuslovND.from_mass_tensor(matter, axis)
+        rotation = body.rotation
         turned = adapted(rotation, matter)
         assert body.dimension == n - 1
         assert np.linalg.det(rotation) > 0
@@ -200,8 +201,72 @@ def test_from_mass_tensor(rng):
         assert abs(rotation @ axis / np.linalg.norm(axis) - np.eye(n)[-1]).max() < 1e-14
         block = turned[:-1, :-1]
         assert abs(block - np.diag(np.diag(block))).max() < 1e-14 * abs(matter).max()
-        about_last = SuslovND.from_mass_tensor(matter, np.eye(n)[-1])[0]
-        assert SuslovND.from_mass_tensor(matter)[0] == about_last
+        about_last = SuslovND.from_mass_tensor(matter, np.eye(n)[-1])
+        assert SuslovND.from_mass_tensor(matter) == about_last
+
+
+def test_rotations_belong_to_members_and_their_copies(rng):
+    """Members, copies, dictionaries and runs of members keep the rotation; equality ignores it."""
+    families = [
+        Suslov3D.from_inertia(random_inertia(rng, (3, 1)), rng.normal(size=(2, 3)), [0.0, 0.5]),
+        SuslovND.from_mass_tensor(np.eye(4) + 0.1 * np.ones((4, 4)), rng.normal(size=(3, 2, 4))),
+    ]
+    for family in families:
+        assert family.rotation.shape[:2] == family.shape == (3, 2)
+        assert family.parameters.keys() & {"rotation"} == set()
+        one = family[2, 1]
+        copies = one, pickle.loads(pickle.dumps(one)), type(one).from_dict(one.to_dict())
+        for each in (*copies, family[2][1], family[1:][1, -1]):
+            assert (each.rotation == family.rotation[2, 1]).all()
+        assert iterate(family, np.ones(one.dimension), 0.1, 2).member((2, 1)).body == one
+        plain = type(one)(**one.parameters)
+        assert plain.rotation is None
+        assert plain == one
+
+
+def test_a_body_with_a_rotor_has_no_formulas_of_the_paper():
+    """Also of a family in which one member has a rotor."""
+    for k in (0.5, [0.0, 0.5]):
+        body = Suslov3D(4, 1, -0.5, -0.3, k)
+        for call in (
+            lambda body: body.to_xy([1.0, 0.5]),
+            lambda body: body.closed_form([1.0, 0.5], 0.1),
+            lambda body: body.step_full([1.0, 0.5, 0.0], 0.1, I3=3),
+            lambda body: body.scattering_angle(),
+        ):
+            with pytest.raises(ValueError, match="rotor"):
+                call(body)
+
+
+def test_members_of_a_family_with_and_without_rotors(rng):
+    """Each member has the values of the body alone."""
+    family, x = Suslov3D(4, 1, -0.5, -0.3, [0.0, 0.7]), rng.normal(size=2)
+    for value in (
+        lambda body: body(x),
+        lambda body: body.exact(x, 0.2, 7),
+        lambda body: np.array(body.limits(x, 0.2)).swapaxes(0, -2),
+        lambda body: iterate(body, x, 0.2, 40).final,
+        lambda body: flow(body, x, time=3.0).final,
+        lambda body: kahan.invariant_density(body, x, 0.2),
+        lambda body: kahan.multipliers(body, [0.0, 0.0], 0.2),
+        lambda body: body.first_integral(x, 0.2),
+        lambda body: body.momentum(x),
+    ):
+        for i in range(2):
+            np.testing.assert_array_equal(value(family)[i], value(family[i]))
+    resting = equilibria(family, near=[0.9, -1.4]).states
+    np.testing.assert_allclose(family(resting), 0, atol=1e-14)
+    assert resting[0].tolist() == equilibria(family[0], near=[0.9, -1.4]).states.tolist()
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_numbers_that_no_body_has_are_told_of(exchanged):
+    J, I = np.array([1.3, 2.1, 3.7]), np.array([0.4, -0.7, 0.5])
+    given = {"J": abs(I), "I": J} if exchanged else {"J": J, "I": I}
+    with pytest.warns(UserWarning, match="I_1") if exchanged else nullcontext():
+        assert SuslovND(**given).dimension == 3
+    with pytest.raises(TypeError, match="J="):
+        SuslovND(*(J, I))
 
 
 def test_coefficients_of_bodies_are_rounded_once():
@@ -214,5 +279,5 @@ def test_coefficients_of_bodies_are_rounded_once():
 def test_a_tensor_in_place_of_a_vector_is_told_of():
     matter = np.diag([1.0, 2.0, 3.0]) + 0.1
     with pytest.warns(UserWarning, match="from_mass_tensor"):
-        assert SuslovND(matter, [0.1, 0.2, 0.3]).shape == (3,)
-    assert SuslovND(matter, [[0.1, 0.2, 0.3]]).shape == (3,)
+        assert SuslovND(J=matter, I=[0.01, 0.02, 0.03]).shape == (3,)
+    assert SuslovND(J=matter, I=[[0.01, 0.02, 0.03]]).shape == (3,)

@@ -53,7 +53,7 @@ def anew(monkeypatch):
 CALLS = {
     "map": lambda: sf.iterate(FIELD, np.ones((9, 3)), 0.02, 5),
     "one step": lambda: sf.step(FIELD, np.ones(3), 0.02),
-    "derivatives": lambda: sf.jacobian(FIELD, np.ones(3), 0.02),
+    "derivatives": lambda: sf.kahan.jacobian(FIELD, np.ones(3), 0.02),
     "exponents": lambda: sf.lyapunov_exponents(FIELD, np.ones(3), 0.02, 9),
     "motion": lambda: sf.flow(FIELD, np.ones((9, 3)), time=0.1),
     "derivatives of a motion": lambda: sf.flow(PENDULUM, [1.0, 0.5], time=1.0, derivatives="x0"),
@@ -97,7 +97,7 @@ def bits():
     q = np.random.default_rng(2).normal(size=(12, 12, 12)) / 80
     dense = sf.Field.from_terms(q, -np.eye(12))
     run = sf.iterate(field, x0, 1.5, 9)  # with steps by `solve`
-    found = [run.states, run.status, sf.jacobian(field, x0, 0.5)]
+    found = [run.states, run.status, sf.kahan.jacobian(field, x0, 0.5)]
     found += [sf.flow(field, x0, time=0.1).final]
     found += [sf.lyapunov_exponents(field, x0, 0.02, 9), sf.flow(field, x0[0], time=0.1).final]
     found += [sf.lyapunov_exponents(field, x0, 1.5, 9)]
@@ -199,8 +199,8 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
             together,
             sf.iterate(field, x0, 0.02, 30).states,
             sf.iterate(field, x0, 0.01, 10, method="order4").states,
-            sf.jacobian(field, x0, 0.02),
-            sf.invariant_density(hamiltonian, x0[:, :2], 0.02),
+            sf.kahan.jacobian(field, x0, 0.02),
+            sf.kahan.invariant_density(hamiltonian, x0[:, :2], 0.02),
             sf.lyapunov_exponents(field, x0, 0.02, 50),
             sf.lyapunov_exponents(field, x0[0], 0.02, 50),
         ]

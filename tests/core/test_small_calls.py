@@ -21,16 +21,16 @@ pytestmark = [
 ]
 RNG = np.random.default_rng(3)
 X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
-BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
 LONG = sf.Suslov3D(4, 1, -3.5, -2.3)
 # Orbits of both forms, fixed states, poles, and states out of range.
 MANY = np.concatenate([
     RNG.uniform(-1, 1, (200, 2)), 20.0 * X2, 1e155 * X2, np.full((2, 2), np.nan),
     np.outer(X2[0], [-3.0, 5.0]), [[0.5, -1.5], [0.0, 0.0]],
 ])  # fmt: skip
-AT_POLES = sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, [[0.0], [0.5]])
+AT_POLES = sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(1, 1, 1, 0, [[0.0], [0.5]])
 FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
-SOLID = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
+SOLID = sf.SuslovND(J=[1.3, 2.1, 3.7, 4.2], I=[0.4, -0.7, 0.5, 0.2])
 # Its long steps lose digits, and pass poles.
 SQUARES = sf.Field(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
 CUBIC = sf.Field.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)
@@ -62,18 +62,18 @@ CALLS = {
     "a batch with poles": run(AT_POLES[0], MANY, 2.0, 40),
     "batches of two gyrostats": run(AT_POLES[1], MANY, 2.0, 600, save_every=100),
     "a batch in four dimensions": run(SOLID, RNG.uniform(-1, 1, (300, 4)), 0.1, 30),
-    "a batch in three dimensions": run(sf.SuslovND([1.3, 2.1, 3.7], X3), X3, 0.1, 30),
+    "a batch in three dimensions": run(sf.SuslovND(J=[1.3, 2.1, 3.7], I=X3), X3, 0.1, 30),
     "last states": run(ROTOR, MANY, 0.3, 50, save_every=None),
     "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
     "two ranks": run(SOLID, X4, 0.2, 10),
     "orientations": run(BODY, X2, 0.2, 40, attitude=True),
     "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),
-    "closed form": call(sf.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),
-    "limits": call(sf.limits, BODY, X2, 0.2),
-    "first integral": call(sf.first_integral, BODY, X2, 0.2),
-    "energy": call(sf.energy, SOLID, X4),
-    "density of a field": call(sf.invariant_density, CUBIC, X2, 0.1),
+    "closed form": call(sf.Suslov3D.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),
+    "limits": call(sf.Suslov3D.limits, BODY, X2, 0.2),
+    "first integral": call(sf.Suslov3D.first_integral, BODY, X2, 0.2),
+    "energy": call(sf.Suslov3D.energy, SOLID, X4),
+    "density of a field": call(sf.kahan.invariant_density, CUBIC, X2, 0.1),
     "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
 }
 
@@ -206,8 +206,8 @@ import sys
 from numba.core import event
 import numpy as np, suslov_fast as sf
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
-gyrostat = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
-solid = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+gyrostat = sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
+solid = sf.SuslovND(J=[1, 2, 3], I=[0.1, 0.2, 0.3])
 lorenz = sf.Field(
     lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
     3, rho=160.0)
@@ -222,12 +222,12 @@ for code in sys.argv[1:]:
 SMALL = (
     "sf.iterate(body, omega, 0.2, 10)",
     "sf.step(body, omega, 0.2)",
-    "sf.exact(body, omega, 0.2, 10)",
-    "sf.limits(body, omega, 0.2)",
+    "body.exact(omega, 0.2, 10)",
+    "body.limits(omega, 0.2)",
     "sf.flow(body, omega, time=[1.0])",
-    "sf.first_integral(body, omega, 0.2)",
+    "body.first_integral(omega, 0.2)",
     "sf.iterate(body, omega, 0.2, 10, attitude=True)",
-    "sf.jacobian(body, omega, 0.2)",
+    "sf.kahan.jacobian(body, omega, 0.2)",
     "sf.lyapunov_exponents(body, omega, 0.2, 100)",
     "sf.iterate(gyrostat, omega, 0.2, 10)",
     "sf.iterate(solid, [1.0, 0.5, 0.2], 0.2, 10)",
@@ -236,7 +236,7 @@ SMALL = (
     "sf.iterate(solid, np.ones((10_000, 3)), 0.2, 100)",
     "sf.iterate(lorenz, x, 0.001, 10)",
     "sf.step(lorenz, x, 0.001)",
-    "sf.jacobian(lorenz, x, 0.001)",
+    "sf.kahan.jacobian(lorenz, x, 0.001)",
     "sf.lyapunov_exponents(lorenz, x, 0.001, 100)",
     "sf.iterate(lorenz, np.ones((2000, 3)), 0.001, 100, save_every=None)",
     "sf.flow(lorenz, x, time=[1.0])",

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from systems import exactly
 
-from suslov_fast import Field, Suslov3D, SuslovGyrostat, SuslovND, iterate
+from suslov_fast import Field, Suslov3D, SuslovND, iterate
 
 pytest.importorskip("flint")
 
@@ -49,7 +49,7 @@ def reported(given, eps=None, degree=3):
 
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
-ROTOR = SuslovGyrostat(2, 3, 0.5, -0.25, 0.75)
+ROTOR = Suslov3D(2, 3, 0.5, -0.25, 0.75)
 EPS = F(1, 4)
 J, I = [1.25, 2.125, 3.75, 5, 7], [0.5, -0.75, 0.25, 1, -0.5]
 field_of, of = Field, lambda body: body.field()
@@ -67,7 +67,7 @@ CHAIN = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1
 CYCLE = field_of(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], 3)
 ISHII = field_of(lambda x: (x[1], x[2], 12 * x[0] * x[1]), 3)
 ENERGY = from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
-SOLVED = of(SuslovND([2, 2, 2], I[:3]))
+SOLVED = of(SuslovND(J=[2, 2, 2], I=I[:3]))
 ZOO = zoo()
 PLANAR, HENON_HEILES_FIELD = ZOO["generic planar field"][0], ZOO["Henon-Heiles"][0]
 TODD = rational_map(lambda x: (x[1], x[2], (1 + x[1] + x[2]) / x[0]), 3)
@@ -767,7 +767,7 @@ def test_fractions_of_a_body_are_exact():
     for decimals in (True, False):
         values = {abs(a) for a in kahan(body, 1, decimals=decimals).terms.values}
         assert values == {I13 / I1, I13 / I2}
-    many = SuslovND([1, F(2, 1009)], [F(1, 3), 0.1])
+    many = SuslovND(J=[1, F(2, 1009)], I=[F(1, 3), 0.1])
     assert F(1009, 6) in {abs(a) for a in kahan(many, 1).terms.values}
     assert kahan(pickle.loads(pickle.dumps(body)), 1) == kahan(body, 1)
 

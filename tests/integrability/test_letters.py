@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy
 
-from suslov_fast import Field, Suslov3D, SuslovGyrostat, iterate
+from suslov_fast import Field, Suslov3D, iterate
 from suslov_fast.integrability import interpolation, kahan, rational_map, report
 from suslov_fast.integrability.letters import kahan_with_letters
 from suslov_fast.integrability.theorems import lift
@@ -64,7 +64,7 @@ KNOWN = {
          / (4 * I1 * I2 + eps**2 * (I13 * x[0] + I23 * x[1])**2)],
     ),
     "gyrostat": (
-        lambda **a: SuslovGyrostat(**a), f"{BODY} k",
+        lambda **a: Suslov3D(**a), f"{BODY} k",
         [lambda x, eps, I1, I2, I13, I23, k: (I1 * x[0]**2 + I2 * x[1]**2)
          / (4 * I1 * I2 + eps**2 * (I13 * x[0] + I23 * x[1] + k)**2)],
     ),

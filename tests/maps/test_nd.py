@@ -15,14 +15,14 @@ def random_problem(rng, m, speed=1.0):
 
 
 def one_step(method, J, I, eps, omega):
-    return sf.iterate(sf.SuslovND(J, I), omega, eps, 1, method=method, on_singular="ignore")
+    return sf.iterate(sf.SuslovND(J=J, I=I), omega, eps, 1, method=method, on_singular="ignore")
 
 
 def error_by_condition(method, J, I, eps, omega):
     """Error of a step in units of the condition of A, in the plain norm or that of the energy."""
     exact = naive.step_nd(J, I, eps, naive.exactly(*omega))
     run, errors = one_step(method, J, I, eps, omega), []
-    A = sf.matrix(sf.SuslovND(J, I), omega, eps)
+    A = sf.kahan.matrix(sf.SuslovND(J=J, I=I), omega, eps)
     difference = [naive.mpf(c) - e for c, e in zip(run.final, exact, strict=True)]
     for unit in (np.ones(len(J)), np.sqrt(J)):
         error, size = (np.linalg.norm(unit * np.array(v, float)) for v in (difference, exact))
@@ -37,7 +37,7 @@ def test_orbits(rng, m, speed):
     exact = naive.orbit_nd(J, I, eps, omega, 12 if m < 7 else 4)
     sizes = np.linalg.norm(np.array(exact, float), axis=1)
     for method in METHODS:
-        orbit = sf.iterate(sf.SuslovND(J, I), omega, eps, len(exact) - 1, method=method)
+        orbit = sf.iterate(sf.SuslovND(J=J, I=I), omega, eps, len(exact) - 1, method=method)
         assert orbit.ok.all()
         assert naive.worst_error(orbit.states, exact) < 5e-14 * (max(sizes) / min(sizes)) ** 2
 
@@ -97,7 +97,7 @@ def test_huge_steps(rng, speed):
 @pytest.mark.compiled
 def test_many_dimensions(rng):
     J, I = rng.uniform(1, 4, 4999), rng.normal(size=4999) / 70
-    run = sf.iterate(sf.SuslovND(J, I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
+    run = sf.iterate(sf.SuslovND(J=J, I=I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
     assert run.ok.all()
     assert np.ptp(run.energy()) < 1e-2
 

@@ -138,25 +138,25 @@ def test_steps_are_composed(name, method, rng):
 def test_multipliers(method):
     """The product over the fractions; its limits; those of a family."""
     point = [np.sqrt(72), np.sqrt(72), 27]
-    mu = np.linalg.eigvals(2 * (np.eye(3) - sf.matrix(LORENZ, point, 1.0)))
+    mu = np.linalg.eigvals(2 * (np.eye(3) - sf.kahan.matrix(LORENZ, point, 1.0)))
     for eps in (1 / 64, -1 / 16, 0.3):
-        found = sf.multipliers(LORENZ, point, eps, method=method)
+        found = sf.kahan.multipliers(LORENZ, point, eps, method=method)
         parts = [fraction * eps * mu / 2 for fraction in STAGES[method]]
         wanted = np.prod([(1 + part) / (1 - part) for part in parts], axis=0)
         wanted = wanted[np.lexsort((-wanted.imag, -abs(wanted)))]
         assert found.dtype == complex
         assert abs(found - wanted).max() < 1e-12 * abs(wanted).max()
-        jacobian = sf.jacobian(LORENZ, point, eps, method=method)
+        jacobian = sf.kahan.jacobian(LORENZ, point, eps, method=method)
         assert abs(np.prod(found) - np.linalg.det(jacobian)) < 1e-11 * abs(np.prod(wanted))
     # x' = x, where the denominator of one sub-step is 0, and the numerator of another one may be.
     growing = sf.Field.from_terms(np.zeros((1, 1, 1)), [[1]])
     for fraction in map_of(growing, method).stages.fractions:
         eps = 2 / fraction
         if fraction * eps / 2 == 1.0:
-            assert np.isinf(sf.multipliers(growing, [0.0], eps, method=method)).all()
-    assert np.isnan(sf.multipliers(LORENZ, [np.nan] * 3, 0.1, method=method)).all()
+            assert np.isinf(sf.kahan.multipliers(growing, [0.0], eps, method=method)).all()
+    assert np.isnan(sf.kahan.multipliers(LORENZ, [np.nan] * 3, 0.1, method=method)).all()
     with pytest.raises(ValueError, match="fixed point"):
-        sf.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
+        sf.kahan.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
 
 
 # ------------------------------------------------------------------------------ poles in sub-steps
@@ -214,7 +214,7 @@ def test_a_pole_in_a_sub_step(method):
         assert np.isnan(run.states[1:, 1]).all()
         assert (run.status[[0, 2]] == Status.OK).all()
         assert np.isfinite(run.states[:, [0, 2]]).all()
-        for function in (sf.step, sf.jacobian):
+        for function in (sf.step, sf.kahan.jacobian):
             with pytest.warns(IntegrationWarning):
                 assert np.isnan(function(SQUARE, starts[1], 1.0, method=method)).all()
         system = compiled.system(SQUARE, 1.0, method=method)

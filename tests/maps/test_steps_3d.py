@@ -18,15 +18,14 @@ from suslov_fast.core.suslov import map as map_3d, steps as steps_3d
 class Problem(NamedTuple):
     """The tolerance is relative to the largest state of the orbit."""
 
-    parameters: tuple  # I1, I2, I13, I23, and k of a gyrostat
+    parameters: tuple  # I1, I2, I13, I23, and k of a rotor
     omega: tuple
     eps: float
     steps: int
     tolerance: float = 1e-14
 
     def body(self):
-        kind = sf.Suslov3D if len(self.parameters) == 4 else sf.SuslovGyrostat
-        return kind(*self.parameters)
+        return sf.Suslov3D(*self.parameters)
 
     def orbit(self, omega, steps):
         """The next states, in 60 digits."""
@@ -83,16 +82,16 @@ def test_steps_closed_form_and_limits(name):
         assert_close([state, sf.step(body, state, eps)], problem.orbit(state, 1), tolerance)
     final = sf.iterate(body, [omega] * 20, eps, steps, save_every=None).final
     assert (final == found.final).all()
-    states = sf.exact(body, omega, eps, found.n)
+    states = body.exact(omega, eps, found.n)
     assert_close(states, orbit, tolerance)
     assert (states[0] == omega).all()
-    limits = np.array(sf.limits(body, omega, eps))
+    limits = np.array(body.limits(omega, eps))
     assert np.isnan(limits).any() == ("turns" in name)
     if "T = 1" in name:
         return  # state 0 is lost in a collapse
-    assert_close(sf.exact(body, omega, -eps, -found.n), orbit, tolerance)
+    assert_close(body.exact(omega, -eps, -found.n), orbit, tolerance)
     if eps and "turns" not in name:
-        far = sf.exact(body, omega, eps, [-(10**12), 10**12])
+        far = body.exact(omega, eps, [-(10**12), 10**12])
         assert_close(far, limits, 1e-5 if name == "small step" else 1e-14)
 
 
@@ -101,7 +100,7 @@ def test_three_components():
     parameters, omega = (2.3, 1.4, 0.5, -0.7), [0.3, -0.8, 1.7]
     for eps, I3 in ((0.3, 1.8), (-2.0, 2.3)):
         exact = naive.step_full(*parameters, eps, I3, omega)
-        following = sf.step_full(sf.Suslov3D(*parameters), omega, eps, I3)
+        following = sf.Suslov3D(*parameters).step_full(omega, eps, I3)
         assert naive.relative_error(following, exact) < 1e-14
 
 
@@ -121,7 +120,7 @@ def mixture(rng):
     I13[40:44] = I23[40:44] = 0.0
     omega[50:53] *= [[1e100], [1e160], [1e200]]
     omega[60:90], k[60:90] = np.stack([I23, -I13], -1)[60:90], 0.0  # many have l = 0 in floats, too
-    return sf.SuslovGyrostat(I1, I2, I13, I23, k), omega, eps
+    return sf.Suslov3D(I1, I2, I13, I23, k), omega, eps
 
 
 def run(body, omega, eps, steps, save_every=1):
@@ -153,7 +152,8 @@ def test_large_outputs(mixture, size):
         saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
         same([saved], [states])
     assert None not in core_numba.known_addresses.values()  # or parts would run one after the other
-    same([sf.exact(*whole, n)], [np.concatenate([sf.exact(*each, n) for each in few], 1)])
+    exact = sf.Suslov3D.exact
+    same([exact(*whole, n)], [np.concatenate([exact(*each, n) for each in few], 1)])
 
 
 def test_statuses():
@@ -183,9 +183,9 @@ def test_F_over_a_million_steps(rng, k):
     I1, I2 = rng.uniform(1, 4, (2, 40))
     I13, I23 = rng.uniform(-0.9, 0.9, (2, 40))
     eps, omega = rng.choice([0.05, 0.3, -0.3, 3.0], 40), rng.uniform(-2, 2, (40, 2))
-    body = sf.SuslovGyrostat(I1, I2, I13, I23, k)
+    body = sf.Suslov3D(I1, I2, I13, I23, k)
     final = run(body, omega, eps, 10**6, None).final
-    before, after = sf.first_integral(body, [omega, final], eps)
+    before, after = body.first_integral([omega, final], eps)
     assert abs(after / before - 1).max() < 1e-12
 
 
@@ -196,11 +196,11 @@ def test_X_that_grows_is_never_flushed():
     assert abs(saved[:, 0, 0]).max() > 0.1
     assert saved[-1, 1, 0] == 0.0
     with pytest.warns(RuntimeWarning, match="range"):
-        states = sf.exact(body, omega, 1.0, np.arange(501))
+        states = body.exact(omega, 1.0, np.arange(501))
     assert np.isnan(states[2:, 0]).all()
     np.testing.assert_allclose(saved[:, 1], states[:, 1], atol=1e-13)
     omega = omega + np.array([1e-120, 0])
-    states = sf.exact(body, omega, 1.0, np.arange(501))
+    states = body.exact(omega, 1.0, np.arange(501))
     np.testing.assert_allclose(run(body, omega, 1.0, 500).states, states, atol=1e-11)
 
 
@@ -237,10 +237,10 @@ def test_small_states(size):
     body, omega = sf.Suslov3D(*FIGURE), size * start
     saved = run(body, omega, 0.2, 1200)
     same([saved.states, sf.step(body, omega, 0.2)], [np.tile(omega, (1201, 1)), omega])
-    np.testing.assert_allclose(sf.exact(body, omega, 0.2, [-5, 3]), [omega] * 2, rtol=1e-15)
+    np.testing.assert_allclose(body.exact(omega, 0.2, [-5, 3]), [omega] * 2, rtol=1e-15)
     for k in (0.3, -3.0):
-        body = sf.SuslovGyrostat(*ROTOR, k)
-        for states in (run(body, omega, 0.2, 1200).states, sf.exact(body, omega, 0.2, saved.n)):
+        body = sf.Suslov3D(*ROTOR, k)
+        for states in (run(body, omega, 0.2, 1200).states, body.exact(omega, 0.2, saved.n)):
             larger = run(body, 1e-30 * start, 0.2, 1200).states
             np.testing.assert_allclose(states / size, larger / 1e-30, rtol=1e-10, atol=1e-12)
 
@@ -250,14 +250,14 @@ def test_small_states(size):
 
 def test_a_parabolic_orbit():
     """|k| = A exactly: both limits are the one steady state, which is met as 1 / n."""
-    body = sf.SuslovGyrostat(1, 1, 1, 0, 1.0)
+    body = sf.Suslov3D(1, 1, 1, 0, 1.0)
     omega = [0.0, 1.0]  # R = 1 / sqrt(1 + e**2) < k; for the flow A = 1
     np.testing.assert_allclose(sf.flow(body, omega, time=1e9).states, [[-1, 0]], atol=1e-8)
 
 
 def test_a_rotor_beyond_the_range_has_no_next_state():
     """Where X, Y or K is above 1e8, differences of them have lost their digits."""
-    body = sf.SuslovGyrostat(2.0, 1.0, 0.5, -0.3, [1e11, 1e3, -1e11])
+    body = sf.Suslov3D(2.0, 1.0, 0.5, -0.3, [1e11, 1e3, -1e11])
     found = run(body, [1.0, 0.5], 0.1, 3)
     assert found.status.tolist() == [NONFINITE, OK, NONFINITE]
     assert found.failed_at.tolist() == [1, -1, 1]

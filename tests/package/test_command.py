@@ -52,7 +52,7 @@ def test_a_run_of_a_body(capsys):
     assert (facts["trajectories"], facts["failed"], facts["written"]) == (5, 0, "a.npz")
     assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(200)
     call("run --body 4,1,-.5,-.3,.7 --x0 -1,.5 --eps -1/8 --steps 9 -o a.npz --force", capsys)
-    body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+    body = sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
     assert sf.load("a.npz") == sf.iterate(body, [-1.0, 0.5], -0.125, 9, save_every=None)
 
 

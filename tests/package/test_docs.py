@@ -232,15 +232,6 @@ def test_the_suslov_problem_as_a_notebook(tmp_path):
     assert (tmp_path / "t.py").read_text(encoding="utf-8") == "\n".join(codes)
 
 
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_the_table_of_bodies():
-    """The reference has what `python docs/features.py` writes."""
-    script = script_of("features")
-    (shown,) = script.TABLE.findall(script.PAGE.read_text(encoding="utf-8"))
-    assert shown == script.table()
-
-
 # Reports of other tests, and of the page on potentials, have the integrals of these maps, or longer
 # reports of the same kind.
 ELSEWHERE = {"Euler top", "Volterra chain, N = 3", "Volterra chain, N = 5", "Kirchhoff", "Clebsch"}

@@ -18,7 +18,7 @@ I_1=4, I_2=3, I_{13}=-0.4, I_{23}=-0.2$, for picture 3: $\epsilon=0.02, I_1=4, I
 I_{23}=-0.2$ and for picture 4: $\epsilon=1, I_1=3, I_2=3, I_{13}=-0.2, I_{23}=-0.2$.
 """
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
-GYROSTAT = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)
+GYROSTAT = sf.Suslov3D(4, 2, -0.5, -0.3, 0.4)
 
 
 def test_the_parameters_of_the_paper():
@@ -28,7 +28,7 @@ def test_the_parameters_of_the_paper():
 
 
 PHASES = [(*figure, 12) for figure in FIGURES.values()]
-PHASES += [(GYROSTAT, 0.4, 2.6, 11), (sf.SuslovGyrostat(4, 2, 0, 0, 0.4), 0.4, 2.6, 6)]
+PHASES += [(GYROSTAT, 0.4, 2.6, 11), (sf.Suslov3D(4, 2, 0, 0, 0.4), 0.4, 2.6, 6)]
 
 
 @pytest.mark.parametrize(("body", "eps", "extent", "orbits"), PHASES)
@@ -47,7 +47,7 @@ def test_phase(body, eps, extent, orbits):
         if "= 0" in line.get_label():
             assert along.max() < 1e-12 * extent
         elif len(states):
-            F = sf.first_integral(body, states, eps)
+            F = body.first_integral(states, eps)
             level = F[0] if line.get_linestyle() == "-" else level
             np.testing.assert_allclose(F, level, rtol=1e-11)
         if line.get_marker() == "." and len(states):

@@ -25,14 +25,16 @@ def closed_form(I1, I2, I13, I23):
 def test_the_discrete_angle_tends_to_it_with_order_2(parameters):
     """Runs from next to the repelling half to next to the attracting one."""
     body, angles = sf.Suslov3D(*parameters), []
-    middle = sf.from_xy(body, [1.0, 0.0])
-    time = 22 / abs(sf.closed_form(body, middle, 0.0).k1)
+    middle = [1.0, 0.0] @ np.linalg.inv(body.to_xy(np.eye(2)))
+    time = 22 / abs(body.closed_form(middle, 0.0).k1)
     start = sf.flow(body, middle, time=-time).states[0]
     for steps in (2000, 4000):
         run = sf.iterate(body, start, 2 * time / steps, steps, attitude=True)
-        first, *_, last = sf.to_vector(body, run.states, attitude=run.attitude)
+        first, last = (
+            R[:, :2] @ x for R, x in zip(run.attitude[[0, -1]], run.states[[0, -1]], strict=True)
+        )
         angles.append(np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last))
-    expected = sf.scattering_angle(body)
+    expected = body.scattering_angle()
     coarse, fine = np.subtract(angles, expected)
     assert abs(np.log2(coarse / fine) - 2) < 0.01
     assert abs((4 * angles[1] - angles[0]) / 3 - expected) < 1e-7
@@ -43,7 +45,7 @@ def test_to_rounding(rng):
     signs = np.ones((4, 60))
     signs[2:] = rng.choice([-1, 0, 1], (2, 60))
     parameters = signs * 10 ** rng.uniform(-3, 3, (4, 60))
-    angles = sf.scattering_angle(sf.Suslov3D(*parameters))
+    angles = sf.Suslov3D(*parameters).scattering_angle()
     assert (np.isnan(angles) == ~parameters[2:].any(axis=0)).all()
     for each, angle in zip(parameters.T, angles, strict=True):
         if each[2:].any():

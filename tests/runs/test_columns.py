@@ -52,7 +52,7 @@ def test_each_column_is_everywhere(tmp_path, kind):
 
 
 def test_columns_of_orientations(tmp_path):
-    body = sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3])
+    body = sf.SuslovND(J=[1, 2, 3], I=[0.1, 0.2, 0.3])
     for turns in (False, True):
         run = sf.iterate(body, [1.0, 0.5, 0.2], 0.1, 5, attitude=turns)
         run.save(tmp_path / "run.npz", overwrite=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from systems import tables
 
-from suslov_fast import Field, Status, iterate, lyapunov_exponents, matrix
+from suslov_fast import Field, Status, iterate, kahan, lyapunov_exponents
 
 FLOWS = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))["flows"]
 ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
@@ -83,5 +83,5 @@ def test_long_steps_may_have_other_attractors():
         rates = lyapunov_exponents(field, [1, 1, 1], 1 / k, 8000 * k, transient=500 * k)
         assert rates[0] == pytest.approx(expected, abs=0.02)  # chaotic: seeds differ by 0.006
         x = iterate(field, [1, 1, 1], 1 / k, 200 * k, save_every=k // 8).states
-        size = abs(1 - np.linalg.eigvals(matrix(field, x, 1 / k))).max()
+        size = abs(1 - np.linalg.eigvals(kahan.matrix(field, x, 1 / k))).max()
         assert (size < 0.02) == (k >= 512)

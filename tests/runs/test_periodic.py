@@ -118,7 +118,7 @@ def test_systems_with_an_integral():
     assert abs(orbit.state - [1, 2]).max() < 0.1
     assert abs(orbit.multipliers - 1).max() < 1e-5
     solution = solve_ivp(
-        lambda t, x: sf.vector_field(VOLTERRA, x), (0, 8), orbit.state, "DOP853", rtol=1e-12,
+        lambda t, x: VOLTERRA(x), (0, 8), orbit.state, "DOP853", rtol=1e-12,
         atol=1e-12, events=lambda t, x: x[0] - orbit.state[0],
     )  # fmt: skip
     assert abs(solution.t_events[0][-1] / orbit.period - 1) < 1e-8

@@ -55,8 +55,8 @@ def of(f, D, **parameters):
 
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
 bodies = sf.Suslov3D(np.linspace(3, 4, 300), 1, -0.5, -0.3)
-gyrostat = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
-solid = sf.SuslovND([1.3, 2.1, 3.7, 4.2], [0.4, -0.7, 0.5, 0.2])
+gyrostat = sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
+solid = sf.SuslovND(J=[1.3, 2.1, 3.7, 4.2], I=[0.4, -0.7, 0.5, 0.2])
 field, family = of(lorenz, 3, rho=28.0), of(lorenz, 3, rho=np.linspace(20, 30, 1500))
 henon = sf.Field.from_hamiltonian(
     lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3, 4)
@@ -91,18 +91,19 @@ run(bodies, (20, 300, 2), .2, 300, save_every=50), run(gyrostat, 2, .2, 10), \
 run(gyrostat, (4096, 2), .2, 4000, save_every=1000)
 sf.step(body, [1.0, .5], .2)
 run(body, 2, .2, 10, attitude=True), run(body, (1000, 2), .2, 100, attitude=True)
-sf.first_integral(body, x(40, 2), .2), sf.invariant_density(body, x(40, 2), .2)
-sf.to_xy(body, x(40, 2)), sf.energy(body, x(40, 2)), sf.criticality(body, x(30000, 2), .2)
-sf.exact(body, [1.0, .5], .2, np.arange(10)), sf.exact(body, x(20000, 2), .2, np.arange(10))
-sf.limits(body, [1.0, .5], .2), sf.flow(body, [1.0, .5], time=[1.0, 2.0])
-sf.scattering_angle(body)
+body.first_integral(x(40, 2), .2), sf.kahan.invariant_density(body, x(40, 2), .2)
+body.to_xy(x(40, 2)), body.energy(x(40, 2)), body.criticality(x(30000, 2), .2)
+body.exact([1.0, .5], .2, np.arange(10)), body.exact(x(20000, 2), .2, np.arange(10))
+body.limits([1.0, .5], .2), sf.flow(body, [1.0, .5], time=[1.0, 2.0])
+body.scattering_angle()
 sf.lyapunov_exponents(gyrostat, x(3, 2), .2, 50), \
 sf.lyapunov_exponents(gyrostat, x(2000, 2), .2, 300)
 of_bodies(system(body, .2), x(100, 2))""",
     "n dimensions": """
 run(solid, 4, .2, 10), run(solid, (1024, 4), .2, 5000, save_every=500)
 run(solid, 4, .2, 10, method="gauss"), run(solid, (512, 4), .2, 200, method="gauss")
-sf.jacobian(field, x(2, 3), .01), sf.jacobian(body, x(2, 2), .2), sf.matrix(body, x(2, 2), .2)""",
+sf.kahan.jacobian(field, x(2, 3), .01), sf.kahan.jacobian(body, x(2, 2), .2)
+sf.kahan.matrix(body, x(2, 2), .2)""",
     "fields": """
 run(field, (2048, 3), 3.0, 300, save_every=None, on_singular="ignore")
 run(field, 3, .01, 10), run(field, (2048, 3), .01, 300, save_every=50)

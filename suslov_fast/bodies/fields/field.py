@@ -17,8 +17,8 @@ from ... import checks
 from ...checks import FloatArray, arguments_of, short, wrong
 from ...core.lists.changes import Act
 from ...keywords import public, public_class
-from ..base import Body, Parameters, frozen, summary
 from . import coefficients, motion_lists
+from .base import Body, Parameters, frozen, summary
 from .calls import called_by_name, check_function, operands_of_function
 from .equations import LONGEST, Equations, check_equalities, of_hamiltonian
 from .latex import symbol
@@ -399,7 +399,7 @@ class Field(Body):
     def jacobian(self, x: Any) -> FloatArray:
         """Return the exact derivative f'(x) of the right-hand side.
 
-        :func:`suslov_fast.jacobian` is the derivative of a step of a map.
+        :func:`kahan.jacobian` is the derivative of a step of a map.
 
         Parameters
         ----------
@@ -454,7 +454,7 @@ class Field(Body):
         if not self.is_hamiltonian:
             raise TypeError(
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
-                "that of another field call energy(another, run.states)"
+                "that of another field call another.energy(run.states)"
             )
         x = checks.states("x", x, self.names, later=True)
         where, parameters = np.moveaxis(x, -1, 0), self._inputs

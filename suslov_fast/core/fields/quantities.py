@@ -32,24 +32,6 @@ def term(places, t):
     return int(places[0, t]), int(places[1, t]), int(places[2, t])
 
 
-@universal(FIELD + "(b,d)")
-def vector_field(places, values, eps, x, out):
-    D = x.shape[1]
-    y, f = np.empty((D + 1, LANES)), np.empty((D, LANES))
-    for first in range(0, len(x), LANES):
-        count = read_states(x, first, y)
-        for i in range(D):
-            for l in range(count):
-                f[i, l] = 0.0 * y[i, l]  # NaN where the state is
-        for t in range(len(values)):
-            (i, j, k), v = term(places, t), values[t]
-            for l in range(count):
-                f[i, l] += v * y[j, l] * y[k, l]
-        for i in range(D):
-            for l in range(count):
-                out[first + l, i] = f[i, l]
-
-
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def cubic_form(places, values, eps, x, z, out):
     """The sum of v x_i x_j z_k, which is H(x) for z = x."""

@@ -108,14 +108,6 @@ def to_xy(I1, I2, I13, I23, k, eps, w, out):
     out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
 
 
-@universal(LAYOUT_3D + "(d)")
-def from_xy(I1, I2, I13, I23, k, eps, xy, out):
-    """The state with these x and y: the inverse of equation (7), whose Jacobian is -D."""
-    D = I13 * I13 * I2 + I23 * I23 * I1
-    out[0] = (I13 * I2 * xy[0] + I23 * xy[1]) / D
-    out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D
-
-
 @universal(LAYOUT_3D + "(),(),(),()")
 def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.

@@ -5,9 +5,9 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .. import checks
-from ..checks import FloatArray, wrong
-from ..keywords import public
+from ... import checks
+from ...checks import FloatArray, wrong
+from ...keywords import public
 
 Kind = TypeVar("Kind", bound="Members")
 _FAMILY = "for a family pass an array as a parameter"

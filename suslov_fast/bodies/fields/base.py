@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .. import checks
-from ..checks import FloatArray, wrong
-from ..keywords import Answering, lacking, public
-from .fields.latex import equations, symbol
-from .fields.polynomials import from_lists, to_lists
+from ... import checks
+from ...checks import FloatArray, wrong
+from ...keywords import Answering, lacking, public
+from .latex import equations, symbol
 from .members import Members
+from .polynomials import from_lists, to_lists
 
 if TYPE_CHECKING:
-    from .fields.field import Field
+    from .field import Field
 
 Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
     "arrays axes batch_of_one called constants coordinates derived_by exact_parts labels "
-    "energy_terms exact_terms is_hamiltonian listed_right_hand_sides may_escape meaning "
+    "energy_terms exact_terms is_hamiltonian is_solved listed_right_hand_sides may_escape meaning "
     "motion_lists of_member of_terms parts positive read "
-    "reduction right_hand_sides steady steady_line texts variable with_parts "
+    "reduction right_hand_sides steady_line texts variable with_parts "
     "without_value".split()
 )
 
@@ -60,10 +60,10 @@ class Body(Members, metaclass=Answering):
         The arguments of formulas and kernels of the map, by default the parameters.
     coordinates : tuple of str
         Parameters that are coordinates of datasets, and that ``==`` ignores.
-    steady, meaning : str
-        The steady states as a formula, and what parameters are, for messages.
+    meaning : str
+        What parameters are, for messages.
     steady_line : ndarray(float, shape=(..., D)) or None
-        The direction of the line of steady states through 0; None without one.
+        The direction of the line of steady states through 0; NaN for members, or None, without one.
     called : str
         What messages call the class.
     variable : {"omega", "x"}
@@ -78,7 +78,6 @@ class Body(Members, metaclass=Answering):
     positive: ClassVar[dict[str, int]] = {}
     called: ClassVar[str] = "a body or a field"
     variable: ClassVar[str] = "omega"
-    steady: ClassVar[str] = ""
     steady_line: ClassVar[Any] = None
     meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
@@ -102,7 +101,7 @@ class Body(Members, metaclass=Answering):
             if name in self.positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
-                names = ", ".join(each.name for each in fields(self))
+                names = ", ".join(each.name for each in fields(self) if each.init)
                 how = f": the order is {names}{self.meaning}"
                 if is_tensor and makers:
                     how = (
@@ -119,9 +118,13 @@ class Body(Members, metaclass=Answering):
 
     @cached_property
     def parts(self) -> dict[str, Any]:
-        """The parameters that are not None, by name; those of a single field are exact."""
-        named = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in named.items() if value is not None}
+        """The parameters by name, without numbers and None that are defaults."""
+        named = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        return {
+            name: value
+            for name, (value, default) in named.items()
+            if value is not None and not (type(value) is float and value == default)
+        }
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store parameters that were checked before, such as those of members of a batch."""
@@ -261,7 +264,7 @@ class Body(Members, metaclass=Answering):
         -------
         dict
             The class under "body", and numbers, strings, lists and dictionaries, from which
-            :meth:`from_dict` and :func:`body_from_dict` make an equal body.
+            :meth:`from_dict` makes an equal body.
 
         Examples
         --------
@@ -274,10 +277,38 @@ class Body(Members, metaclass=Answering):
     @classmethod
     @public
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body of this class in a dictionary, as :func:`body_from_dict` does."""
+        """Return the body or field of this class that :meth:`to_dict` described.
+
+        Parameters
+        ----------
+        parameters : mapping
+            The dictionary, also if it was saved as JSON and read again.
+
+        Returns
+        -------
+        body
+            An equal one.
+
+        Raises
+        ------
+        ValueError
+            If the dictionary is of another class, or has other parameters.
+
+        Examples
+        --------
+        >>> import json
+        >>> from suslov_fast import SuslovND
+        >>> text = json.dumps(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+        >>> SuslovND.from_dict(json.loads(text))
+        SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+        """
         checks.instance("parameters", parameters, Mapping)
-        given = dict(parameters)
-        how = ": body_from_dict makes a body of any class"
+        return cls._from_dict(dict(parameters))
+
+    @classmethod
+    def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
+        """Return the body of checked parameters, of which some are removed here."""
+        how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls.read or cls
         try:

@@ -2,33 +2,31 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..bodies.fields.field import Field
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..engine.problem import Problem, check, part_of
-from ..engine.status import IntegrationWarning
-from ..maps import Map, map_of
+from .problem import Problem, check, part_of
+from .status import IntegrationWarning
 
 # Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
 PART = 2**27
 _FEW = 64  # numbers
 
 
-def evaluate(
-    name: str, body: Any, omega: Any, eps: Any = 0.0, *, map: Map | None = None
-) -> FloatArray:
-    """Check the arguments of the public function `name`, and return its value.
+class Formula(NamedTuple):
+    """The computation of a function of a state, for the map of a class of systems."""
 
-    The map, by default that of the body, must have a formula of this name.
-    """
-    if isinstance(body, Field) and name in ("vector_field", "energy"):
-        return body(omega) if name == "vector_field" else body.energy(omega)
-    map = map or map_of(body)
-    map.require(name, body)
-    formula = map.formulas[name]
+    compute: Any  # takes a checked problem, returns the values (...), or an array for each state
+    check: Callable[[Any], None] | None = None  # raises an error for a system without the function
+    poles: bool = False  # True if infinite values are results; else they become NaN
+
+
+def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) -> Any:
+    """Check the arguments of a public function of a state, and return its value by a formula."""
+    if formula.check:
+        formula.check(body)
     problem = check(map, body, omega, eps, later=True)
 
     def compute(part: Problem) -> FloatArray:

@@ -1,0 +1,266 @@
+"""Kahan's map of a system: its derivative, its matrix, and what it conserves.
+
+:func:`suslov_fast.iterate` and :func:`suslov_fast.step` take the steps of the map.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .bodies.classes import BodyOrField
+from .bodies.fields.terms import Terms, slopes_at, sums_at
+from .checks import FloatArray, Reals, first_index, spell
+from .engine.evaluation import evaluate
+from .engine.problem import Problem, check
+from .keywords import public
+from .maps import Method, map_of
+
+__all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]
+# Tolerance of fixed points: the modulus of a component of f over the sum of those of its terms.
+_FIXED = 1e-8
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+def _value(name: str, system: Any, x: Any, eps: Any, method: str = "auto") -> Any:
+    """Return the value of a formula of the map."""
+    map = map_of(system, method)
+    return evaluate(map.formulas[name], map, system, x, eps)
+
+
+@public
+def jacobian(
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
+) -> FloatArray:
+    """Derivative of the map: row i, column j holds d(x_next)_i / dx_j.
+
+    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
+    methods of order 4, 6 and 8 the product over all sub-steps.
+
+    Parameters
+    ----------
+    system : Field, Suslov3D or SuslovND
+        A single field or body, or a batch.
+    x : array_like(float, shape=(..., D))
+        States x of a field, or angular velocities of a body. NaN gives NaN.
+    eps : array_like(float, shape=(...))
+        Step size in time; a negative one steps back.
+    method : str
+        As in :func:`iterate`.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D, D))
+        NaN, with one :class:`IntegrationWarning`, for a state on a pole of the map.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, kahan
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> kahan.jacobian(field, [1.0, 0.5], eps=0.2).round(6)
+    array([[ 1.093638, -0.221485],
+           [ 0.105205,  0.999397]])
+    """
+    return _value("jacobian", system, x, eps, method)
+
+
+@public
+def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
+    """Matrix A of the linear system that a step of Kahan's map solves.
+
+    A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the right-hand side. The
+    map has a pole where det A = 0. For a body without a rotor A x_next = x: the matrices before
+    equation (5) and of equation (16) of Dragovic and Gajic, arXiv:0807.2966.
+
+    Parameters
+    ----------
+    system, x, eps
+        As in :func:`jacobian`.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D, D))
+        A, dimensionless.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, kahan
+    >>> field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> kahan.matrix(field, [1.0, 0.5], eps=0.2)
+    array([[ 0.95,  0.1 ],
+           [-0.05,  1.  ]])
+    """
+    return _value("matrix", system, x, eps)
+
+
+@public
+def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
+    """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
+
+    For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
+    and the :func:`matrix` A, and the map conserves it exactly. For a body it is
+    E**2 / (E + eps**2 f.Jf / 8), with the energy E: exactly conserved where
+    :meth:`Suslov3D.first_integral` is known (in three dimensions it is 2 I1 I2 F), for other bodies
+    up to an error of order eps**4. Methods of higher order do not conserve it, because they combine
+    steps of several sizes.
+
+    Parameters
+    ----------
+    system, x, eps
+        As in :func:`jacobian`; a field must come from :meth:`Field.from_hamiltonian`.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        Unit: that of the energy. NaN, with one :class:`IntegrationWarning`, for a state of
+        a field on a pole of the map.
+
+    Notes
+    -----
+    For fields: Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, iterate, kahan
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+    >>> orbit = iterate(well, [0.5, 0.0], eps=0.1, steps=100_000).states
+    >>> H = kahan.modified_energy(well, orbit, eps=0.1)
+    >>> bool(abs(H - H[0]).max() < 1e-12)
+    True
+    """
+    return _value("modified_energy", system, x, eps)
+
+
+@public
+def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
+    """Density rho of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
+
+    For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
+    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k. In n
+    dimensions rho is known if :meth:`SuslovND.reduced` leaves two coordinates, or three of which
+    one has a coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
+    (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder w_E0 of k dimensions adds the factor
+    ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. Where I = 0, rho =
+    1. Methods of higher order do not have these measures.
+
+    Parameters
+    ----------
+    system, x, eps
+        As in :func:`jacobian`; eps = 0 is the continuous motion.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
+        1 / (omega * inertia**3); the sign is that of l, and the density is infinite where l = 0.
+        For n = 4 with three coordinates the unit is 1 / omega**2.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no invariant measure is known for the body.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, kahan
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> float(kahan.invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
+    -0.096052391
+    """
+    return _value("invariant_density", system, x, eps)
+
+
+@public
+def multipliers(
+    system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
+) -> FloatArray:
+    """Multipliers of fixed points (equilibria): the eigenvalues of the derivative of the map.
+
+    A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
+    (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
+    products of these over all sub-steps. For a body in n dimensions mu = c s at omega = c I, for s
+    in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+
+    Parameters
+    ----------
+    system
+        As in :func:`jacobian`.
+    x : array_like(float, shape=(..., D))
+        Fixed points of the map: zeros of a field, steady states of a body.
+    eps, method
+        As in :func:`jacobian`.
+
+    Returns
+    -------
+    ndarray(float or complex, shape=(..., D))
+        Sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Complex for a field or
+        a body with a rotor; floats for other bodies, where 1 belongs to the line of steady states.
+        Infinite at a pole.
+
+    Raises
+    ------
+    ValueError
+        If x is not a fixed point: a component of f(x) exceeds 1e-8 of the sum of the moduli of its
+        terms, and a step of Newton's method moves x by more than 1e-8 of ``max abs(x)``. At other
+        states use :func:`jacobian`.
+
+    Examples
+    --------
+    A damped oscillator, whose equilibrium is stable:
+
+    >>> from suslov_fast import Field, kahan
+    >>> field = Field(lambda x: (x[1], -x[0] - 0.1 * x[1]), "x v")
+    >>> abs(kahan.multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
+    array([0.990148, 0.990148])
+    """
+    checked = check(map_of(system, method), system, x, eps, method=method, name="x")
+    with np.errstate(all="ignore"):
+        slopes = _slopes_at_fixed_points(checked)
+        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
+        slopes = np.where(known[..., np.newaxis], slopes, 0.0)
+        Y = np.asarray(checked.eps)[..., np.newaxis] * checked.map.eigenvalues(checked, slopes)
+        values = checked.map.stages.multiply(0.5 * Y)
+        values = np.where(np.broadcast_to(known, (*checked.batch, 1)), values, np.nan)
+        order = np.lexsort((-values.imag, -abs(values)), axis=-1)
+    return np.take_along_axis(values, order, axis=-1)
+
+
+def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
+    """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
+    x, terms = checked.omega, Terms(*checked.body._terms)
+    (i, j, k), values = terms
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    products = values * y[..., j] * y[..., k]
+    # f, and the sum of the moduli of its terms.
+    f, sizes = (sums_at(i, each, x.shape[-1]) for each in (products, abs(products)))
+    derivative = slopes_at(terms, x)
+    moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
+    if moves.any():
+        moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]
+    if moves.any():
+        moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
+        text = f"{checked.name} is not a fixed point"
+        if checked.batch:
+            where = spell(first_index(moves))
+            text = f"{checked.name}: states that are not fixed points, first: {where}"
+        raise ValueError(
+            f"{text}: use kahan.jacobian for the derivative there; "
+            "for a periodic orbit see periodic_orbit"
+        )
+    return derivative
+
+
+def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
+    """Return (...) whether f' d = f has a small solution d: what a solver of f = 0 returns."""
+    known = np.isfinite(slopes).all(axis=(-2, -1)) & np.isfinite(f).all(axis=-1)
+    slopes, f = np.where(known[..., np.newaxis, np.newaxis], slopes, 0.0), f[..., np.newaxis]
+    f = np.where(known[..., np.newaxis, np.newaxis], f, 0.0)
+    d = np.linalg.pinv(slopes, rcond=1e-13) @ f
+    residual, x = abs(slopes @ d - f)[..., 0], np.broadcast_to(x, sizes.shape)
+    is_small = abs(d[..., 0]).max(axis=-1) <= _FIXED * abs(x).max(axis=-1)
+    return known & is_small & (residual <= _FIXED * sizes).all(axis=-1)

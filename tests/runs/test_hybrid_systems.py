@@ -1,4 +1,4 @@
-"""Random piecewise linear motions with cascades of changes, against matrix exponentials."""
+"""Random piecewise linear motions with cascades of events, against matrix exponentials."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ T, MOST = 4.0, 70
 
 
 class Endless(Exception):
-    """More changes at one instant than a motion may have."""
+    """More events at one instant than a motion may have."""
 
 
 class System:
@@ -36,7 +36,7 @@ class System:
             (np.sort(rng.uniform(0.1, T, rng.integers(1, 5))), affine()) for _ in range(schedules)
         ]
 
-    def changes(self):
+    def events(self):
         def function(R, r):
             return lambda x: tuple(sum(R[i, j] * x[j] for j in range(self.D)) + r[i]
                                    for i in range(self.D))  # fmt: skip
@@ -51,7 +51,7 @@ class System:
         return field, found
 
     def reference(self, parts=2000):
-        """Return times and numbers of all changes, and the last state."""
+        """Return times and numbers of all events, and the last state."""
         D, S = self.D, len(self.surfaces)
         M = np.zeros((D + 1, D + 1))
         M[:D, :D], M[:D, D] = self.A, self.b
@@ -127,14 +127,14 @@ def test_random_systems_with_cascades(first):
         system = System(seed)
         if not system.surfaces and not system.times:
             continue
-        field, changes = system.events()
+        field, events = system.events()
         try:
             right, last = system.reference()
         except Endless:
             right = last = None
         for rtol, max_step in ((1e-6, 0.03), (1e-9, None), (1e-11, 0.03)):
             given = {"rtol": rtol, "max_step": max_step}
-            motion = flow(field, system.x, time=T, events=changes, **given)
+            motion = flow(field, system.x, time=T, events=events, **given)
             if right is None:
                 assert motion.status == Status.ACCUMULATES
                 continue

@@ -224,6 +224,16 @@ def test_choices_that_change_twice_within_what_would_be_a_step():
     np.testing.assert_allclose(motion.states[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
 
 
+def test_thousands_of_jumps_between_two_times():
+    """x'' = -sign(x), whose steps have no error and grow long: parabolas of 2 sqrt(2)."""
+    time, half = 15_000.0, 2 * np.sqrt(2.0)
+    motion = sf.flow(field(lambda s: (s[1], -np.sign(s[0])), "x v"), [1.0, 0.0], time=time)
+    count, since = divmod(time + half / 2, half)
+    exact = (-1) ** count * np.array([since * (half - since) / 2, half / 2 - since])
+    np.testing.assert_allclose(motion.states[0], exact, atol=1e-3)
+    assert motion.steps < count + 20
+
+
 # ------------------------------------------------------------------- many comparisons of one number
 BEGIN = np.linspace(0.25, 9.75, 40)
 STAIR, SIGNS = 9.5 / 39, (-1.0) ** np.arange(40)

@@ -146,7 +146,10 @@ def CUT(
     width = outer_now - inner_now
     of_step = (crossed > 0.0).select(place, whole_part)
     own = cut.select((of_step * taken - inner_now) / width, part)
+    is_known = (inner <= 0.0) & (crossed > 0.0)  # the state at the end of a part
+    starts_on = cut & (inner <= 0.0) & (own < LEAST_PART)  # as after a jump: no line tells
     own = smaller(larger(own, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    own = starts_on.select(0.5, own)
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
     a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
@@ -176,7 +179,7 @@ def CUT(
         "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
-        "beyond": (cut & is_near).select(1.0, 0.0),
+        "beyond": (cut & is_near & ~is_known).select(1.0, 0.0),
         "at_surface": (moved & (seen | arrives)).select(arrives.select(2.0, 1.0), 0.0),
         "jumped": jumped.select(1.0, 0.0),
     }

@@ -10,8 +10,8 @@ is refused: h / (1 - pivot), at both ends of it, is the longest length.
 Where none takes from another, growth shows as h f_i / x_i > 1 as long as none changes its sign. So
 those that decay keep it in an implicit step, which costs less than the allowed error.
 
-A component that has been large, remembers below its allowed error in two steps in a row, and grows
-to GROWN times that again, or a tenth of its size, may have no digits, and is warned of (`LOW`). It
+A component that has been large, remembers below FEW allowed errors in two steps in a row, and grows
+to GROWN of them again, or a tenth of its size, may have no digits, and is warned of (`LOW`). It
 remembers what it was if nothing else feeds it: let g be f in the state where all components below
 their allowed errors are 0; then h |g_i| is below the allowed error, and |g_i| <= |f_i| / 2.
 """
@@ -23,12 +23,13 @@ from ..lists.numbers import larger, smaller
 from .rules import rule
 
 GROWN, STAYS = 1000.0, 0.125
+FEW = 8.0  # allowed errors, below which a component has few digits
 NEXT = 0.25  # of the growth in a step that is looked at: the next step is four times as long
 
 
-def _is_below(x, inverse):
-    """Return whether a component is below its allowed error; clocks have none."""
-    return (abs(x) * inverse < 1.0) & (inverse > 0.0)
+def _is_below(x, inverse, times=1.0):
+    """Return whether a component is below so many allowed errors; clocks have none."""
+    return (abs(x) * inverse < times) & (inverse > 0.0)
 
 
 def _changes_sign(x, new, inverse):
@@ -52,14 +53,14 @@ def KEEPS_SIGN(x, new, inverse, remembers, feeds):
 
 
 @rule
-def LARGE_ALONE(x, inverse):
-    """The state without components below their allowed errors."""
-    return {"alone": _is_below(x, inverse).select(0.0, x)}
+def LARGE_ALONE(x, inverse, times):
+    """The state without components below so many allowed errors."""
+    return {"alone": _is_below(x, inverse, times).select(0.0, x)}
 
 
-def _remembers(x, fed, inverse, taken):
-    """Return whether a component below its allowed error is not 0, and nothing else feeds it."""
-    return _is_below(x, inverse) & (abs(x) > 0.0) & (abs(taken * fed) * inverse < 1.0)
+def _remembers(x, fed, inverse, taken, times=1.0):
+    """Return whether a component that is so small is not 0, and nothing else feeds it."""
+    return _is_below(x, inverse, times) & (abs(x) > 0.0) & (abs(taken * fed) * inverse < 1.0)
 
 
 @rule
@@ -107,7 +108,7 @@ def _grown(rtol):
 @rule
 def FALLEN(new, largest, inverse, rtol, fallen):
     """1 where a component may be low."""
-    has_fallen = (abs(new) * inverse < 1.0) & (largest * inverse > _grown(rtol))
+    has_fallen = (abs(new) * inverse < FEW) & (largest * inverse > _grown(rtol))
     return {"fallen": has_fallen.select(1.0, fallen)}
 
 
@@ -116,9 +117,9 @@ def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, low, watches):
     """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
     since = (low >= 2.0).select((abs(new) * inverse > _grown(rtol)).select(3.0, low), 0.0)
     stays = abs(f_new) * inverse * (last * rtol) < STAYS  # it does not just cross 0
-    remembers, by_itself = _remembers(new, fed, inverse, taken), abs(fed) <= 0.5 * abs(f_new)
+    remembers, by_itself = _remembers(new, fed, inverse, taken, FEW), abs(fed) <= 0.5 * abs(f_new)
     is_low = (largest * inverse > _grown(rtol)) & stays & remembers & by_itself
-    since = (_is_below(new, inverse) & ~remembers).select(0.0, since)  # it is fed
+    since = (_is_below(new, inverse, FEW) & ~remembers).select(0.0, since)  # it is fed
     now = (low >= 3.0).select(low, is_low.select(smaller(low + 1.0, 2.0), since))
     return {"low": now, "watches": larger((now < 3.0).select(now, 0.0), watches)}
 
@@ -159,7 +160,7 @@ def _growth(lines, x, least):
 def _factor_alone(lines, x):
     """Factorise 1 - h J for components that remember; return 1 where none takes from another."""
     text, work, f = lines.text, lines.work, lines.f
-    _find_fed(lines, x)
+    _find_fed(lines, x, 1.0)
     text.fill(work.start, lines.D, lambda: 0.0)
     for i in text.each(lines.half.block.D):
         inputs = {"x": x[i], "fed": work.f[i], "inverse": work.error[i]}
@@ -180,12 +181,12 @@ def _factor_alone(lines, x):
     return sums.feeds
 
 
-def _find_fed(lines, x):
-    """Write f at a state without components below their allowed errors to the row `f`."""
+def _find_fed(lines, x, times):
+    """Write f at a state without components below so many allowed errors to the row `f`."""
     text, work = lines.text, lines.work
     text.copy(x, work.start, lines.D)
     for i in text.each(lines.half.block.D):
-        alone = lines.apply(LARGE_ALONE, x=x[i], inverse=work.error[i])["alone"]
+        alone = lines.apply(LARGE_ALONE, x=x[i], inverse=work.error[i], times=times)["alone"]
         work.start.put_chosen(i, alone)
     lines.call("f", work.start, lines.table, work.f)
 
@@ -199,7 +200,7 @@ def watch_small(lines, fallen):
     accepted = work.accepted[0] > 0.0
     looks = accepted & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):
-        _find_fed(lines, work.new)
+        _find_fed(lines, work.new, FEW)
         largest = Carried(watches=0.0)
         for i in text.each(lines.half.block.D, largest):
             inputs = {"inverse": work.error[i], "watches": largest.watches, "fed": work.f[i]}

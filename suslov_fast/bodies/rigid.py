@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
-from numbers import Real
+from numbers import Rational
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -32,7 +32,7 @@ from .suslov import Suslov, whole_states
 
 def _exact(a: Any) -> Any:
     """Return a number as a fraction, and a rational function as it is."""
-    return Fraction(a) if isinstance(a, Real) else a
+    return Fraction(a) if isinstance(a, (float, Rational)) else a
 
 
 class ClosedForm(NamedTuple):

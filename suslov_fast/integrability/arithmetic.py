@@ -173,7 +173,7 @@ _POINTS = 48  # values of eps, enough for polynomials of degree 20
 # From residues to rational numbers.
 
 
-def over_rationals(rng: random.Random, search: SearchModulo, symbolic: bool = False) -> Rows | None:
+def over_rationals(rng: random.Random, search: SearchModulo, symbolic: int = False) -> Rows | None:
     """Return the rows whose residues a search finds; None if their entries are too long."""
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their shape
     candidate: Rows | None = None

@@ -38,7 +38,7 @@ copyreg.pickle(flint.fmpz_mpoly, lambda P: (_from_terms, (P.context().names(), P
 # Rings and names of variables.
 
 
-def polynomial_ring(n: int, symbolic: bool) -> Any:
+def polynomial_ring(n: int, symbolic: int) -> Any:
     """Return the ring of polynomials in n variables, and in eps if it is symbolic."""
     return _ring(n, symbolic, flint.fmpz_mpoly_ctx)
 
@@ -48,7 +48,7 @@ def ring_modulo(p: int, n: int) -> Any:
     return _ring(n, False, flint.nmod_mpoly_ctx, p)
 
 
-def _ring(n: int, symbolic: bool, context: Any, *modulus: int) -> Any:
+def _ring(n: int, symbolic: int, context: Any, *modulus: int) -> Any:
     names = ["eps"] * symbolic + [*labels(n)]
     return context.get(names, *modulus, ordering="deglex")
 
@@ -348,7 +348,7 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
     return cramer([[*row, 0] for row in rows])[-1]
 
 
-def polynomials_with(rows: Rows, exponents: Exponents, symbolic: bool = False) -> Polynomials:
+def polynomials_with(rows: Rows, exponents: Exponents, symbolic: int = False) -> Polynomials:
     """Return primitive polynomials with the same span; with a number eps they are short."""
     ring, integers = polynomial_ring(len(exponents[0]), symbolic), []
     for row in rows:

@@ -130,7 +130,7 @@ def ensemble(
     states = checks.states("x0", x0(0) if callable(x0) else x0, system.labels)
     given = {"system": system, "x0": states, **options, **own}
     shapes: dict[str, Any] = {
-        name: np.shape(given.get(name, ()))[: -k or None] for name, k in _INNER.items()
+        name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
     }
     if callable(x0):
         shapes["x0"] = *shapes["x0"][:-1], count * sum(shapes["x0"][-1:])

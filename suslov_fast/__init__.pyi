@@ -9,7 +9,7 @@ from .engine.status import (
     IntegrationWarning as IntegrationWarning,
     Status as Status,
 )
-from .errors import SuslovError as SuslovError
+from .errors import NoConvergence as NoConvergence, SuslovError as SuslovError
 from .plots.explore import explore as explore
 from .plots.phase import plot_phase as plot_phase
 from .quantities.equilibria import Equilibria as Equilibria, equilibria as equilibria

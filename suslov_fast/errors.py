@@ -1,11 +1,11 @@
-"""The base class of the errors of this package."""
+"""The errors that come from the mathematics: their base class, and a search that fails."""
 
 
 class SuslovError(Exception):
     """Base class of errors that come from the mathematics, not from a wrong argument.
 
-    They are :class:`NotIntegrableError` and :class:`SingularStepError`. Wrong arguments are a plain
-    ValueError or TypeError.
+    They are :class:`NotIntegrableError`, :class:`SingularStepError` and :class:`NoConvergence`.
+    Wrong arguments are a plain ValueError or TypeError.
 
     Examples
     --------
@@ -15,4 +15,21 @@ class SuslovError(Exception):
     ... except SuslovError as error:
     ...     print(type(error).__name__)
     NotIntegrableError
+    """
+
+
+class NoConvergence(SuslovError):
+    """There is no periodic orbit near a start and a period.
+
+    The message of :func:`periodic_orbit` says what was found instead: an equilibrium, also one to
+    which the motion falls, or a motion that ends.
+
+    Examples
+    --------
+    >>> from suslov_fast import NoConvergence, periodic_orbit
+    >>> try:
+    ...     periodic_orbit(lambda x: (x[1], -x[0] - x[1] / 5), [1.0, 0.0])
+    ... except NoConvergence as error:
+    ...     print("equilibrium" in str(error))
+    True
     """

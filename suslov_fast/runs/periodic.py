@@ -15,6 +15,7 @@ from ..bodies.fields.field import Field, system_of
 from ..checks import FloatArray, short, warn, wrong
 from ..core.lists.linear_terms import coefficients
 from ..engine.starts import checked_settings
+from ..errors import NoConvergence
 from ..keywords import public
 from . import shooting
 from .event import Event
@@ -106,7 +107,7 @@ def periodic_orbit(
 
     Raises
     ------
-    RuntimeError
+    NoConvergence
         If there is no periodic orbit near `start` and `period`; the message says what was found
         instead: an equilibrium, or a motion that ends.
     TypeError, ValueError
@@ -149,7 +150,7 @@ def periodic_orbit(
         search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
         if found := _not_an_orbit(search, T):
             how = "a start nearer to the orbit, a nearer period, or a larger rtol"
-            raise RuntimeError(f"periodic_orbit found {found}: pass {how}")
+            raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
     if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
         found = f"{search.T:g}, far from {T:g}, and is far from the start"
         warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
@@ -187,12 +188,12 @@ def _checked_period(
         return near
     start = short(x.tolist())
     if not motion.rate[~motion.drifts].any():
-        raise RuntimeError(f"periodic_orbit: start is the equilibrium {start}")
+        raise NoConvergence(f"periodic_orbit: start is the equilibrium {start}")
     if (rest := _rest(field, motion, x, last)) is not None:
         found = f"the motion from start = {start} falls to the equilibrium {short(rest.tolist())}"
-        raise RuntimeError(f"periodic_orbit: {found}: pass a start nearer to an orbit")
+        raise NoConvergence(f"periodic_orbit: {found}: pass a start nearer to an orbit")
     found = f"the motion from start = {start} does not return near it until t = {last:g}"
-    raise RuntimeError(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
+    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
 
 
 def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArray | None:
@@ -254,7 +255,7 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
             product = slopes[np.ix_(own, own)] @ product
     if not np.isfinite(product).all():
         found = f"an orbit of period {T:g} whose multipliers exceed the range of float64"
-        raise RuntimeError(f"periodic_orbit found {found}: call flow for its states")
+        raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
     if not search.flow.is_forced:
         _warn_of_divisors(search)
     _warn_of_families(search, known)

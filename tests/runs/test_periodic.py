@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from systems import LORENZ, three_bodies
 
 import suslov_fast as sf
-from suslov_fast import Field, flow, periodic_orbit
+from suslov_fast import Field, NoConvergence, flow, periodic_orbit
 from suslov_fast.runs import shooting
 
 # Those of integrals that are not known are told by one warning, which a test below asks for.
@@ -163,7 +163,7 @@ def test_forces_keep_their_period():
     ],
 )  # fmt: skip
 def test_what_is_no_orbit_is_told(field, start, period, reason):
-    with pytest.raises(RuntimeError, match=reason):
+    with pytest.raises(NoConvergence, match=reason):
         periodic_orbit(field, start, period)
 
 
@@ -174,7 +174,7 @@ def test_a_tolerance_that_works_is_named():
         lambda x: (x[1], 3e6 - (3e6 + x[0]) - 1e-99 * x[1], x[3], 6e6 - (6e6 + x[2])), 4
     )
     start = [1.0, 0.0, 1.0, 0.0]
-    with pytest.raises(RuntimeError, match="pass rtol=") as told:
+    with pytest.raises(NoConvergence, match="pass rtol=") as told:
         periodic_orbit(field, start, 6.2, rtol=1e-13)
     enough = float(str(told.value).rpartition("pass rtol=")[2])
     orbit = periodic_orbit(field, start, 6.2, rtol=enough)
@@ -425,7 +425,7 @@ def test_motions_that_fall_to_an_equilibrium(seed):
     B = A @ np.array([[0.0, 1.0], [-1.0, -rng.uniform(0.05, 0.5)]]) @ np.linalg.inv(A)
     rest = rng.normal(size=2)
     field = Field(lambda x: [*(B @ (np.array(x) - rest))], 2)
-    with pytest.raises(RuntimeError, match="the equilibrium") as told:
+    with pytest.raises(NoConvergence, match="the equilibrium") as told:
         periodic_orbit(field, rest + rng.normal(size=2))
     found = str(told.value).split("equilibrium [")[1].split("]")[0]
     np.testing.assert_allclose([float(a) for a in found.split(", ")], rest, atol=1e-4)

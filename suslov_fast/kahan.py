@@ -51,12 +51,12 @@ def jacobian(
     eps : array_like(float, shape=(...))
         Step size in time; a negative one steps back.
     method : str
-        As in :func:`iterate`.
+        As in :func:`suslov_fast.iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        NaN, with one :class:`IntegrationWarning`, for a state on a pole of the map.
+        NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state on a pole of the map.
 
     Examples
     --------
@@ -105,20 +105,20 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
     and the :func:`matrix` A, and the map conserves it exactly. For a body it is
     E**2 / (E + eps**2 f.Jf / 8), with the energy E: exactly conserved where
-    :meth:`Suslov3D.first_integral` is known (in three dimensions it is 2 I1 I2 F), for other bodies
-    up to an error of order eps**4. Methods of higher order do not conserve it, because they combine
-    steps of several sizes.
+    ``body.first_integral`` is known (in three dimensions it is 2 I1 I2 F), for other bodies up to
+    an error of order eps**4. Methods of higher order do not conserve it, because they combine steps
+    of several sizes.
 
     Parameters
     ----------
     system, x, eps
-        As in :func:`jacobian`; a field must come from :meth:`Field.from_hamiltonian`.
+        As in :func:`jacobian`; a field must come from ``Field.from_hamiltonian``.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        Unit: that of the energy. NaN, with one :class:`IntegrationWarning`, for a state of
-        a field on a pole of the map.
+        Unit: that of the energy. NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state
+        of a field on a pole of the map.
 
     Notes
     -----
@@ -142,7 +142,7 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
     dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k. In n
-    dimensions rho is known if :meth:`SuslovND.reduced` leaves two coordinates, or three of which
+    dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three of which
     one has a coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
     (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder w_E0 of k dimensions adds the factor
     ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. Where I = 0, rho =

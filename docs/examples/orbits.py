@@ -14,7 +14,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained
 plot_phase(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0, ax=left)
 left.set_title("the Suslov body of figure 2")
 
-field = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3 / 3, dimension=2)
+field = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3 / 3, 2)
 starts = np.stack([np.linspace(0.1, 0.95, 8), np.zeros(8)], axis=-1)
 run = iterate(field, starts, eps=0.4, steps=400)
 run.plot(ax=right, lines=False, color=run.modified_energy()[0])

@@ -158,7 +158,7 @@ class Event:
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers and texts for JSON; functions become text by :meth:`of` before."""
+        """Return plain numbers and texts for JSON; functions become text by ``of`` before."""
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
         times = None if self.times is None else _listed(self.times)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Events(Result):
-    """Events along motions: the result of :func:`crossings`, and :attr:`Motion.events`.
+    """Events along motions: the result of :func:`crossings`, and ``Motion.events``.
 
     There are K of them, ordered by trajectory, then along the motion; at one instant in the order
     in which they acted.

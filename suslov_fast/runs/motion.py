@@ -60,7 +60,7 @@ class Motion(States, OfMotion):
     ``motion.ok`` (...) is True where a solution reaches the last time or its terminal event.
     ``motion.member(k)`` is the motion of trajectory k alone. Two motions are equal if all
     attributes are equal; NaN equals NaN. Arrays are read-only, so that a motion stays what was
-    computed: event a copy.
+    computed: change a copy.
 
     Examples
     --------

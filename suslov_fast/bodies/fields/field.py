@@ -160,8 +160,9 @@ class Field(Body):
     ) -> Field:
         """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
 
-        If H is a polynomial of degree 3 or less, Kahan's map conserves :func:`modified_energy`
-        exactly, so that the energy does not drift; orders 4 to 8 of the map do not conserve it.
+        If H is a polynomial of degree 3 or less, Kahan's map conserves
+        :func:`kahan.modified_energy` exactly, so that the energy does not drift; orders 4 to 8 of
+        the map do not conserve it.
 
         Parameters
         ----------

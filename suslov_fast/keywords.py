@@ -94,7 +94,8 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     kinds = {name: parameters[name].kind for name in known}
     first = [name for name in known if kinds[name] is inspect.Parameter.POSITIONAL_ONLY]
     if unknown := [name for name in kwargs if name in first or name not in kinds]:
-        own = getattr(args[0], "parameters", {}) if args else {}
+        is_method = args and not isinstance(args[0], type)
+        own = getattr(args[0], "parameters", {}) if is_method else {}
 
         def how(word: str) -> str:
             here = word if word in first else answer(word, known)

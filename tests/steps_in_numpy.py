@@ -2,8 +2,8 @@
 
 All lanes of all lines are columns of the arrays. It shares the rules, the tables of columns and the
 lists of operations with the code, and has a program of control of its own. It covers both halves,
-choices, kinks, clocks, variational equations and dense fields. It does not cover changes of the
-state and crossings that are recorded: closed forms and matrix exponentials judge those.
+clocks, variational equations and dense fields. Surfaces and choices of f are not here: closed forms
+and matrix exponentials judge them.
 """
 
 import itertools
@@ -13,31 +13,21 @@ from types import SimpleNamespace
 import numpy as np
 
 from suslov_fast.core.code.sparse_code import add_factors
-from suslov_fast.core.lists.hidden import MIDDLE, POINTS
 from suslov_fast.core.lists.sparse import Head
 from suslov_fast.core.lists.step import evaluate
-from suslov_fast.core.lists.tables import is_table
 from suslov_fast.core.motion import (
-    choosing,
     engine,
     errors,
     functions,
+    growth,
     implicit,
     inside,
     lengths,
     second_trial,
     step,
-    surfaces,
 )
 from suslov_fast.core.motion.arguments import COMPONENT, NUMBER, Component, Numbers
-from suslov_fast.core.motion.choosing import shift_of
-from suslov_fast.core.motion.columns import (
-    EXPLICIT,
-    IMPLICIT,
-    QUARTERS,
-    weights,
-    weights_of_errors,
-)
+from suslov_fast.core.motion.columns import EXPLICIT, IMPLICIT, weights, weights_of_errors
 from suslov_fast.core.motion.rows import State
 from suslov_fast.engine import motions
 
@@ -56,18 +46,6 @@ def _applied(rule, **inputs):
     values = {k: inputs[name] for k, name in enumerate(rule.inputs)}
     evaluate(rule.operations, values)
     return {name: a if isinstance(a, float) else values[a] for name, a in rule.results.items()}
-
-
-def _interval_of(table, x, shift):
-    """Return the rows (4, ...) of the intervals that hold arguments x + shift.
-
-    Their knots are less by the shift, because x has digits that the sum has not.
-    """
-    place = np.searchsorted(table.rows[0, 1:], x + shift, "right")
-    place = place - (x < table.rows[0, place] - shift)
-    rows = table.rows[:, place + (x >= table.rows[1, place] - shift)]
-    rows[:2] -= shift
-    return rows
 
 
 @singledispatch
@@ -150,9 +128,9 @@ class StepsInNumPy:
     def __init__(self, half, motion, trajectories, table):
         self.half, self.motion, self.f = half, motion, half.f
         self.rows, self.D = half.rows, half.f.D
+        self.components = range(half.block.D)  # without columns
         self.extended = self.D + len(half.f.denominators)
-        self.lanes, self.given = trajectories.T, np.atleast_2d(table)  # rows of all lanes
-        self.table = np.atleast_2d(table)[:, : len(half.f.table)].T.copy()
+        self.lanes, self.table = trajectories.T, np.atleast_2d(table).T  # rows of all lanes
         self.columns = IMPLICIT if half.is_implicit else EXPLICIT
         self.p = 1 if half.is_implicit else 2
         self.mode = float(State.IMPLICIT if half.is_implicit else State.EXPLICIT)
@@ -166,11 +144,9 @@ class StepsInNumPy:
             if (self.row("state") < 0.0).any():
                 self._begin()
             own = {"second": np.inf} if self.half.is_implicit else {}
-            length = self._apply(lengths.LENGTH, mode=self.mode, **self._apply(lengths.NEAR), **own)
+            length = self._apply(lengths.LENGTH, mode=self.mode, reach=lengths.REACH, **own)
             if is_taken := (length["taken"] > 0.0).any():
                 self._step(**length)
-        if self.f.conditions:
-            self.given[:, : len(self.table)] = self.table.T
         return not is_taken
 
     def row(self, name):
@@ -219,8 +195,6 @@ class StepsInNumPy:
 
     def _begin(self):
         x = self._rows("x", self.D)
-        if self.f.conditions:
-            self._make_choices(x, self.row("state") < 0.0)
         self._rows("f", self.extended)[:] = f = self._value(x)
         self._rows("largest", self.D)[:], self._rows("mode", self.D)[:] = abs(x), 1.0
         sums = dict.fromkeys(("size", "rate", "total"), 0.0)
@@ -233,7 +207,6 @@ class StepsInNumPy:
         """Return y_c - x at the ends of the first columns; the last y_N and f there are kept."""
         column = self._implicit_column if self.half.is_implicit else self._explicit_column
         self.apart = [] if not self.half.is_implicit else np.zeros_like(x)
-        self.quarters = np.zeros((3, *x.shape))
         return [column(x, f, signed * (1.0 / N), N) for N in self.columns[:count]]
 
     def _explicit_column(self, x, f, s, N):
@@ -256,10 +229,7 @@ class StepsInNumPy:
         factors = carried_out(self.half.functions["factor"], [*self.entries, s])
         change = self._solve(factors, s * f[: self.D])
         weight = N * self.own[self.columns.index(N)]
-        of_quarter = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True)).get(N, 0.0)
         for m in range(N - 1):
-            if of_quarter and 4 * (m + 1) % N == 0:
-                self.quarters[4 * (m + 1) // N - 1] += of_quarter * change
             right = s * self._value(x + change)[: self.D]
             if m == 0:
                 self.apart = self.apart + weight * (right - change)
@@ -270,18 +240,6 @@ class StepsInNumPy:
 
     def _solve(self, factors, right):
         return carried_out(self.half.functions["solve"], [*factors, *right])
-
-    def _surfaces(self, x):
-        """Return the values of the surfaces at states (watched, lanes)."""
-        f, values = self.f, dict(enumerate(x))
-        values |= {number: self.table[place] for number, place in self.half.block.places.items()}
-        evaluate(f.watched.operations, values)
-        found = [a if isinstance(a, float) else values[a] for a in f.watched.results]
-        return np.array([np.broadcast_to(a, x.shape[1:]) for a in found])
-
-    def _watch(self, before, after):
-        """Return what `watch` finds between two points, from the values of surfaces there."""
-        return of_list(self.f.watch, [*before, *after, *self.table])
 
     @staticmethod
     def _sum(factors, ends):
@@ -299,7 +257,7 @@ class StepsInNumPy:
         ends = self._ends(x, f, signed, len(self.columns))
         new, error = x + self._sum(self.own, ends), self._sum(self.of_error, ends)
         largest, kept = self._rows("largest", D), {"kept": 1.0}
-        if self.f.clocks:
+        if self.f.steady:
             new = self._fold(step.CLOCK, x=x, new=new, f=f, signed=signed)[1]["new"]
         if self.f.of_one_sign:
             own = {"x": x, "new": new, "size": abs(x) if self.half.has_atol else largest}
@@ -328,6 +286,7 @@ class StepsInNumPy:
             if sizes:
                 large, _ = self._fold(errors.LARGE, large, part, **own, **is_rounding)
         sums = large | self._fold(errors.RATIO, {"ratio": 0.0, "total": 0.0}, **own)[0]
+        fallen = self._fold(growth.FALLEN, {"fallen": 0.0}, self.components, **own)[0]["fallen"]
         of_apart = {"error": apart, "inverse": inverse}
         sums["apart"] = self._fold(errors.LARGER_RATIO, {"ratio": 0.0}, **of_apart)[0]["ratio"]
         zero = {"rates": 0.0, "states": 0.0}
@@ -341,9 +300,12 @@ class StepsInNumPy:
             sums["limit"] = self.motion.numbers[NUMBER.limit] ** 2
         sums |= {"on_trial": 0.0, "of_length": sums["ratio"]}
         sums |= self._second_trial(sums, own | {"f": f, "apart": apart})
+        if is_implicit and self.f.entries:
+            f_new, least = self._keep_signs(own | {"f": f, "signed": signed})
+            kept = {"kept": np.where(taken > least, 0.0, kept["kept"])}
         sums |= {"taken": taken, "aside": aside, **kept}
         before = self.row("t").copy()
-        near = self._apply(lengths.NEAR)
+        near = {"reach": lengths.REACH, "shortest": lengths.SHORTEST}
         found = self._apply(lengths.AFTER, **near, **sums)
         sums["accepted"] = accepted = found.pop("accepted")
         served = found.pop("served")
@@ -356,13 +318,6 @@ class StepsInNumPy:
             sums["rate"] = rate
         rule = lengths.TURN_IMPLICIT if is_implicit else lengths.TURN_EXPLICIT
         self._keep(self._apply(rule, **near, **sums))
-        if self.half.watched:
-            own = {"before": before, "accepted": accepted, "total": sums["total"]}
-            found, kinks = self._cut((x, new, f, f_new), taken, signed, served=served, **own)
-            at_surface, accepted = found.pop("at_surface"), found.pop("accepted")
-            jumped = found.pop("jumped")
-            served = found.pop("served")
-            self._keep(found)
         for lane in np.flatnonzero(served > 0.0):
             self._save(lane, new[:, lane])
         passed = SimpleNamespace(
@@ -371,28 +326,64 @@ class StepsInNumPy:
         )  # fmt: skip
         self._save_inside(passed)
         is_taken = passed.accepted > 0.0
-        if self.half.kinks:
-            first = self.f.conditions.P + self.f.conditions.jumps
-            self._put_choices(is_taken & (at_surface > 0.0), self.half.kinks, kinks, first)
-            f_new = self._value(new)
-        if self.half.low:
-            self._watch_small(is_taken, new, f_new, inverse)
-        if self.f.conditions:
-            new, f_new, is_taken = self._renew(
-                is_taken, jumped > 0.0, taken > 0.0, (x, f, new, f_new)
-            )
+        own = {"new": new, "f_new": f_new, "inverse": inverse, "taken": taken}
+        self._watch_small(is_taken, fallen, own)
         self._rows("x", D)[:] = np.where(is_taken, new, x)
         self._rows("f", self.extended)[:] = np.where(is_taken, f_new, f)
         modulus = abs(new)
         largest[:] = np.where(is_taken & (modulus > largest), modulus, largest)
 
-    def _watch_small(self, is_taken, new, f_new, inverse):
-        low, components = self._rows("low", self.half.low), range(self.half.low)
-        own = {"new": new, "largest": self._rows("largest", self.D), "low": low}
-        own |= {"f_new": f_new, "inverse": inverse}
-        sums, found = self._fold(errors.LOW, {"watches": 0.0}, components, **own)
-        low[:], watches = np.where(is_taken, found["low"], low), sums["watches"]
-        self.row("watches")[:] = np.where(is_taken, watches, self.row("watches"))
+    # -------------------------------------------------------------------- below allowed errors
+    def _fed(self, x, inverse, times):
+        """Return f at states without components below so many allowed errors."""
+        own, alone = {"x": x, "inverse": inverse, "times": times}, x.copy()
+        found = self._fold(growth.LARGE_ALONE, None, self.components, **own)[1]["alone"]
+        alone[: len(found)] = found
+        return self._value(alone)
+
+    def _keep_signs(self, step):
+        """Return f at the next states, where some keep their signs, and the longest step."""
+        x, new, least = step["x"], step["new"], np.inf
+        grows = self._fold(growth.GROWS, {"grows": 0.0}, self.components, **step)[0]["grows"] > 0.0
+        remembers, found = self._growth(x, least, step)
+        own = step | {"remembers": remembers, "feeds": found["feeds"]}
+        kept = self._fold(growth.KEEPS_SIGN, None, self.components, **own)[1]["new"]
+        new[: len(kept)] = np.where(grows, kept, new[: len(kept)])
+        _, found = self._growth(new, found["least"], step)
+        return self._value(new), np.where(grows, found["least"], np.inf)
+
+    def _growth(self, x, least, step):
+        """Return which components remember, and `feeds` and `least` of `growth.LONGEST`."""
+        own = {"taken": step["taken"], "signed": step["signed"]}
+        of_x = step | {"x": x, "fed": self._fed(x, step["inverse"], 1.0)}
+        found = self._fold(growth.REMEMBERS, None, self.components, **of_x)[1]["remembers"]
+        remembers, feeds = np.zeros_like(x), 1.0
+        remembers[: len(found)] = found
+        entries = derivative_entries(self.f, x, self.table)
+        for k, (i, j) in enumerate(self.f.pattern):
+            places = {
+                "of_row": remembers[i],
+                "of_column": remembers[j],
+                "is_diagonal": float(i == j),
+            }
+            found = self._apply(growth.ENTRY, entry=entries[k], feeds=feeds, **places, **own)
+            entries[k], feeds, remembers[i] = found.values()
+        found = {"length": np.inf, "sign": 1.0}
+        factors = carried_out(self.half.functions["factor"], [*entries, own["signed"]])
+        for pivot in factors[: self.half.pivots]:
+            found = self._apply(growth.PIVOT, pivot=pivot, taken=own["taken"], **found)
+        found = self._apply(growth.LONGEST, feeds=feeds, least=least, **found)
+        return remembers, found | {"feeds": feeds}
+
+    def _watch_small(self, is_taken, fallen, step):
+        """Note which components have fallen below what is allowed, and grown again."""
+        looks = is_taken & ((fallen > 0.0) | (self.row("watches") > 0.0))
+        low = self._rows("low", len(self.components))
+        own = {"low": low, "largest": self._rows("largest", self.D)}
+        own["fed"] = self._fed(step["new"], step["inverse"], growth.FEW)
+        sums, found = self._fold(growth.LOW, {"watches": 0.0}, self.components, **own, **step)
+        low[:] = np.where(looks, found["low"], low)
+        self.row("watches")[:] = np.where(looks, sums["watches"], self.row("watches"))
 
     def _second_trial(self, sums, line):
         """Return what a second trial changes in the sums over components; `inverse` changes."""
@@ -433,178 +424,6 @@ class StepsInNumPy:
         if not self.half.is_implicit:
             found["rates"] = np.where(counts, 0.0, sums["rates"])
         return found | {"on_trial": np.where(counts, 1.0, 0.0)}
-
-    def _cut(self, states, taken, signed, **found):
-        """Return what changes in lanes whose step crosses a surface, or is on the way to one.
-
-        The choices of kinks at the end of the step follow.
-        """
-        x, new, f, f_new = (each[: self.half.watched] for each in states)
-        far, is_far = self._rows("far", self.half.watched), self.row("outer") == np.inf
-        rule, rates = surfaces.POINT, {"signed": signed, "f": f, "f_new": f_new}
-        if self.half.is_implicit:
-            quarters = self.quarters[:, : len(x)]
-            rates = {f"quarter{k}": own for k, own in enumerate(quarters, 1)}
-            rule = surfaces.POINT_IMPLICIT
-        elif self.half.reads_states:
-            rule = surfaces.POINT_WITH_QUARTIC
-            rates["quartic"] = self._quartic(states, signed)[: len(x)]
-        points = [x]
-        for u in POINTS[:-1]:
-            point = _applied(rule, x=x, new=new, u=u, **rates)["point"]
-            points.append(np.broadcast_to(point, x.shape))
-        points.append(new)
-        parts, ends = dict.fromkeys(("crossed", "place", "end"), 0.0), (0.0, *POINTS)
-        values = [self._surfaces(point) for point in points]
-        for k, u in enumerate(POINTS):
-            part, crosses, *_ = self._watch(*values[k : k + 2])
-            own = {"part": part, "crosses": crosses, "u": u, "width": u - ends[k], "taken": taken}
-            parts = self._apply(surfaces.LOOK, **own, **parts)
-            far[:] = np.where(is_far & (parts.pop("is_first") > 0.0), points[k + 1], far)
-        found |= {"hidden": 0.0, "twice": 0.0, "known": np.inf, "starts": parts["crossed"]}
-        found["goal"] = self.motion.numbers[NUMBER.last]
-        if self.half.hidden:
-            rtol = np.full(len(taken), self.motion.numbers[NUMBER.rtol])
-            rows = [*np.concatenate(values), *points[MIDDLE], rtol, *self.table]
-            found["hidden"], found["twice"] = of_list(self.half.hidden, rows)
-            found["known"] = taken if self.half.has_waves else np.inf
-        part, *_ = self._watch(values[-1], self._surfaces(far))
-        whole_part, crosses, jumps, *kinks = self._watch(values[0], values[-1])
-        if self.half.reads_states:
-            found["starts"] = np.where(found["twice"] > 0.0, 1.0, crosses)
-        inputs = {"whole_part": whole_part, "crosses": crosses, "jumps": jumps, "part": part}
-        rates = self.motion.numbers[NUMBER.sign] * f_new
-        aim, since = of_list(self.f.aim[self.half.is_implicit], [*new, *rates, *self.table])
-        inputs |= {"aim": np.where(is_far, np.inf, taken + aim)}
-        inputs |= {"since": np.where(is_far, 0.0, since)}
-        found = self._apply(surfaces.CUT, taken=taken, mode=self.mode, **inputs, **parts, **found)
-        far[:] = np.where(found.pop("beyond") > 0.0, new, far)
-        return found, kinks
-
-    def _quartic(self, states, signed):
-        """Return what polynomials of degree 4 have in an explicit step beside cubics."""
-        names = "x", "new", "f", "f_new"
-        own = {name: each[: self.D] for name, each in zip(names, states, strict=True)}
-        own["signed"] = signed
-        point = _applied(surfaces.POINT, u=POINTS[0], **own)["point"]
-        f_point = self._value(point)[: self.D]
-        return _applied(surfaces.QUARTIC, f_point=f_point, **own)["quartic"]
-
-    # ----------------------------------------------------------------------------------- choices
-    def _choices_at(self, x):
-        """Return what the list `choices` finds at states."""
-        f, conditions = self.half.block, self.f.conditions
-        given = conditions.P + conditions.jumps + conditions.kinks
-        return of_list(f.choices, [*x[: f.D], *self.table[:given]])
-
-    def _make_choices(self, x, truth):
-        """Make all choices of lanes anew; return the number of the surface where f jumps."""
-        f, conditions = self.half.block, self.f.conditions
-        surface, _, *found = self._choices_at(x)
-        self._put_choices(truth, conditions.kinds, found, conditions.P)
-        given = conditions.P + conditions.jumps + conditions.kinks
-        derived = of_list(f.derived, [*np.zeros((f.D, len(truth))), *self.table[:given]])
-        for number, now in zip(f.derived.results, derived, strict=True):
-            self.table[f.places[number]] = np.where(truth, now, self.table[f.places[number]])
-        return surface
-
-    def _put_choices(self, truth, kinds, found, place):
-        first = len(self.f.conditions.kinds) - len(kinds)
-        for k, (kind, a) in enumerate(zip(kinds, found, strict=True), first):
-            rows = [a]
-            if is_table(kind):
-                shift = shift_of(self.half.block, k)
-                rows = _interval_of(kind, a, 0.0 if shift is None else self.table[shift])
-            for row in rows:
-                self.table[place] = np.where(truth, row, self.table[place])
-                place += 1
-
-    def _choose(self, truth, new, f_new):
-        """Return the state and f after jumps in these lanes."""
-        f, table = self.half.block, self.table.copy()
-        surface = self._make_choices(new, truth)
-        after = self._value(new)
-        if f is not self.f and (jumps := truth & (surface >= 0.0)).any():
-            largest = self._rows("largest", self.D)
-            largest[:] = np.where(jumps, np.maximum(largest, abs(new)), largest)
-            moved = self._columns_after_jump(new, f_new, after, table, surface)
-            new = np.where(jumps, moved, new)
-            after = self._value(new)
-        low = self._rows("low", self.half.low)
-        own = {"low": low, "before": f_new, "after": after}
-        found = self._fold(choosing.INFLOW, None, range(self.half.low), **own)[1]
-        low[:] = np.where(truth, found["low"], low) if len(low) else low
-        return new, after
-
-    def _columns_after_jump(self, x, before, after, table, surface):
-        whole, f, x = self.f, self.half.block, x.copy()
-        D, q, values = f.D, whole.q, dict(enumerate(x[: f.D]))
-        values |= {number: table[place] for number, place in f.places.items()}
-        evaluate(f.slopes.operations, values)
-        gradient = np.zeros((D + q, x.shape[1]))
-        for (k, j), a in zip(f.slope_places, f.slopes.results, strict=True):
-            slope = a if isinstance(a, float) else values[a]
-            gradient[j] = np.where(surface == k, slope, gradient[j])
-        ends = [0.0, 0.0]
-        for slope, *rates in zip(gradient, before[:D], after[:D], strict=False):
-            ends = [end + slope * rate for end, rate in zip(ends, rates, strict=True)]
-        jump = after[:D] - before[:D]
-        for c in range(whole.columns):
-            column, n = x[D * (1 + c) : D * (2 + c)], c - (whole.columns - q)
-            ds = gradient[D + n] * table[len(f.table) + n] if n >= 0 else 0.0
-            for slope, a in zip(gradient, column, strict=False):
-                ds = ds + slope * a
-            column += np.where(jump == 0.0, 0.0, jump * (ds / ends[0]))
-        if whole.has_trace:
-            own = {"jumps": 1.0 * (jump != 0.0).any(axis=0), "u": x[-2]}
-            x[-1] += self._apply(choosing.TRACE, before=ends[0], after=ends[1], **own)["change"]
-        return x
-
-    def _renew(self, accepted, jumped, taken, states):
-        """Return the next states, f there, and where they are taken, after jumps of f."""
-        *before, new, f_new = states
-        jumped, mode = jumped & accepted, self.mode
-        if jumped.any():
-            moved, after = self._choose(jumped, new, f_new)
-            new, f_new = np.where(jumped, moved, new), np.where(jumped, after, f_new)
-            self._keep_in(jumped, self._apply(choosing.CHOSEN, acted=0.0, mode=mode))
-            ahead = self._apply(choosing.LOOK_AHEAD, part=choosing.AHEAD)
-            point = new + ahead["signed"] * f_new[: self.D]
-            back = jumped & (self._choices_at(point)[0] >= 0.0)
-            far = self._rows("far", self.half.watched)
-            far[:] = np.where(back, point[: len(far)], far)
-            self._keep_in(back, self._apply(choosing.SEEK, ahead=ahead["ahead"]))
-        t = self.row("t")
-        ended = (self.row("state") == State.ENDED) & taken
-        ended = ended & ((t > self.row("chosen_at")) | (t == 0.0))
-        if ended.any():
-            return self._go_on(ended, accepted, before, new, f_new)
-        return new, f_new, accepted
-
-    def _keep_in(self, truth, found):
-        for name, value in found.items():
-            self.row(name)[:] = np.where(truth, value, self.row(name))
-
-    def _go_on(self, ended, accepted, before, new, f_new):
-        x = np.where(ended & ~accepted, before[0], new)
-        f = np.where(ended & ~accepted, before[1], f_new)
-        found = {"ahead": 0.0, "signed": 0.0}
-        for part in (choosing.NEAREST, 8.0 * choosing.NEAREST, choosing.AHEAD):
-            own = self._apply(choosing.LOOK_AHEAD, part=part)
-            point = x + own["signed"] * f[: self.D]
-            is_first = (found["ahead"] == 0.0) & (self._choices_at(point)[1] > 0.0)
-            found = {name: np.where(is_first, own[name], a) for name, a in found.items()}
-        ended, t = ended & (found["ahead"] > 0.0), self.row("t").copy()
-        after = self._apply(choosing.GOES_ON, ahead=found["ahead"])
-        is_saved = ended & (after.pop("slides") < 1.0)
-        for lane in np.flatnonzero(is_saved):
-            while self.row("next")[lane] <= t[lane] + found["ahead"][lane]:
-                signed = self.motion.numbers[NUMBER.sign] * (self.row("next")[lane] - t[lane])
-                self._save(lane, x[:, lane] + signed * f[: self.D, lane])
-        self._keep_in(ended, after)
-        x = np.where(ended, x + found["signed"] * f[: self.D], x)
-        moved, rates = self._choose(ended, x, f)
-        return np.where(ended, moved, x), np.where(ended, rates, f), accepted | ended
 
     def _derive(self, x):
         """Find the entries of f'; return its rate by a step of the power iteration."""

@@ -12,9 +12,8 @@ class DenseRightHandSide:
 
     is_dense, changes, offsets = True, None, {}
     conditions = watched = watch = aim = None
-    hidden = None, False, False
-    clocks = of_one_sign = denominators = ()
-    fixed = ()
+    hidden = None
+    clocks = steady = of_one_sign = denominators = fixed = ()
 
     def __init__(self, D):
         self.D, self.P = D, D * (1 + D + D * D)

@@ -343,9 +343,9 @@ class StepsInNumPy:
 
     def _keep_signs(self, step):
         """Return f at the next states, where some keep their signs, and the longest step."""
-        x, new, least = step["x"], step["new"], np.inf
+        new = step["new"]
         grows = self._fold(growth.GROWS, {"grows": 0.0}, self.components, **step)[0]["grows"] > 0.0
-        remembers, found = self._growth(x, least, step)
+        remembers, found = self._growth(step["x"], np.inf, step)
         own = step | {"remembers": remembers, "feeds": found["feeds"]}
         kept = self._fold(growth.KEEPS_SIGN, None, self.components, **own)[1]["new"]
         new[: len(kept)] = np.where(grows, kept, new[: len(kept)])
@@ -354,24 +354,20 @@ class StepsInNumPy:
 
     def _growth(self, x, least, step):
         """Return which components remember, and `feeds` and `least` of `growth.LONGEST`."""
-        own = {"taken": step["taken"], "signed": step["signed"]}
         of_x = step | {"x": x, "fed": self._fed(x, step["inverse"], 1.0)}
         found = self._fold(growth.REMEMBERS, None, self.components, **of_x)[1]["remembers"]
         remembers, feeds = np.zeros_like(x), 1.0
         remembers[: len(found)] = found
         entries = derivative_entries(self.f, x, self.table)
         for k, (i, j) in enumerate(self.f.pattern):
-            places = {
-                "of_row": remembers[i],
-                "of_column": remembers[j],
-                "is_diagonal": float(i == j),
-            }
-            found = self._apply(growth.ENTRY, entry=entries[k], feeds=feeds, **places, **own)
+            of_place = {"of_row": remembers[i], "of_column": remembers[j], "feeds": feeds}
+            of_place |= {"entry": entries[k], "is_diagonal": float(i == j)}
+            found = self._apply(growth.ENTRY, signed=step["signed"], **of_place)
             entries[k], feeds, remembers[i] = found.values()
         found = {"length": np.inf, "sign": 1.0}
-        factors = carried_out(self.half.functions["factor"], [*entries, own["signed"]])
+        factors = carried_out(self.half.functions["factor"], [*entries, step["signed"]])
         for pivot in factors[: self.half.pivots]:
-            found = self._apply(growth.PIVOT, pivot=pivot, taken=own["taken"], **found)
+            found = self._apply(growth.PIVOT, pivot=pivot, taken=step["taken"], **found)
         found = self._apply(growth.LONGEST, feeds=feeds, least=least, **found)
         return remembers, found | {"feeds": feeds}
 

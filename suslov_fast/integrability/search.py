@@ -43,7 +43,7 @@ from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
-_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
+_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 10_000  # degrees, of a map of few monomials
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (

@@ -139,7 +139,7 @@ def longest_step(lines):
             work.new.put_chosen(i, lines.apply(KEEPS_SIGN, i, feeds=feeds, **inputs)["new"])
         lines.call("f", work.new, lines.table, work.f_new)
         _, least = _growth(lines, work.new, least)
-        return [least]
+        return [(sums.grows > 0.0).select(least, inf)]  # as if each lane were alone
 
     if not lines.f.entries:
         return text.value(inf)
@@ -197,14 +197,13 @@ def watch_small(lines, fallen):
     `fallen` is 1 in lanes where one has.
     """
     text, line, work = lines.text, lines.line, lines.work
-    accepted = work.accepted[0] > 0.0
-    looks = accepted & ((fallen > 0.0) | (line.watches[0] > 0.0))
+    looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):
         _find_fed(lines, work.new, FEW)
         largest = Carried(watches=0.0)
         for i in text.each(lines.half.block.D, largest):
             inputs = {"inverse": work.error[i], "watches": largest.watches, "fed": work.f[i]}
             found = lines.apply(LOW, i, taken=work.taken[0], **inputs)
-            line.low.choose(accepted, i, found["low"])
+            line.low.choose(looks, i, found["low"])
             largest.watches = found["watches"]
-        line.watches.choose(accepted, 0, largest.watches)
+        line.watches.choose(looks, 0, largest.watches)

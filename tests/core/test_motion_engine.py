@@ -309,6 +309,21 @@ def test_few_trajectories_have_the_bits_of_a_batch(case):
         assert_equal((rest.states, rest.t, rest.steps, rest.state), found)
 
 
+def test_growth_below_allowed_errors_does_not_depend_on_other_lanes():
+    def saddle(x):
+        a, b, c, d = x
+        return 9.2 * a + 107.0 * b + 0.05 * a * d, 9.2 * a + 0.4 * b, 3.2 * (d * d - c), 0.3 - d
+
+    rng = np.random.default_rng(0)
+    x0 = rng.uniform(-1.0, 1.0, (24, 4))
+    x0[:, :2] *= 10.0 ** rng.uniform(-14.0, -9.0, (24, 2))
+    f, run = right_hand_side(saddle, 4), {"rtol": 1e-5, "atol": (1e-7,) * 4, "stiff": True}
+    states, *of_batch = motion(f, x0, [0.176], **run)
+    for k in range(len(x0)):
+        own = states[:, k : k + 1], *(array[k : k + 1] for array in of_batch)
+        assert_equal(motion(f, x0[k : k + 1], [0.176], **run), own)
+
+
 def test_calls_of_several_threads_have_memory_of_their_own():
     """Machine code runs while other threads of Python call it."""
     f, starts = right_hand_side(van_der_pol, 2), np.linspace(1.0, 2.0, 48).reshape(12, 2, 2)

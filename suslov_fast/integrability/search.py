@@ -43,7 +43,8 @@ from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
-_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 10_000  # degrees, of a map of few monomials
+_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
+_TOO_LONG = 50_000  # degree times length: 43,000 take 0.14 s on an AMD EPYC, 256,000 take 2.3 s
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
@@ -251,10 +252,11 @@ class Search:
         return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * self.map.degree)
 
     def _has_enough_degrees(self) -> bool:
-        count, expected = len(self.degrees), self._expected_degree() * self.map.length
-        if expected > _TOO_COSTLY or count == _MOST:
+        count, expected = len(self.degrees), self._expected_degree()
+        cost = expected * self.map.length
+        if expected > _TOO_COSTLY or cost > _TOO_LONG or count == _MOST:
             return True
-        may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or expected > _COSTLY
+        may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or cost > _COSTLY
         by_degrees = growth(self.degrees, planar=self.map.is_planar)
         return may_end and not math.isnan(by_degrees.entropy)
 

@@ -102,7 +102,10 @@ CASES = [  # a map, its integrals, the entropy
     pytest.param(*(kahan(*ZOO["Kharlamova"]), None, SILVER), marks=slow),
     # Four conjugate lines go to points over a number field with the letter.
     pytest.param(*(kahan(*ZOO["Euler top"]), None, 0), marks=slow),
-    *(pytest.param(kahan(SuslovND(*each).field(), F(1, 4)), None, 0, marks=slow) for each in EQUAL),
+    *(
+        pytest.param(kahan(SuslovND(J=each[0], I=each[1]).field(), F(1, 4)), None, 0, marks=slow)
+        for each in EQUAL
+    ),
 ]
 
 

@@ -313,7 +313,7 @@ for key, whose, label, call in (
     add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)
 BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.Field.from_terms(np.ones((2, 2, 2)))"
 for key, label, code in (
-    ("exact", "`exact`", f"s.exact({BODY_3D}, [1, 0.5], 0.2, 25)"),
+    ("exact", "`exact`", f"{BODY_3D}.exact([1, 0.5], 0.2, 25)"),
     ("iterate", "`iterate`", f"s.iterate({BODY_3D}, np.ones((10_000, 2)), 0.2, 20)"),
     ("gyrostat", "gyrostat", "s.iterate(s.Suslov3D(4, 1, -.5, -.3, .7), [1, 0.5], 0.2, 20)"),
     ("nd", "n = 4", "s.iterate(s.SuslovND(J=[1.3, 2, 3], I=[.4, -.7, .5]), [1, .5, .2], 0.1, 20)"),

@@ -34,7 +34,7 @@ from .core.compiling.arrays import uncounted
 from .core.compiling.numba import for_users, of_kind
 from .core.fields.system import FieldSystem
 from .core.suslov.map import one_step
-from .core.suslov.n_dimensions import NDSystem
+from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .core.suslov.system import BodySystem
 from .keywords import public
 from .maps import map_of
@@ -42,6 +42,7 @@ from .maps import map_of
 __all__ = [
     "BodySystem",
     "FieldSystem",
+    "GaussSystem",
     "NDSystem",
     "step",
     "step_system",

@@ -24,7 +24,7 @@ from ..checks import (
 from ..engine.problem import Problem
 from ..keywords import public, public_class
 from ..maps import MAPS, Map
-from ..maps.methods import FIELD, STEPS_ND
+from ..maps.methods import GAUSS, STEPS_ND
 from .adapted import adapted
 from .fields.field import Field
 from .fields.polynomials import numbers
@@ -274,7 +274,7 @@ MAPS["SuslovND"] = Map(  # equation (15)
     name="SuslovND",
     title="Discrete Suslov problem in n dimensions",
     body=SuslovND,
-    methods={"auto": STEPS_ND, "gauss": FIELD},
+    methods={"auto": STEPS_ND, "gauss": GAUSS},
     formulas=IN_ND,
     attitude="in_rows",
     eigenvalues=eigenvalues_nd,

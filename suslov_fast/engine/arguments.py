@@ -11,7 +11,7 @@ from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..core.fields.steps import scheme_of
 from ..core.fields.system import FieldSystem, system_of
-from ..core.suslov.n_dimensions import FAR_FROM_0, NDSystem
+from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 from ..core.suslov.system import BodySystem
 
 
@@ -119,6 +119,11 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     # A step tests its divisors if abs(eps I.x / 2) is larger than this.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
+
+
+def gauss_system(body: Any, eps: float) -> GaussSystem:
+    """Return the same constants, for steps by elimination."""
+    return GaussSystem(*nd_system(body, eps))
 
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:

@@ -12,6 +12,7 @@ from ..engine.arguments import (
     by_scheme,
     by_zeros,
     field_system,
+    gauss_system,
     in_stages,
     nd_system,
 )
@@ -40,6 +41,9 @@ FIELD = Steps(
     steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
 )
 STEPS_ND = Steps(steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True)
+GAUSS = STEPS_ND._replace(
+    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
+)
 
 
 # ---------------------------------------------------------------------- steps of order 4, 6 and 8

@@ -66,6 +66,7 @@ CALLS = {
     "last states": run(ROTOR, MANY, 0.3, 50, save_every=None),
     "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
+    "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
     "two ranks": run(SOLID, X4, 0.2, 10),
     "orientations": run(BODY, X2, 0.2, 40, attitude=True),
     "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),

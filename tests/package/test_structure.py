@@ -100,7 +100,7 @@ ARROWS = {
 # The same for the rooms of the core.
 IN_CORE = {
     "lists": "",
-    "compiling": "",
+    "compiling": "lists",
     "suslov": "compiling",
     "code": "lists compiling",
     "fields": "lists compiling code",

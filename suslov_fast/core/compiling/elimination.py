@@ -1,16 +1,26 @@
 """Gaussian elimination for systems A y = b, where A is the identity plus other terms.
 
-`solve` takes a single system, a matrix of the columns of A followed by right sides, with pivoting.
+`eliminate` solves the systems of all lanes without row exchanges, so that loops over lanes are
+SIMD, and units of the unknowns that are powers of two change no digit. Its pivots show which
+systems lose digits (`keeps_digits`); `solve` solves those one at a time, with pivoting.
+
+A block of systems is a[row, column, lane], the columns of A followed by right sides, and
+b[LEAST, LARGEST or TO_SOLVE, lane]; a single system is a matrix. The number of lanes is an
+argument, so that LLVM removes loops over one lane.
 """
 
 import math
 
 import numpy as np
 
+from ..lists.planned_elimination import LEAST_PIVOT
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import select
+from .llvm import lesser, select
 from .numba import formula, function, inlined
 
+# Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
+# and 1 for lanes that need `solve`, else 0.
+LEAST, LARGEST, TO_SOLVE = range(3)
 NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
 ROUNDS = 20  # the most of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
@@ -29,10 +39,77 @@ def simd_min(v, w):
     return select(v < w, v, w) + 0.0
 
 
+@formula
+def keeps_digits(b, l):
+    """True if elimination in this order lost no digits: no pivot was small beside the largest."""
+    return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
+
+
+@function
+def eliminate(a, b, lanes):
+    """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
+
+    A is replaced by U above the diagonal, inverse pivots on it, and L below it, whose diagonal is
+    1. Two pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
+    """
+    m, columns, _ = a.shape
+    for l in range(lanes):
+        b[LEAST, l], b[LARGEST, l] = np.inf, 1.0
+    for i in range(m):
+        for l in range(lanes):
+            b[LARGEST, l] = simd_max(abs(a[i, i, l]), b[LARGEST, l])
+    for k in range(0, m, 2):
+        for second in range(k, lesser(k + 2, m)):
+            if second > k:
+                for l in range(lanes):
+                    a[second, k, l] *= a[k, k, l]
+                for j in range(second, columns):
+                    for l in range(lanes):
+                        a[second, j, l] -= a[second, k, l] * a[k, j, l]
+            for l in range(lanes):
+                pivot = a[second, second, l]
+                b[LEAST, l] = simd_min(abs(pivot), b[LEAST, l])
+                b[LARGEST, l] = simd_max(abs(pivot), b[LARGEST, l])
+                a[second, second, l] = 1.0 / pivot
+        for i in range(k + 2, m):
+            for l in range(lanes):
+                a[i, k, l] *= a[k, k, l]
+            for l in range(lanes):
+                a[i, k + 1, l] = (a[i, k + 1, l] - a[i, k, l] * a[k, k + 1, l]) * a[k + 1, k + 1, l]
+            for j in range(k + 2, columns):
+                for l in range(lanes):
+                    first = a[i, j, l] - a[i, k, l] * a[k, j, l]
+                    a[i, j, l] = first - a[i, k + 1, l] * a[k + 1, j, l]
+    for i in range(m - 1, -1, -1):
+        for r in range(m, columns):
+            for j in range(m - 1, i, -1):
+                for l in range(lanes):
+                    a[i, r, l] -= a[i, j, l] * a[j, r, l]
+            for l in range(lanes):
+                a[i, r, l] *= a[i, i, l]
+
+
+@formula
+def accept(a, x, b, lanes):
+    """Replace states x by solutions that keep their digits; return how many lanes have others.
+
+    On entry b[TO_SOLVE] is NaN, or at least the length of x, for solutions that are not usable.
+    """
+    m, to_solve = len(a), NONE
+    for l in range(lanes):
+        good = (b[TO_SOLVE, l] < m) & keeps_digits(b, l) | np.isnan(x[0, l])
+        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
+        to_solve += ~good
+    for i in range(m):
+        for l in range(lanes):
+            x[i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], x[i, l])
+    return to_solve
+
+
 @inlined
 def memory_of_one(m):
     """Return the memory of `solve` for a system with one right side."""
-    return np.empty((m, m + 1)), np.empty((2, m))
+    return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
 @function

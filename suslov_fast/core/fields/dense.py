@@ -135,9 +135,8 @@ def solve_rows(a):
     """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
 
     A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
-    digits, which it did if no pivot is small beside the largest, and det A < 0. One row after the
-    other is eliminated, because a row stays in the first cache. Loops over a row are SIMD because j
-    has no sign.
+    digits, as `elimination.keeps_digits`, and det A < 0. One row after the other is eliminated,
+    because a row stays in the first cache. Loops over a row are SIMD because j has no sign.
     """
     D, least, largest, negative = len(a), np.inf, 1.0, False
     for i in range(D):

@@ -36,16 +36,17 @@ import numpy as np
 
 from ..compiling.arrays import keep, uncounted
 from ..compiling.codes import NONFINITE, OK, PASSED_POLE
-from ..compiling.elimination import NONE, memory_of_one, solve
+from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
 from ..compiling.llvm import lesser, select
 from ..compiling.numba import as_python, formula, function, inlined, kernel, share
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# Rows: 1 for lanes that take the step by elimination, else 0; p, |w|**2 and h p; alpha, beta and
-# gamma; the factors of w / d and I / d in delta; eps; a bound of h p below which no d is small; and
-# a number with the sign of det A.
-TO_SOLVE, P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, EPS, NEAR, DET, ROWS = range(13)
+# Rows after those of `elimination`: p, |w|**2 and h p; alpha, beta and gamma; the factors of w / d
+# and I / d in delta; eps; a bound of h p below which no d is small; for a row of A, 2 h I_i / J_i,
+# h w_i / J_i and p - I_i w_i; and a number with the sign of det A.
+(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
+EPS, NEAR, ROW_W, ROW_I, OTHERS, DET, ROWS = range(OF_I + 1, OF_I + 8)
 LANES = 64  # enough that a sum over components does not wait for the store of the one before
 # A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
 # is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
@@ -79,18 +80,22 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 
 @formula
-def fill_system(c, b, l, system):
-    """Fill the system of equation (16) for a lane: A(w), and w as right side."""
-    m = len(system)
+def fill_systems(c, b, a, begin, lanes):
+    """Fill the systems of equation (16) for lanes from `begin` on: A(w), and w as right side."""
+    m = len(a)
     for i in range(m):
-        of_w = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
-        of_I = 0.5 * b[EPS, l] * c[W, i, l] / c[J_, i, l]
-        others, system[i, m] = 0.0, c[W, i, l]
+        for l in range(begin, begin + lanes):
+            b[ROW_W, l] = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
+            b[ROW_I, l] = 0.5 * b[EPS, l] * c[W, i, l] / c[J_, i, l]
+            b[OTHERS, l], a[i, m, l - begin] = 0.0, c[W, i, l]
         for j in range(m):
-            if j != i:  # w_i cancels in p - I_i w_i
-                system[i, j] = of_w * c[W, j, l] - of_I * c[I_, j, l]
-                others += c[I_, j, l] * c[W, j, l]
-        system[i, i] = 1.0 - 0.5 * b[EPS, l] * others / c[J_, i, l]
+            if j != i:
+                for l in range(begin, begin + lanes):
+                    a[i, j, l - begin] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
+                for l in range(begin, begin + lanes):
+                    b[OTHERS, l] += c[I_, j, l] * c[W, j, l]
+        for l in range(begin, begin + lanes):  # without w_i, which cancels in p - I_i w_i
+            a[i, i, l - begin] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
 
 
 @formula
@@ -161,9 +166,10 @@ def compute_sums(c, b, lanes):
 @inlined
 def eliminate_one(c, b, l, memory):
     """Take the step of lane l by `solve`; set its increment to 0; return its status."""
-    system, units = memory
-    m = len(system)
-    fill_system(c, b, l, system)
+    a, units = memory
+    m = len(units[0])
+    fill_systems(c, b, a, l, 1)
+    system = a.reshape(m, m + 1)
     status = solve(system, units)  # equation (16)
     b[OF_W, l], b[OF_I, l], b[DET, l] = 0.0, 0.0, 1.0
     for i in range(m):
@@ -174,22 +180,59 @@ def eliminate_one(c, b, l, memory):
     return status
 
 
-@function
-def nd_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
-    (c, b, for_solve), status = memory, OK
+@inlined
+def eliminate_all(c, b, a, lanes):
+    """Take the step of all lanes by elimination; return how many lanes need `solve`."""
+    m = len(a)
+    fill_systems(c, b, a, 0, lanes)
+    eliminate(a, b, lanes)
+    for l in range(lanes):
+        b[TO_SOLVE, l], b[DET, l] = 0.0, 1.0
+    for i in range(m):
+        for l in range(lanes):
+            b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if the solution is not finite
+            b[DET, l] *= select(a[i, i, l] < 0.0, -1.0, 1.0)
+    return accept(a, c[W], b, lanes)
+
+
+@inlined
+def start_one(system, state, c, b):
+    """Fill a block of one lane."""
     J, I, b[EPS, 0], b[NEAR, 0], _ = system
     for i in range(c.shape[1]):
         c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
         if i < len(J):
             c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], state[i]
+
+
+@inlined
+def end_one(c, b, out, status):
+    """Write the state of a block of one lane to `out`; return the status of its step."""
+    for i in range(len(out)):
+        out[i] = c[W, i, 0]
+    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
+
+
+@function
+def nd_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    (c, b, for_solve), status = memory, OK
+    start_one(system, state, c, b)
     compute_sums(c, b, 1)
     if compute_factors(c, b, 1) > 0:
         status = eliminate_one(c, b, 0, for_solve)
     add_increments(c, b, 1)
-    for i in range(len(out)):
-        out[i] = c[W, i, 0]
-    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
+    return end_one(c, b, out, status)
+
+
+@function
+def gauss_step_of_one(system, state, out, memory):
+    """Take the same step by elimination."""
+    ((c, b, for_solve), a), status = memory, OK
+    start_one(system, state, c, b)
+    if eliminate_all(c, b, a, 1) > 0:
+        status = eliminate_one(c, b, 0, for_solve)
+    return end_one(c, b, out, status)
 
 
 @function
@@ -197,6 +240,13 @@ def nd_memory(system):
     """The memory of `nd_step_of_one`."""
     m = system.dimension
     return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
+
+
+@function
+def gauss_memory(system):
+    """The memory of `gauss_step_of_one`."""
+    m = system.dimension
+    return nd_memory(system), np.empty((m, m + 1, 1))
 
 
 class NDSystem(NamedTuple):
@@ -209,20 +259,44 @@ class NDSystem(NamedTuple):
     dimension: int
 
 
-# What `compiled` calls for a system of this kind.
+class GaussSystem(NDSystem):
+    """A body and a step size, for steps by elimination."""
+
+    __slots__ = ()
+
+
+# What `compiled` calls for a system of these kinds.
 NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
+GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part, with the arguments of `suslov.steps.steps`."""
-    parameters, omega0, carry, saved = uncounted((parameters, omega0, carry, saved))
-    final, status, failed_at = uncounted((final, status, failed_at))
+    """Iterate the trajectories of a part in O(n), with the arguments of `suslov.steps.steps`."""
+    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
+    iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
+
+
+@kernel
+def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part by elimination."""
+    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
+    iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
+
+
+@inlined
+def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
+    """Iterate the trajectories of a part.
+
+    `by_elimination` is True or None, because Numba compiles only the branch that None selects.
+    """
+    omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
     memory = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
-    c, b, for_solve = uncounted(memory)
+    systems = None if by_elimination is None else np.empty((m, m + 1, lanes))
+    (c, b, for_solve), a = uncounted(memory), uncounted(systems)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
@@ -233,19 +307,25 @@ def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status,
             carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
-                step_block(c, b, for_solve, begin, end, n, (carry, status, failed_at))
+                step_block(
+                    c, b, a, for_solve, begin, end, n, (carry, status, failed_at), by_elimination
+                )
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
         write_states(c[W], begin, end, final)
     keep(memory)
+    keep(systems)
 
 
 @inlined
-def step_block(c, b, for_solve, begin, end, n, notes):
-    """Take step n of a block; note failures and poles."""
+def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
+    """Take step n of a block, see `iterate_nd`; note failures and poles."""
     (carry, status, failed_at), lanes = notes, c.shape[2]
-    to_solve = compute_factors(c, b, lanes)
+    if by_elimination is None:
+        to_solve = compute_factors(c, b, lanes)
+    else:
+        to_solve = eliminate_all(c, b, a, lanes)
     for l in range(lanes if to_solve > 0 else 0):
         if b[TO_SOLVE, l] > 0.0:
             code = eliminate_one(c, b, l, for_solve)
@@ -255,8 +335,9 @@ def step_block(c, b, for_solve, begin, end, n, notes):
         if b[DET, l] < 0.0 and status[begin + l] == OK:
             status[begin + l], failed_at[begin + l] = PASSED_POLE, n
             carry[0, begin + l] = n
-    add_increments(c, b, lanes)
-    compute_sums(c, b, lanes)
+    if by_elimination is None:
+        add_increments(c, b, lanes)
+        compute_sums(c, b, lanes)
 
 
 @function

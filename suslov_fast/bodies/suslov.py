@@ -128,8 +128,8 @@ class Suslov(Body):
         --------
         >>> from suslov_fast import Suslov3D
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).jacobian([1.0, 0.5])
-        array([[ 0.0625 ,  0.1875 ],
-               [-1.125  , -0.25   ]])
+        array([[ 0.0625,  0.1875],
+               [-1.125 , -0.25  ]])
         """
         return self.field().jacobian(omega)
 

@@ -98,7 +98,7 @@ def zoo() -> dict[str, tuple[Field | RationalMap, Fraction | None]]:
     >>> from suslov_fast.integrability import zoo
     >>> field, eps = zoo()["Euler top"]
     >>> field
-    Field(x1' = 2*x2*x3, x2' = -3*x1*x3, x3' = x1*x2)
+    Field(x1' = 2*x2*x3, x2' = -3*x3*x1, x3' = x1*x2)
     >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).states.shape
     (3, 3)
     >>> zoo()["Lyness"]

@@ -202,7 +202,7 @@ def passages(kind, width, rng, how, N):
     return counted(family, x0, surfaces[kind], how, 20.0), right
 
 
-HUMPS = [("kink", 1e-6), ("parabola", 1e-4), ("bell", 4e-3), ("distance", 1e-4), ("root", 1e-4)]
+HUMPS = [("kink", 1e-6), ("parabola", 3e-4), ("bell", 4e-3), ("distance", 1e-4), ("root", 1e-4)]
 
 
 @pytest.mark.parametrize("how", ["records", "actions"])

@@ -19,7 +19,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast.core.compiling import threads as core_threads
 from suslov_fast.core.motion import engine
-from suslov_fast.engine import derivatives, stretches, threads
+from suslov_fast.engine import stretches, threads
 
 AT_ONCE = """
 import sys
@@ -347,9 +347,7 @@ def test_ctrl_c():
         assert steps < 2**29
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("function", [sf.iterate, sf.lyapunov_exponents])
-def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
+def test_calls_take_few_steps_of_large_fields(monkeypatch):
     """Ctrl-C is heard between calls: their operations are counted, and not done."""
     operations, D = [], 20
 
@@ -358,9 +356,8 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
         begin, end = some or (0, len(states))
         operations.append((end - begin) * (stop - start) * D**3)
 
-    for module in (stretches, derivatives):
-        monkeypatch.setattr(module, "call_kernel", count, raising=False)
-    function(sf.Field.from_terms(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
+    monkeypatch.setattr(stretches, "call_kernel", count)
+    sf.iterate(sf.Field.from_terms(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
     assert sum(operations) == 12_000 * 5 * D**3
     assert max(operations) < 2**28
 

@@ -1,4 +1,4 @@
-"""What bodies of the Suslov problem have in common: values at states, and the closed form."""
+"""The base class of bodies of the Suslov problem: values at states, and the closed form."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def CROSSED(
     value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
     at_surface,
 ):  # fmt: skip
-    """Whether a state is on another side of a surface, up or down.
+    """Return whether a state is on another side of a surface, up or down.
 
     So is one at which the step arrives, see `surfaces.CUT`. A change may leave the state
     beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
@@ -105,7 +105,7 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Whether a change acts again at once, how often that counts, and when such times end.
+    """Return whether a change acts again at once, how often that counts, and when such times end.
 
     A state that a change turns back, and that comes back along a parabola, is away for 2 |r / a|
     with the rate r and its derivative a, and rises by r**2 / (2 |a|). If that is at once, or LOW,

@@ -91,7 +91,7 @@ def TRACE(before, after, jumps, u):
 
 @rule
 def INFLOW(low, before, after):
-    """Whether a component is low; not where the jump of f is an inflow of its own."""
+    """Return whether a component is low; not where the jump of f is an inflow of its own."""
     is_inflow = (abs(after - before) > GROWN * abs(before)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 

@@ -183,7 +183,7 @@ class Half:
 
     @property
     def looks_inside(self):
-        """Whether some surface reads states within steps."""
+        """Return whether some surface reads states within steps."""
         return bool(self.read)
 
     @functools.cached_property

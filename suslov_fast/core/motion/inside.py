@@ -90,7 +90,7 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 
 @rule
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Whether a step is taken again, to the next time, because its inside is not known.
+    """Return whether a step is taken again, to the next time, because its inside is not known.
 
     Where that is a long step, which goes on to the last time, a step aside reaches the next time.
     """

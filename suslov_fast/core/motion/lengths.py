@@ -141,7 +141,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Whether a step is taken, or has reached its time aside, and the length of the next one."""
+    """Return whether a step is taken, or has reached its time aside, and the next length."""
     is_finite = total < inf
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
@@ -204,7 +204,7 @@ def _is_stiff(rates, states, limit):
 
 @rule
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
-    """Whether `TURN_EXPLICIT` changes anything."""
+    """Return whether `TURN_EXPLICIT` changes anything."""
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
@@ -215,7 +215,7 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Whether the motion ends, or a lane becomes implicit, after `AFTER`."""
+    """Return whether the motion ends, or a lane becomes implicit, after `AFTER`."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
@@ -239,7 +239,7 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Whether the motion ends, or an implicit lane becomes explicit, after `AFTER`."""
+    """Return whether the motion ends, or an implicit lane becomes explicit, after `AFTER`."""
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)

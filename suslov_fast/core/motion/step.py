@@ -23,7 +23,7 @@ from .scope import weighted
 
 @rule
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Whether all components have their sign that have one to keep; `new` gets it back.
+    """Return whether all components have their sign that have one to keep; `new` gets it back.
 
     A component that has decayed below its tolerance may have any sign after a long step.
     """
@@ -41,7 +41,7 @@ def CLOCK(x, new, f, signed, steady):
 
 @rule
 def SAME_SIGN(x, new, kept):
-    """Whether a denominator that depends on clocks alone has kept its sign."""
+    """Return whether a denominator that depends on clocks alone has kept its sign."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
     return {"kept": changes.select(0.0, kept)}
 

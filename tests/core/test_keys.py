@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents
+from suslov_fast.core.code.compiler import known_codes
 
 
 def test_surfaces_that_differ_by_a_number_in_place_of_a_variable():
@@ -47,6 +48,19 @@ def test_exponents_and_derivatives_of_changes_that_differ_by_a_number():
         assert run.derivatives["x0"][-1, 0, 0] == pytest.approx(slope * math.exp(-2), rel=1e-7)
         exponents = lyapunov_exponents(field, [1.0, 3.0], time=2.0, events=change)
         assert exponents.sum() == pytest.approx(-2 + math.log(slope) / 2, abs=1e-7)
+
+
+def test_events_that_differ_by_numbers_share_their_code():
+    """Balls from h = 1 with g = 2, that keep a part e of their speed on a floor at -d."""
+    ball, codes = Field(lambda s: (s[1], -2 + 0 * s[0]), "h v"), []
+    for e, d in ((0.9, 0.2), (0.8, 0.3), (0.7, 0.4)):
+        bounce = Event(lambda s: s[0] + d, to=lambda s: (s[0], -e * s[1]), direction=-1)  # noqa: B023
+        for derivatives in ((), ("x0",)):
+            run = flow(ball, [1.0, 0.0], time=2.0, events=bounce, derivatives=derivatives)
+            t = 2.0 - math.sqrt(1 + d)
+            assert run.states[-1, 0] == pytest.approx(e * 2 * (2 - t) * t - t**2 - d, abs=1e-8)
+        codes.append(len(known_codes))
+    assert codes[0] == codes[-1]
 
 
 SHAPES = "{} - {} + {}", "hypot({}, {}) - {}", "({} - {})/(3 + {})", "arctan2({}, 4 + {}) + {}"

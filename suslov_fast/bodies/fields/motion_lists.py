@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import FloatArray
-from ...core.lists.changes import Act
+from ...core.lists.changes import Act, with_parameters
 from ...core.lists.conditions import with_fixed_choices
 from ...core.lists.dense import DenseRightHandSide, dense_parameters
 from ...core.lists.quadratic import expressions_of, parameters_of
@@ -32,11 +32,11 @@ class OfMembers(NamedTuple):
 
 @lru_cache(64)
 def _of_list(
-    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...]
+    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...], constants: int
 ) -> RightHandSide:
-    values, results = in_order(equations.values, equations.results)
+    values, results = in_order(equations.values, equations.results, constants)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
-    P = len(equations.parameters)
+    P = len(equations.parameters) + constants
     return with_fixed_choices(values, results, P, by, twice, acts)
 
 
@@ -52,11 +52,13 @@ def of_equations(
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
     differentiate f by, `twice` asks for second derivatives, and `acts` are events.
     """
-    f = _of_list(equations, names, twice, acts)
-    shape = parameters.shape[1:]
-    choices = np.zeros((f.P - len(parameters), *shape))  # of no state yet
+    acts, constants = with_parameters(acts, len(equations.names) + len(parameters))
+    f = _of_list(equations, names, twice, acts, len(constants))
+    shape, P = parameters.shape[1:], len(parameters)
+    given = np.zeros((f.P, *shape))  # choices and starts of clocks are last, of no state yet
+    given[:P], given.T[..., P : P + len(constants)] = parameters, constants
     count = math.prod(shape)
-    table = f.table_of(np.concatenate([parameters, choices])).reshape(len(f.table), count)
+    table = f.table_of(given).reshape(len(f.table), count)
     return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
 
@@ -80,8 +82,11 @@ def of_terms(
             f, parameters = _dense(D), dense_parameters(places, own, D)
         else:
             units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
-            f = _of_form(*(each.tobytes() for each in (places, *units)), D, acts, twice)
             given = [*parameters_of(own, *units)]
+            of_code, constants = with_parameters(acts, D + len(given))
+            form = [each.tobytes() for each in (places, *units)]
+            f = _of_form(*form, D, of_code, twice, len(constants))
+            given += [np.full(len(members), c) for c in constants]
             given += [np.zeros(len(members))] * (f.P - len(given))  # starts of clocks
             parameters = np.array(given).reshape(-1, len(members))
         found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
@@ -93,7 +98,13 @@ _dense = lru_cache(16)(DenseRightHandSide)
 
 @lru_cache(256)
 def _of_form(
-    indices: bytes, one: bytes, minus_one: bytes, D: int, acts: tuple[Act, ...], twice: bool
+    indices: bytes,
+    one: bytes,
+    minus_one: bytes,
+    D: int,
+    acts: tuple[Act, ...],
+    twice: bool,
+    constants: int,
 ) -> Any:
     """Return the right-hand side that fields of the same form share."""
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
@@ -101,7 +112,8 @@ def _of_form(
     values, results, count = expressions_of(places, D, is_one, is_minus_one)
     if not acts:
         return RightHandSide(values, results, count)
-    return with_fixed_choices(values, results, count, (), twice, acts)
+    values, results = in_order(values, results, constants)
+    return with_fixed_choices(values, results, count + constants, (), twice, acts)
 
 
 def with_changes(

@@ -28,6 +28,9 @@ _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75
+# Operations whose constants `with_parameters` takes; lists are shorter with some numbers.
+_OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"
+_PLAIN = 0.0, 1.0, -1.0
 
 
 class KeyedList(List):
@@ -73,6 +76,38 @@ class Act(NamedTuple):
     def list_of(values, results):
         """Return the `KeyedList` of operands that are values of `Expressions`."""
         return KeyedList(tuple(needed_for(values.operations, results)), tuple(results))
+
+
+def with_parameters(acts, first):
+    """Return acts whose constants are parameters, of the numbers from `first` on, and their values.
+
+    Events that differ by numbers alone have the same lists then, and so the same code.
+    """
+    lists = [list_ for act in acts for list_ in act[:2] if list_ is not None]
+    found = [a for list_ in lists for a in _constants(list_) if a == a and a not in _PLAIN]
+    constants = {a: first + k for k, a in enumerate(dict.fromkeys(found))}
+
+    def new(operands, are_parameters=True):
+        known = constants if are_parameters else {}
+        later = (a if type(a) is float or a < first else a + len(constants) for a in operands)
+        return tuple(known.get(a, a) if type(a) is float else a for a in later)
+
+    def of(list_):
+        operations = (
+            (name, *new([number]), new(operands, name in _OF_PARAMETERS))
+            for name, number, operands in list_.operations
+        )
+        return KeyedList(tuple(operations), new(list_.results))
+
+    own = [[list_ and of(list_) for list_ in act[:2]] for act in acts]
+    acts = tuple(Act(*pair, *act[2:]) for act, pair in zip(acts, own, strict=True))
+    return acts, tuple(constants)
+
+
+def _constants(list_):
+    """Return the constants of a list that may be parameters."""
+    of = [a for name, _, operands in list_.operations if name in _OF_PARAMETERS for a in operands]
+    return [a for a in (*of, *list_.results) if type(a) is float]
 
 
 def read_by(list_, results):

@@ -110,10 +110,14 @@ def _is_power_of_2(operand):
     return abs(fraction) == 0.5 and abs(exponent) < 100
 
 
-def in_order(values, results):
-    """Return `Expressions` of these results alone, in an order that they determine, and results."""
+def in_order(values, results, more=0):
+    """Return `Expressions` of these results alone, in an order that they determine, and results.
+
+    So many `more` parameters follow the values that are given.
+    """
     given = values.count - len(values.operations)
-    ordered = Expressions(given, [a for a in values.fixed if a < given])
+    fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
+    ordered = Expressions(given + more, fixed)
     new = {a: a for a in range(given)}
     results = emitted(ordered, List([*_depth_first(values, results)], results), new)
     ordered.take_written(values, new)

@@ -139,7 +139,7 @@ def folder(tmp_path_factory):
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
 LONG = "report.md", "discretization.md", "compiled.md", "families.md", "further.md"
-LONG += "crossings.md", "diagrams.md", "many.md", "motion.md", "large.md"
+LONG += "crossings.md", "diagrams.md", "many.md", "large.md", "poles.md", "tolerances.md"
 
 
 @pytest.mark.compiled
@@ -187,6 +187,11 @@ def test_text(path):
             heads = re.findall(r"^#+ (.*)$", found.read_text("utf-8"), re.MULTILINE)
             anchors = [re.sub(r"[^\w\- ]", "", head).lower().replace(" ", "-") for head in heads]
             assert place in anchors, (target, place)
+
+
+def test_troubleshooting_has_each_status():
+    page = (DOCS / "howto" / "troubleshooting.md").read_text("utf-8")
+    assert {*re.findall(r"^\| `(\w+)`", page, re.MULTILINE)} == {*suslov_fast.Status.__members__}
 
 
 def test_pictures_are_committed_and_drawn_by_a_script():

@@ -24,7 +24,7 @@ def threads(case):
 
 
 @pytest.mark.sampled(1)  # when they run with the tests, once and untimed; none in C
-@pytest.mark.parametrize("case", [parameter(case) for case in cases.CASES])
+@pytest.mark.parametrize("case", [parameter(case) for case in cases.every()])
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers
 def bench_case(benchmark, case, threads):
     """Time a case, or run it once on a small problem."""

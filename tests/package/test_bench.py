@@ -1,12 +1,12 @@
 """The tools that report and compare benchmarks, on small problems: nothing is timed."""
 
+import cases
 import compare
 import floors
 import pytest
 import report
 import results
 import tables
-from cases import CASES
 
 
 def test_the_readme_and_the_page_show_the_stored_results():
@@ -22,22 +22,62 @@ def test_the_readme_and_the_page_show_the_stored_results():
 
 def test_each_case_has_a_place_in_the_page_and_a_name_of_its_own():
     page = (results.BENCH / "pages" / "tables.md").read_text(encoding="utf-8")
-    assert {case.table for case in CASES} == {found[0] for found in tables.TABLE.findall(page)}
-    names = [case.name for case in CASES]
-    assert len(set(names)) == len(CASES)
+    assert {case.table for case in cases.every()} == {
+        found[0] for found in tables.TABLE.findall(page)
+    }
+    names = {*cases.places()}
+    assert len(names) == len(cases.every())
     assert not any(set(" ,[]") & set(name) for name in names)
     assert page.count("<!-- floors -->") == 1
-    assert {name for floor in floors.ROWS for name in floor[1:3]} <= set(names)
+    assert {name for floor in floors.ROWS for name in floor[1:3]} <= names
+
+
+@pytest.fixture
+def compared(capfd, monkeypatch):
+    """A function that compares two folders in short turns, and returns the status and the words."""
+    monkeypatch.setattr(compare, "TURN", 0.005)
+
+    def run(*arguments):
+        return compare.main([*map(str, arguments)]), capfd.readouterr().out
+
+    return run
+
+
+HERE = results.BENCH.parent
 
 
 @pytest.mark.compiled
 @pytest.mark.slow
-def test_two_revisions_are_compared(capfd, monkeypatch):
-    """The working tree with itself, with a tiny threshold, in short turns."""
-    monkeypatch.setattr(compare, "TURN", 0.005)
-    here, case = str(results.BENCH.parent), ["--quick", "-k", "quantities-energy"]
-    assert compare.main([here, *case, "--threshold", "1e-9"]) == 1
-    assert "1 slower than allowed\n  quantities-energy" in capfd.readouterr().out
+def test_two_revisions_are_compared(compared):
+    """The working tree with itself, with a tiny threshold."""
+    status, text = compared(HERE, "-k", "quantities-energy", "--threshold", "1e-9")
+    assert status == 1
+    assert "1 slower than allowed\n  quantities-energy" in text
     assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)
-    with pytest.raises(SystemExit, match="no such revision"):
-        compare.main([here, "nowhere-at-all"])
+    with pytest.raises(SystemExit, match="2"):
+        compare.main([str(HERE), "nowhere-at-all"])
+
+
+def test_a_comparison_of_nothing_fails(compared):
+    """Of no case, of which the pools do not start, too."""
+    status, text = compared(HERE, "-k", "no-case-has-this-name")
+    assert (status, text.splitlines()[-1]) == (2, "no case was compared")
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_a_case_that_fails_in_one_tree_is_listed(compared, tmp_path):
+    """A revision without `flow`, beside one that has it: the cases that need it, and no other."""
+    for path in (HERE / "suslov_fast").iterdir():
+        (tmp_path / "suslov_fast" / path.name).parent.mkdir(exist_ok=True)
+        (tmp_path / "suslov_fast" / path.name).symlink_to(path)
+    start = tmp_path / "suslov_fast" / "__init__.py"
+    text = start.read_text(encoding="utf-8")
+    start.unlink()
+    start.write_text(text + '\ndel MODULE_OF["flow"]\n', encoding="utf-8")
+    status, text = compared(tmp_path, HERE, "-k", "calls-f", "--threshold", "100")
+    assert status == 2
+    assert text.endswith("0 slower than allowed\n\n1 failed in A\n  calls-flow\n")
+    status, text = compared(HERE, tmp_path, "-k", "changes-patients-flow")
+    assert status == 2
+    assert text.endswith("1 failed in B\n  changes-patients-flow\nno case was compared\n")

@@ -4,7 +4,9 @@ import os
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,26 @@ def attempt(code, *arguments, timeout=300, **environment):
         env=os.environ | {"NUMBA_NUM_THREADS": "2"} | environment,
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout, cwd=HERE,
     )  # fmt: skip
+
+
+@contextmanager
+def start(code, *arguments, timeout=120, **environment):
+    """Start a child whose output is read while it runs; it does not outlive the block or `timeout`.
+
+    A read of the output of a child that hangs ends with it.
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)]
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(
+        command, env=os.environ | environment, text=True, cwd=HERE, **pipes
+    ) as child:
+        timer = threading.Timer(timeout, child.kill)
+        timer.start()
+        try:
+            yield child
+        finally:
+            timer.cancel()
+            child.kill()
 
 
 def run(code, *arguments, **options):

@@ -1,10 +1,10 @@
 """Fields: coefficients of degree 2, names, parameters, equations as text, functions as fields."""
 
 import math
-import subprocess
 import sys
 from fractions import Fraction as F
 
+import children
 import numpy as np
 import pytest
 from systems import exactly, henon_heiles, lorenz, tables
@@ -206,10 +206,7 @@ def test_fields_of_many_variables(rng):
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
     )
     if sys.platform == "linux":
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        assert int(done.stdout) < 2**17  # KiB; a table of 2048 variables has 64 GiB
+        assert int(children.run(code)) < 2**17  # KiB; a table of 2048 variables has 64 GiB
 
 
 # ------------------------------------------------------------------------------- Hamiltonians

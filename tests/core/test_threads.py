@@ -80,7 +80,7 @@ def test_threads_and_forks(setup, code, layer):
     """Threads at once, and children forked while a thread computes, neither abort nor hang."""
     if code is FORKS and not hasattr(os, "fork"):
         pytest.skip("needs fork")
-    children.run(setup + code, 12, timeout=1800, **children.layer(layer))
+    children.run(setup + code, 12, timeout=540, **children.layer(layer))
 
 
 COMPILES = """

@@ -229,7 +229,7 @@ def test_picture(name):
 def test_the_suslov_problem_as_a_notebook(tmp_path):
     script = DOCS / "as_notebook.py"
     for target in ("t.ipynb", "t.py"):
-        subprocess.run([sys.executable, script, tmp_path / target], check=True)
+        subprocess.run([sys.executable, script, tmp_path / target], check=True, timeout=120)
     notebook = json.loads((tmp_path / "t.ipynb").read_text(encoding="utf-8"))
     cells = [each["source"] for each in notebook["cells"] if each["cell_type"] == "code"]
     codes = blocks(DOCS / "suslov.md", "python")

@@ -4,9 +4,9 @@ import html
 import os
 import re
 import signal
-import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 
@@ -132,25 +132,19 @@ def test_wrong_arguments_are_told_before_anything_is_served(monkeypatch, argumen
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_it_is_served_until_ctrl_c():
-    code = "import suslov_fast as sf; sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), [-0.9, 1.3])"
-    command = [
-        sys.executable,
-        "-c",
-        f"import signal; signal.signal(2, signal.default_int_handler); {code}",
-    ]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
-    with subprocess.Popen(command, env=os.environ | {"BROWSER": "true"}, **pipes) as process:
-        try:
-            address = re.match(r"http://localhost:\d+/", process.stdout.readline())[0]
-            with pull_session(url=address) as session:
-                slider = session.document.select_one({"title": "I2"})
-                slider.value = 3.0
-                session.force_roundtrip()
-                session.pull()
-                run = sf.iterate(sf.Suslov3D(4, 3, -0.5, -0.3), [-0.9, 1.3], 0.2, 500)
-                check(session.document, run.states, run.time)
-            process.send_signal(signal.SIGINT)
-            process.wait(timeout=30)
-        finally:
-            process.kill()
+    code = (
+        "import signal, suslov_fast as sf; signal.signal(2, signal.default_int_handler)\n"
+        "sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), [-0.9, 1.3])"
+    )
+    with children.start(code, BROWSER="true") as process:
+        address = re.match(r"http://localhost:\d+/", process.stdout.readline())[0]
+        with pull_session(url=address) as session:
+            slider = session.document.select_one({"title": "I2"})
+            slider.value = 3.0
+            session.force_roundtrip()
+            session.pull()
+            run = sf.iterate(sf.Suslov3D(4, 3, -0.5, -0.3), [-0.9, 1.3], 0.2, 500)
+            check(session.document, run.states, run.time)
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=30)
     assert process.returncode == 0

@@ -1,9 +1,6 @@
 """Stored runs equal one call, bit for bit, whatever happened in between."""
 
 import signal
-import subprocess
-import sys
-import textwrap
 
 import children
 import numpy as np
@@ -109,14 +106,10 @@ KILLED = """
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no such signal")
 def test_a_killed_process_leaves_what_it_has_computed(tmp_path):
-    code, store = textwrap.dedent(KILLED), tmp_path / "run"
-    child = subprocess.Popen(
-        [sys.executable, "-c", code, str(store)], stdout=subprocess.PIPE, cwd=children.HERE
-    )
-    assert child.stdout.readline().strip() == b"computed"
-    child.send_signal(signal.SIGKILL)
-    child.wait()
-    child.stdout.close()
+    store = tmp_path / "run"
+    with children.start(KILLED, store) as child:
+        assert child.stdout.readline() == "computed\n"
+        child.send_signal(signal.SIGKILL)
     assert ((xarray.open_zarr(store).status.values == 0) == (np.arange(18) < 9)).all()
     # A chunk without its status, as by a kill while it was written, is computed again.
     (store / "status/c/1").unlink()

@@ -196,7 +196,7 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
 
         monkeypatch.setattr(os, "link", link)
     runs = [sf.iterate(BODY, [1.0, 0.5], 0.1 * k, 5) for k in range(1, 5)]
-    start = threading.Barrier(len(runs))
+    start = threading.Barrier(len(runs), timeout=60)
 
     def attempt(run):
         start.wait()

@@ -24,7 +24,7 @@ def place(tmp_path_factory):
     pytest.importorskip("hatchling")
     folder = tmp_path_factory.mktemp("bare")
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, check=True, capture_output=True, cwd=ROOT)
+    subprocess.run(build, check=True, capture_output=True, cwd=ROOT, timeout=300)
     [wheel] = folder.glob("*.whl")
     packages = folder / "packages"
     zipfile.ZipFile(wheel).extractall(packages)
@@ -47,7 +47,7 @@ def command(place, tmp_path):
         done = subprocess.run(
             [sys.executable, "-S", "-P", "-m", "suslov_fast", *arguments], check=False,
             env=os.environ | {"PYTHONPATH": str(place)}, stdin=subprocess.DEVNULL,
-            capture_output=True, text=True, cwd=tmp_path,
+            capture_output=True, text=True, cwd=tmp_path, timeout=300,
         )  # fmt: skip
         assert "Traceback" not in done.stderr, done.stderr[-2000:]
         return done.returncode, done.stdout + done.stderr
@@ -60,6 +60,7 @@ def test_nothing_else_is_reachable(place):
     done = subprocess.run(
         [sys.executable, "-S", "-P", "-c", code],
         env=os.environ | {"PYTHONPATH": str(place)}, capture_output=True, text=True, check=False,
+        timeout=300,
     )  # fmt: skip
     assert done.stdout.startswith(str(place))
     assert "No module named 'matplotlib'" in done.stderr

@@ -71,7 +71,7 @@ def hashes(*arguments, **environment):
     tests = HERE.parents[1]
     places = [str(tests), str(tests / "package"), os.environ.get("PYTHONPATH", "")]
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
-    found = json.loads(children.run(HERE, *arguments, timeout=1800, **environment))
+    found = json.loads(children.run(HERE, *arguments, timeout=540, **environment))
     return found["hashes"], found["compiled"]
 
 

@@ -2,6 +2,7 @@
 # first used; type checkers read the imports below.
 
 from .bodies.fields.field import Field as Field
+from .bodies.fields.map import Map as Map
 from .bodies.formulas_nd import NotIntegrableError as NotIntegrableError
 from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D

@@ -32,17 +32,19 @@ from .bodies.fields.base import Body
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
 from .core.compiling.arrays import uncounted
 from .core.compiling.numba import for_users, of_kind
+from .core.fields.map_system import MapSystem
 from .core.fields.system import FieldSystem
 from .core.suslov.map import one_step
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .core.suslov.system import BodySystem
 from .keywords import public
-from .maps import map_of
+from .maps import eps_of, map_of
 
 __all__ = [
     "BodySystem",
     "FieldSystem",
     "GaussSystem",
+    "MapSystem",
     "NDSystem",
     "step",
     "step_system",
@@ -55,7 +57,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-System = BodySystem | NDSystem | FieldSystem
+System = BodySystem | NDSystem | FieldSystem | MapSystem
 _memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 
@@ -77,15 +79,15 @@ def step(system: BodySystem, omega1: float, omega2: float) -> tuple[float, float
 
 
 @public
-def system(body: Body, /, eps: Reals, *, method: str = "auto") -> System:
-    """Return the constants of one body or field and one step size, for compiled loops.
+def system(body: Body, /, eps: Reals | None = None, *, method: str = "auto") -> System:
+    """Return the constants of one body or field and one step size, or of a map, for compiled loops.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or Field
-        A single body, or a field.
+    body : Suslov3D, SuslovND, Field or Map
+        A single one.
     eps : float
-        Step size in time, positive or negative.
+        Step size in time, positive or negative; left out for a `Map`.
     method : str
         As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
 
@@ -108,7 +110,7 @@ def system(body: Body, /, eps: Reals, *, method: str = "auto") -> System:
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
-    step_size = _single(body, eps)
+    step_size = _single(body, eps_of("system", body, eps))
     return map_of(body, method).methods[method].system(body, step_size)
 
 
@@ -154,5 +156,5 @@ def _check_types(x, out):
 
 @typeof_impl.register(Body)
 def _refuse_bodies(body, context):
-    how = "pass system(body, eps)"
+    how = "pass system(body, eps), of a Map system(map)"
     raise TypeError(f"compiled code cannot take a {type(body).__name__}: {how}")

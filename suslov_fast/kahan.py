@@ -27,9 +27,16 @@ def __dir__() -> list[str]:
     return __all__
 
 
+def _map_of(system: Any, method: str) -> Any:
+    """Return the record of Kahan's map of a system; TypeError for a `Map`."""
+    map = map_of(system, method)
+    _ = map.body.has_eps or system.field()  # which raises
+    return map
+
+
 def _value(name: str, system: Any, x: Any, eps: Any, method: str = "auto") -> Any:
     """Return the value of a formula of the map."""
-    map = map_of(system, method)
+    map = _map_of(system, method)
     return evaluate(map.formulas[name], map, system, x, eps)
 
 
@@ -218,7 +225,7 @@ def multipliers(
     >>> abs(kahan.multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
     array([0.990148, 0.990148])
     """
-    checked = check(map_of(system, method), system, x, eps, method=method, name="x")
+    checked = check(_map_of(system, method), system, x, eps, method=method, name="x")
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(checked)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from suslov_fast import Field, Suslov3D, SuslovND, kahan
+from suslov_fast import Field, Map, Suslov3D, SuslovND, kahan
 from suslov_fast.maps import MAPS
 from suslov_fast.maps.methods import COMPOSITIONS
 
@@ -35,6 +35,16 @@ def random_field(rng, shape, D=5):
     return Field.from_terms(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
 
 
+def random_map(rng, shape):
+    """Return maps of which orbits escape from some states, with a sine, a bend and a jump."""
+
+    def f(x, a, b):
+        y = np.mod(x[1] + a * np.sin(x[0]), 3.0)
+        return 1 - a * x[0] ** 2 + y, b * x[0] + np.where(x[2] > 1, 0.1, 0.0), np.abs(x[2]) - b
+
+    return Map(f, "x y z", a=rng.uniform(1, 2, shape), b=rng.uniform(0, 0.3, shape))
+
+
 # Functions of (rng, shape), by the name of a map.
 RANDOM = {
     "Suslov3D": (
@@ -42,6 +52,7 @@ RANDOM = {
         random_with_I3,
         lambda rng, shape: Suslov3D(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
     ),
+    "Map": (random_map,),
     "SuslovND": (random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
 }
 SQUARE = Field.from_terms([[[1]]])  # x' = x**2

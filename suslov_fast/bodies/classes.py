@@ -5,14 +5,16 @@ from typing import Any, get_args
 
 from ..checks import short
 from .fields.field import Field
+from .fields.map import Map
 from .nd import SuslovND
 from .rigid import Suslov3D
 
 AnyBody = Suslov3D | SuslovND
 BodyOrField = AnyBody | Field
-System = BodyOrField | Callable[..., Any]  # with functions of the state in place of fields
+MapOrField = BodyOrField | Map  # what `iterate` takes
+System = MapOrField | Callable[..., Any]  # with functions of the state in place of fields
 
-_NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(BodyOrField)}
+_NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(MapOrField)}
 
 
 def class_named(name: Any) -> type[Any]:

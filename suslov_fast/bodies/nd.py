@@ -23,7 +23,7 @@ from ..checks import (
 )
 from ..engine.problem import Problem
 from ..keywords import public, public_class
-from ..maps import MAPS, Map
+from ..maps import MAPS, Discretization
 from ..maps.methods import GAUSS, STEPS_ND
 from .adapted import adapted
 from .fields.field import Field
@@ -270,7 +270,7 @@ class SuslovND(Suslov):
         return cls(J=J, I=products)._rotated(rotation)
 
 
-MAPS["SuslovND"] = Map(  # equation (15)
+MAPS["SuslovND"] = Discretization(  # equation (15)
     name="SuslovND",
     title="Discrete Suslov problem in n dimensions",
     body=SuslovND,

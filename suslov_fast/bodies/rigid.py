@@ -21,7 +21,7 @@ from ..core.suslov import quantities
 from ..engine.evaluation import Formula, mask_and_warn
 from ..engine.problem import Problem, check
 from ..keywords import public, public_class
-from ..maps import MAPS, Map, map_of
+from ..maps import MAPS, Discretization, map_of
 from ..maps.formulas import KAHAN, formulas_named, values_by_rows
 from ..maps.methods import STEPS_3D
 from .adapted import in_adapted_basis
@@ -504,7 +504,7 @@ IN_3D = {
     **formulas_named("invariant_density", poles=True),
     "momentum": Formula(_momentum),
 }
-MAPS["Suslov3D"] = Map(  # equation (4) of the paper
+MAPS["Suslov3D"] = Discretization(  # equation (4) of the paper
     name="Suslov3D",
     title="Discrete Suslov problem",
     body=Suslov3D,

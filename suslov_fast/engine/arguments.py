@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray
-from ..core.fields.stages import WHOLE, Stages
+from ..checks import FloatArray, wrong
+from ..core.fields.map_system import MapSystem, map_system_of
+from ..core.fields.stages import WHOLE, Scheme, Stages
 from ..core.fields.steps import scheme_of
 from ..core.fields.system import FieldSystem, system_of
+from ..core.lists.map_step import LONGEST
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 from ..core.suslov.system import BodySystem
 
@@ -106,6 +108,19 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
         indices, own = (np.ascontiguousarray(a[:, pattern]) for a in (step.indices, values[where]))
         of_eps = eps[where] if len(eps) > 1 else eps
         yield where, (scheme_of(indices, step.D, stages), own, of_eps)
+
+
+def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
+    """Return the arguments of the kernel of fields for a map, with its parameters as eps v / 2."""
+    rows = body.rows if body.shape else body.rows[np.newaxis]
+    return Scheme(body.step, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
+
+
+def map_system(body: Any, _: float) -> MapSystem:
+    """Return the code and the parameters of a single map, for `compiled`."""
+    if not body.step.usual:
+        raise wrong("system", f"a map of at most {LONGEST:,} operations", body.called)
+    return map_system_of(body.step, body.rows)
 
 
 def body_system(body: Any, eps: float) -> BodySystem:

@@ -26,9 +26,11 @@ STRETCH = 2**28
 
 def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
     """Yield groups of a batch, as indices, and the scheme, values and step sizes of each."""
-    make = in_stages(problem.map.stages)
+    own = problem.map.methods[problem.method]
+    is_field = own.divide is not None or own.kernel is not field_steps
+    make = in_stages(problem.map.stages) if is_field else own.arguments
     arguments = make(problem.body, problem.eps, batch)
-    yield from by_zeros(arguments)
+    yield from by_zeros(arguments) if is_field else [(ALL, arguments)]
 
 
 def _at_states(

@@ -12,7 +12,7 @@ from .threads import thread_count
 class Problem(NamedTuple):
     """A checked problem: states of a body and a step size, for a map."""
 
-    map: Any  # the record of the map, see `maps.Map`
+    map: Any  # the record of the map, see `maps.Discretization`
     body: Any
     omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size

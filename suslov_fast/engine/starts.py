@@ -86,7 +86,8 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 def checked_settings(
     system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
 ) -> Settings:
-    """Return what the engine takes, and results keep."""
+    """Return what the engine takes, and results keep; TypeError for a `Map`, without motions."""
+    _ = system.has_eps or system.field()  # which raises
     number = checks.real_number("rtol", rtol)
     if not isinstance(number, float) or not _LEAST <= number <= _MOST:
         raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
 from ..core.compiling import codes
 from ..core.compiling.numba import Kernel
+from ..core.fields.map_system import MapSystem
 from ..core.fields.system import FieldSystem
 from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
@@ -90,13 +91,13 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class Steps(NamedTuple):
-    """The steps of a method: a kernel, and data to call it, see `maps.Map`."""
+    """The steps of a method: a kernel, and data to call it, see `maps.Discretization`."""
 
     kernel: Kernel
     # Returns the arguments of the kernel for (body, eps, batch).
     arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
     # Returns the constants of `compiled.step_system` for (body, eps).
-    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem]
+    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem | MapSystem]
     carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0

@@ -1,14 +1,16 @@
-"""Records of maps: the class `Map`, all of its records, and the map for a body and a method."""
+"""Records of maps: their class `Discretization`, and the map for a system and a method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.fields.field import Field
+from ..bodies.fields.map import Map
 from ..checks import FloatArray
 from ..core.fields.stages import WHOLE, Stages
 from ..engine.evaluation import Formula
@@ -25,7 +27,7 @@ _HOW = ": pass a body, or a field such as Field(f, names)"
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
+class Discretization:
     """A map: one discretization of the equations of motion of a class of bodies or fields.
 
     Runs, files, plots and functions of a state get everything that depends on the map from this
@@ -70,11 +72,11 @@ class Map:
 
 
 # ------------------------------------------------------------------------------------------ records
-MAPS: dict[str, Map] = {}  # by name
+MAPS: dict[str, Discretization] = {}  # by name
 
 
 # ------------------------------------------------------------------------------------------- lookup
-def map_of(body: Any, method: str = "auto") -> Map:
+def map_of(body: Any, method: str = "auto") -> Discretization:
     """Return the map of a method for a body."""
     by_method = methods_of(type(body))
     if type(method) is str and method in by_method:
@@ -95,18 +97,40 @@ def map_of(body: Any, method: str = "auto") -> Map:
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 
-def methods_of(kind: Any) -> dict[str, Map]:
+def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, int]:
+    """Return the arguments of steps: of a `Map` the step size is 1, and `steps` may come first."""
+    if isinstance(system, Map) and steps is None and isinstance(eps, (int, np.integer)):
+        eps, steps = None, eps
+    eps = eps_of(name, system, eps, "x0, steps=N")
+    if steps is None:
+        call = "map, x0, steps=N" if isinstance(system, Map) else "system, x0, eps, steps"
+        raise TypeError(f"{name}: pass the number of steps, {name}({call})")
+    return eps, steps
+
+
+def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
+    """Return the step size, which a `Map` has not: its steps count as the time 1."""
+    if isinstance(system, Map):
+        if eps is not None:
+            raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")
+        return 1.0
+    if eps is None:
+        raise TypeError(f"{name}: pass eps, the step size of Kahan's map of this system")
+    return eps
+
+
+def methods_of(kind: Any) -> dict[str, Discretization]:
     """Return the maps of a class of bodies by the names of their methods."""
     return _methods_of(kind)
 
 
 @lru_cache(maxsize=64)  # for speed in small calls
-def _methods_of(kind: Any) -> dict[str, Map]:
+def _methods_of(kind: Any) -> dict[str, Discretization]:
     records = [record for record in MAPS.values() if issubclass(kind, record.body)]
     return {method: record for record in records for method in record.methods}
 
 
-def named(name: str) -> Map:
+def named(name: str) -> Discretization:
     """Return the map with this name, which files and pickles contain."""
     if name not in MAPS:
         raise ValueError(f"there is no map {name!r}, only {', '.join(map(repr, MAPS))}")

@@ -9,11 +9,13 @@ from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
 from ..engine.arguments import (
     body_system,
     by_constants,
+    by_map,
     by_scheme,
     by_zeros,
     field_system,
     gauss_system,
     in_stages,
+    map_system,
     nd_system,
 )
 from ..engine.stretches import Steps
@@ -40,6 +42,8 @@ STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _c
 FIELD = Steps(
     steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
 )
+# A map of one's own, x -> f(x).
+OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
 STEPS_ND = Steps(steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True)
 GAUSS = STEPS_ND._replace(
     kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system

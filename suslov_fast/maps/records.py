@@ -1,12 +1,13 @@
-"""The records of Kahan's map of fields, and of its compositions."""
+"""The records of Kahan's map of fields, of its compositions, and of maps of one's own."""
 
 from ..bodies.fields.field import Field
-from .base import MAPS, Map
+from ..bodies.fields.map import Map
+from .base import MAPS, Discretization
 from .formulas import KAHAN
-from .methods import COMPOSITIONS, FIELD, field_in
+from .methods import COMPOSITIONS, FIELD, OWN_MAP, field_in
 
 for _record in (
-    Map(
+    Discretization(
         name="Kahan",
         title="Kahan map of a quadratic field",
         body=Field,
@@ -14,7 +15,7 @@ for _record in (
         formulas=KAHAN,
     ),
     *(
-        Map(
+        Discretization(
             name=f"Kahan, order {order}",
             title=f"Composition of Kahan maps, order {order}",
             body=Field,
@@ -24,5 +25,6 @@ for _record in (
         )
         for order in COMPOSITIONS
     ),
+    Discretization(name="Map", title="Map", body=Map, methods={"auto": OWN_MAP}, formulas={}),
 ):
     MAPS[_record.name] = _record

@@ -23,7 +23,8 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
     is_of_map = hasattr(type(run), "n")
-    arrays = {"eps": np.asarray(run.eps), **body.arrays} if is_of_map else body.arrays
+    has_eps = is_of_map and body.has_eps
+    arrays = {"eps": np.asarray(run.eps), **body.arrays} if has_eps else body.arrays
     parameters = {  # with all axes of the batch
         name: np.array(a, ndmin=count + body.axes.get(name, 0)) for name, a in arrays.items()
     }
@@ -41,6 +42,7 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
     }
     if is_of_map:
         variables["n"] = "n", run.n, {"long_name": "number of steps"}
+        variables |= {} if has_eps else {"time": ("n", run.time, {"long_name": "time"})}
     # Strings of variable length, because Zarr format 3 has none of fixed length.
     variables["component"] = "component", np.array(body.labels, object)
     coordinates = [*body.coordinates, *({*batch} & {*parameters})]

@@ -217,7 +217,8 @@ def _symbol(label: str) -> str:
 
 def titled(run: Any) -> str:
     """Return the title of the map, with the step size if there is one only."""
-    eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if np.ndim(run.eps) == 0 else ""
+    is_shown = np.ndim(run.eps) == 0 and run.body.has_eps
+    eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if is_shown else ""
     return f"{run.map.title}{eps}"
 
 

@@ -5,28 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.classes import BodyOrField
+from ..bodies.classes import MapOrField
 from ..checks import FloatArray, Reals, integer, wrong
 from ..engine.evaluation import mask_and_warn
 from ..engine.problem import check, warn_of_times
 from ..engine.stretches import March, Progress, few_after
 from ..keywords import public
-from ..maps import Method, map_of
+from ..maps import Method, eps_and_steps, eps_of, map_of
 from .failures import OnSingular, report_failures
 from .trajectories import Trajectories, run_to_end
 
 
 @public
 def step(
-    system: BodyOrField,
+    system: MapOrField,
     x: ArrayLike,
     /,
-    eps: Reals,
+    eps: Reals | None = None,
     *,
     method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
-    """Return the next state: one step of the map of a field or a body.
+    """Return the next state: one step of the map of a field or a body, or of a `Map`.
 
     Kahan's method makes ``x' = f(x)`` linear in the next state: squares x_i**2 become x_i next_i,
     products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
@@ -62,7 +62,7 @@ def step(
     array([1. , 0.5])
     """
     map = map_of(system, method)
-    problem = check(map, system, x, eps, threads)
+    problem = check(map, system, x, eps_of("step", system, eps), threads)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     if (after := few_after(problem, method)) is not None:
@@ -76,11 +76,11 @@ def step(
 
 @public
 def iterate(
-    system: BodyOrField,
+    system: MapOrField,
     x0: ArrayLike,
     /,
-    eps: Reals,
-    steps: int,
+    eps: Reals | None = None,
+    steps: int | None = None,
     *,
     save_every: int | None = 1,
     method: Method = "auto",
@@ -89,9 +89,10 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate Kahan's map of an ODE x' = f(x), a field or a body, from a batch of initial states.
+    """Iterate a map from a batch of initial states: a `Map`, or Kahan's map of an ODE x' = f(x).
 
-    It is no iteration of f: a map x -> f(x) of your own is a loop in NumPy.
+    A :class:`Map` x -> f(x) has no eps: ``iterate(map, x0, steps=1000)``. Of a :class:`Field` f is
+    not iterated, but discretized with the step size eps.
 
     The shapes of the field, of `eps` and of the initial states without their last axis broadcast
     to the batch shape ``...``. A trajectory is bit-identical whatever else is in the batch, and for
@@ -99,16 +100,16 @@ def iterate(
 
     Parameters
     ----------
-    system : Field, Suslov3D or SuslovND
-        A single field or body, or a batch.
+    system : Map, Field, Suslov3D or SuslovND
+        A single map, field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
         dimensions, its n - 1 components Omega_in in n. A state that contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
-        Step size in time, 0 or between 1e-50 and 1e50 in modulus. A negative one runs backwards in
-        time, by the inverse map.
+        Step size in time, left out for a `Map`: 0 or between 1e-50 and 1e50 in modulus. A negative
+        one runs backwards in time, by the inverse map.
     steps : int
-        Number of steps, 0 or more.
+        Number of steps, 0 or more. For a `Map` it may be the third argument.
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
     method : str
@@ -155,6 +156,7 @@ def iterate(
     ((5, 1000, 2), True, array([1.  , 1.01]))
     """
     map = map_of(system, method)
+    eps, steps = eps_and_steps("iterate", system, eps, steps)
     steps, save_every = checked_counts(steps, save_every)
     problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude)
     if type(problem.eps) is not float:  # copied, because the run keeps it

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..bodies.classes import System
+from ..bodies.classes import Map, System
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import system_of
 from ..checks import FloatArray, Reals, integer, short, wrong
@@ -29,7 +29,7 @@ from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter
 from ..engine.threads import thread_count
 from ..keywords import public
-from ..maps import Method, map_of
+from ..maps import Method, eps_and_steps, map_of
 from .event import Event, field_of
 from .events import acts_of, batch_of, checked_events, stops_of
 
@@ -52,8 +52,9 @@ def lyapunov_exponents(
 ) -> FloatArray:
     """Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
 
-    With `eps` and `steps` the exponents belong to orbits of the map: mean logarithms per step,
-    divided by ``abs(eps)``. With `time` they belong to the motion, as :func:`flow` computes it.
+    Exponents of a :class:`Map` are mean logarithms per step. With `eps` and `steps` the exponents
+    belong to orbits of Kahan's map: mean logarithms per step, divided by ``abs(eps)``. With `time`
+    they belong to the motion, as :func:`flow` computes it.
     The derivative along the orbit, that of the map or the solution of the variational equations, is
     decomposed as Q R before its columns lose digits (Benettin's method). The exponents are the mean
     logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi| / |eps|``, or of
@@ -66,7 +67,8 @@ def lyapunov_exponents(
     system, x0
         As in :func:`iterate` and :func:`flow`.
     eps, steps : optional
-        As in :func:`iterate`, eps not 0; the mean is over `steps`, 1 or more, after the transient.
+        As in :func:`iterate`, eps not 0, and left out for a `Map`. The mean is over `steps`, 1 or
+        more, after the transient.
     transient : int or float
         Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
         without it the mean has an error of order 1 / steps, or 1 / time.
@@ -109,6 +111,8 @@ def lyapunov_exponents(
     array([  0.9,   0. , -14.6])
     """
     body: Any = system_of(system, x0)
+    if isinstance(body, Map):
+        eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
     others = {"method": method, "rtol": rtol, "events": events}
     if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         checks.instance("system", body, Body)

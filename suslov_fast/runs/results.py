@@ -429,9 +429,12 @@ def read_only(array: NDArray[T]) -> NDArray[T]:
 
 def in_short(result: Any) -> str:
     """Return the step sizes and the number of failures of a result, as text."""
+    failures = count_in_words(result.status, result.first_pole)
+    if not result.body.has_eps:
+        return failures
     low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
     eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-    return f"eps: {eps}, {count_in_words(result.status, result.first_pole)}"
+    return f"eps: {eps}, {failures}"
 
 
 def _equal(a: Any, b: Any) -> bool:

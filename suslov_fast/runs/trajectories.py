@@ -16,7 +16,7 @@ from ..core.fields.stages import WHOLE
 from ..engine.status import first_beyond
 from ..engine.stretches import March, Progress, reporter
 from ..keywords import public
-from ..maps import Map
+from ..maps import Discretization
 from .failures import ON_SINGULAR, OnSingular, report_failures
 from .results import States, in_short, read_only
 
@@ -73,7 +73,7 @@ class Trajectories(States):
     states: FloatArray
     eps: float | FloatArray
     body: BodyOrField
-    map: Map
+    map: Discretization
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     first_pole: NDArray[np.int64]

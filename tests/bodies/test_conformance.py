@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from systems import henon_heiles, lorenz
 
-from suslov_fast import Field, Suslov3D, SuslovND, flow
+from suslov_fast import Field, Map, Suslov3D, SuslovND, flow, iterate
 
 
 def angles(x, g, m):
@@ -53,6 +53,14 @@ SYSTEMS = {
     "a member": Field(lorenz, 3, rho=GRID)[1],
     "other values": Field(lorenz, 3, rho=GRID).with_parameters(rho=0.5),
 }
+SYSTEMS |= {
+    "map": Map(
+        lambda x, a, b: (1 - a * x[0] ** 2 + x[1], b * x[0]), "x y", a=Fraction(7, 5), b=0.3
+    ),
+    "maps": Map(lambda x, k: (np.mod(x[0] + k, 2.0), x[1] * x[0], k * 1.5), 3, k=GRID),
+    "maps with steps": Map(steps, 2, k=GRID[:, None]),
+    "map of one variable": Map(np.sin, "x"),
+}
 each = pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 BATCHES = {name: system for name, system in SYSTEMS.items() if system.shape}
 each_batch = pytest.mark.parametrize("system", BATCHES.values(), ids=BATCHES)
@@ -62,10 +70,21 @@ def states(system, *shape):
     return np.random.default_rng(1).uniform(0.2, 0.7, (*shape, system.dimension))
 
 
+def field_of(system):
+    """The field of a system, or a map, which is as good for values."""
+    return system if isinstance(system, Map) else system.field()
+
+
+def moved_by(system, x):
+    """States after a time, or after some steps of a map."""
+    run = iterate(system, x, 5) if isinstance(system, Map) else flow(system, x, time=0.3)
+    return run.states[-1:]
+
+
 @each
 def test_values_and_derivatives(system):
     """They broadcast; derivatives are those of differences, and NaN gives NaN."""
-    field, x = system.field(), states(system, 4, *np.ones_like(system.shape))
+    field, x = field_of(system), states(system, 4, *np.ones_like(system.shape))
     values = field(x)
     assert values.shape == (4, *system.shape, system.dimension)
     np.testing.assert_allclose(values, system(x), rtol=1e-13, atol=1e-13)
@@ -85,13 +104,13 @@ def test_copies_are_equal_and_immutable(system):
     copies = [pickle.loads(pickle.dumps(system)), copy.deepcopy(system), copy.copy(system)]
     copies.append(type(system).from_dict(plain))
     x = states(system)
-    moved = flow(system, x, time=0.3).states
+    moved = moved_by(system, x)
     for twin in copies:
         assert twin == system
         assert hash(twin) == hash(system)
         assert (twin.shape, twin.labels, repr(twin)) == (system.shape, system.labels, repr(system))
         assert json.dumps(twin.to_dict()) == json.dumps(plain)
-        assert np.array_equal(flow(twin, x, time=0.3).states, moved, equal_nan=True)
+        assert np.array_equal(moved_by(twin, x), moved, equal_nan=True)
     assert "\n" not in repr(system)
     assert len(repr(system)) < 310
     with pytest.raises(AttributeError):
@@ -116,11 +135,11 @@ def test_members(system):
     assert system[:] == system
     assert system[1:].shape == (max(len(system) - 1, 0), *system.shape[1:])
     x = states(system)
-    moved = flow(system, x, time=0.3).states
+    moved = moved_by(system, x)
     for i, member in enumerate(members):
         assert member == system[i] == system[i - len(system)]
         assert member.shape == system.shape[1:]
-        assert np.array_equal(flow(member, x, time=0.3).states[0], moved[0, i])
+        assert np.array_equal(moved_by(member, x)[0], moved[0, i])
         for name, value in member.arrays.items():
             whole = system.arrays[name]
             axes = (*system.shape, *whole.shape[whole.ndim - system.axes.get(name, 0) :])
@@ -141,7 +160,8 @@ WRONG = {
 def test_wrong_states(system, case):
     error, of = WRONG[case]
     x = of(states(system))
-    for call in (system.field(), system.field().jacobian, lambda x: flow(system, x, time=1.0)):
+    field = field_of(system)
+    for call in (field, field.jacobian, lambda x: moved_by(system, x)):
         with pytest.raises(error, match=r"^x0? must|^omega0? must"):
             call(x)
 

@@ -13,8 +13,9 @@ from llvmlite import binding
 import suslov_fast as sf
 from suslov_fast.core.code import compiler as machine_code
 from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.fields import careful, driver, few_orbits, growth, steps as steps_field
+from suslov_fast.core.fields import careful, driver, few_orbits, steps as steps_field
 from suslov_fast.core.fields.stages import Stages
+from suslov_fast.core.lists import step as lists_step
 from suslov_fast.engine import derivatives, stretches
 
 pytestmark = pytest.mark.compiled
@@ -40,7 +41,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((steps_field, "_step_of"), (growth, "tangent_of")):
+    for module, name in ((steps_field, "_step_of"), (lists_step, "_tangent_of")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -330,7 +331,7 @@ def test_frames(with_columns):
     step = steps_field.scheme_of(np.transpose(indices), D).step
     options = False, True, False
     if with_columns:
-        step = growth.tangent_of(step, True)
+        step = step.with_columns()
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
     target = binding.Target.from_triple("x86_64-unknown-linux-gnu")

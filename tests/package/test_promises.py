@@ -39,6 +39,7 @@ KINDS = {
 }
 RECORDS = {kind: MAPS[kind.rpartition(" ")[0]] for kind in KINDS}
 # Those whose map is that of functions without the argument `method`.
+WITH_EPS = [kind for kind, map in RECORDS.items() if map.body.has_eps]
 BY_DEFAULT = [kind for kind, map in RECORDS.items() if "auto" in map.methods]
 # Methods with steps of their own.
 METHODS = {
@@ -59,25 +60,29 @@ class Row(NamedTuple):
     eps: bool = True  # an argument
     threads: bool = False
 
+    def given(self, body, eps):
+        """The step size of a call, if it has one."""
+        return (eps,) * (self.eps and body.has_eps)
+
     def values(self, body, omega, eps, **options):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sf.IntegrationWarning)
-            results = self.call(body, omega, *(eps,) * self.eps, **options)
+            results = self.call(body, omega, *self.given(body, eps), **options)
         results = results if isinstance(results, tuple) else (results,)
         axes = len(self.batch(body, omega, eps))
         for k, each in enumerate(results):
             yield np.moveaxis(each, 0, axes) if k in self.timed else np.asarray(each)
 
     def batch(self, body, omega, eps):
-        of_eps = np.shape(eps) if self.eps else ()
+        of_eps = np.shape(*self.given(body, eps)) if self.given(body, eps) else ()
         return np.broadcast_shapes(body.shape, np.shape(omega)[:-1], of_eps)
 
 
 def runs(**options):
     """Row of saved and last states, with the orientation if the run has it."""
 
-    def call(body, omega, eps, **others):
-        run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore", **options, **others)
+    def call(body, omega, *eps, **others):
+        run = sf.iterate(body, omega, *eps, STEPS, on_singular="ignore", **options, **others)
         more = (run.attitude,) if run.attitude is not None else ()
         return run.states, run.final, run.status, run.failed_at, *more
 
@@ -129,7 +134,7 @@ ROWS = {
     ),
     "flow: changes": Row(changed, timed=(0,), eps=False, threads=True),
     "lyapunov_exponents": Row(
-        lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
+        lambda b, w, *e, **o: sf.lyapunov_exponents(b, w, *e, STEPS, **o), threads=True
     ),
 }
 
@@ -142,6 +147,8 @@ def has(kind, name):
     if of in METHODS:
         return of in map.methods
     if kind not in BY_DEFAULT:
+        return False
+    if map.body is sf.Map and function not in ("__call__", "step", "iterate", "lyapunov_exponents"):
         return False
     if function == "step_full" and body.dimension == 2:
         return getattr(body, "I3", None) is not None
@@ -212,7 +219,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
         body, omega, eps = sample(rng, kind, *shapes, name=name)
         batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
         state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
-        step = np.broadcast_to(eps if row.eps else 0.0, batch)
+        step = np.broadcast_to(eps if row.given(body, eps) else 0.0, batch)
         assert all(each.shape[: len(batch)] == batch for each in values)
         some = [i for i in np.ndindex(batch) if i[0] in (1, LANES - 1, LANES, SIZE - 1)]
         for index in (*some, rng.permutation(batch[0])):
@@ -269,8 +276,8 @@ def test_bad_input(rng, name, kind):
         with pytest.raises(TypeError, match=r"^(body|system) must"):
             row.call(1, omega, *(eps,) * row.eps)
     with pytest.raises(ValueError, match="broadcast"):
-        row.call(part(body, ..., (3,)), np.ones_like(omega), *(eps,) * row.eps)
-    for wrong in (np.inf, 1e-51, 1e51, "a") if row.eps else ():
+        row.call(part(body, ..., (3,)), np.ones_like(omega), *row.given(body, eps))
+    for wrong in (np.inf, 1e-51, 1e51, "a") if row.given(body, eps) else ():
         with pytest.raises((ValueError, TypeError), match=r"^eps must"):
             list(row.values(body, np.ones_like(omega), wrong))
     for count in (0, 1.5, 10**6) if row.threads else ():
@@ -304,7 +311,8 @@ with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
 @with_options
 def test_runs_with_other_states_saved(rng, kind, options):
     """Which states are saved changes no bit."""
-    problem, options = hard(rng, kind), options | {"on_singular": "ignore"}
+    body, omega, *eps = hard(rng, kind)
+    problem, options = (body, omega, *eps * body.has_eps), options | {"on_singular": "ignore"}
     whole = sf.iterate(*problem, 30, **options)
     assert {-2, 0} <= {*whole.status}
     if kind == "Suslov3D 0":
@@ -322,9 +330,10 @@ def test_states_saved_seldom(rng, kind):
     """Small states of one body, with one step size, for which kernels have loops of their own."""
     body, omega, _ = sample(rng, kind, (), (2 * LANES + 9,), ())
     options = {"on_singular": "ignore"}  # orbits may diverge
-    whole = sf.iterate(body, 0.1 * omega, 0.1, STEPS, **options)
+    eps = (0.1,) * body.has_eps
+    whole = sf.iterate(body, 0.1 * omega, *eps, STEPS, **options)
     for save_every in (2, 3):
-        run = sf.iterate(body, 0.1 * omega, 0.1, STEPS, save_every=save_every, **options)
+        run = sf.iterate(body, 0.1 * omega, *eps, STEPS, save_every=save_every, **options)
         same([run.states], [whole.states[::save_every]])
 
 
@@ -364,7 +373,7 @@ def measured_order(method, body, x):
 
 
 @pytest.mark.sampled(4)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", WITH_EPS)
 def test_the_order_of_steps(rng, kind):
     """It is that of the method; steps of high order that can be measured are rather long."""
     map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
@@ -380,7 +389,8 @@ def test_the_order_of_steps(rng, kind):
 @with_options
 def test_failures_are_marked_at_any_step(rng, kind, options):
     """Trajectories whose states end, early or late, have a status, and no others."""
-    run = sf.iterate(*hard(rng, kind), 100, on_singular="ignore", **options)
+    body, omega, *eps = hard(rng, kind)
+    run = sf.iterate(body, omega, *eps * body.has_eps, 100, on_singular="ignore", **options)
     exist = np.isfinite(run.states).all(axis=-1)
     failed = run.status < 0
     assert (failed == ~exist[-1]).all()
@@ -390,7 +400,7 @@ def test_failures_are_marked_at_any_step(rng, kind, options):
 
 
 @pytest.mark.sampled(8)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", WITH_EPS)
 def test_the_jacobian_is_that_of_the_steps(rng, kind):
     """By central differences, where eps |f'| is 1/2: that of another discretization is far off."""
     map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
@@ -407,7 +417,7 @@ def test_the_jacobian_is_that_of_the_steps(rng, kind):
         np.testing.assert_allclose(found[there], slopes[there], rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", BY_DEFAULT)
+@pytest.mark.parametrize("kind", [kind for kind in BY_DEFAULT if kind in WITH_EPS])
 def test_units_and_inverse(rng, kind):
     """Units change states of a Kahan map to rounding; a step of -eps goes back."""
     body, omega, eps = sample(rng, kind, (9,), (9,), (9,))

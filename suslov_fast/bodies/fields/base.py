@@ -22,10 +22,10 @@ Kind = TypeVar("Kind", bound="Body")
 
 # Attributes for other modules, which `dir` hides from users.
 HIDDEN = frozenset(
-    "arrays axes batch_of_one called constants coordinates derived_by exact_parts labels "
-    "energy_terms exact_terms is_hamiltonian is_solved listed_right_hand_sides may_escape meaning "
-    "motion_lists of_member of_terms parts positive read "
-    "reduction right_hand_sides steady_line texts variable with_parts "
+    "arrays arrow axes batch_of_one called constants coordinates derived_by displacement "
+    "energy_terms exact_parts exact_terms has_eps is_hamiltonian is_solved labels left "
+    "listed_right_hand_sides may_escape meaning motion_lists of_member of_terms parts positive "
+    "read reduction right_hand_sides rows steady_line step texts variable with_parts "
     "without_value".split()
 )
 
@@ -68,6 +68,8 @@ class Body(Members, metaclass=Answering):
         What messages call the class.
     variable : {"omega", "x"}
         The name of the states.
+    has_eps : bool
+        Whether steps have a length, eps.
     may_escape : bool
         Whether motions may escape to infinity.
     read, texts : callable, tuple of str
@@ -78,6 +80,7 @@ class Body(Members, metaclass=Answering):
     positive: ClassVar[dict[str, int]] = {}
     called: ClassVar[str] = "a body or a field"
     variable: ClassVar[str] = "omega"
+    has_eps: ClassVar[bool] = True
     steady_line: ClassVar[Any] = None
     meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,27 +17,24 @@ from ...checks import FloatArray, arguments_of, short, wrong
 from ...core.lists.changes import Act
 from ...keywords import public, public_class
 from . import coefficients, motion_lists
-from .base import Body, Parameters, frozen, summary
-from .calls import called_by_name, check_function, operands_of_function
-from .equations import LONGEST, Equations, check_equalities, of_hamiltonian
-from .latex import symbol
+from .base import Body, frozen
+from .calls import check_function, operands_of_function
+from .equations import Equations, check_equalities, of_hamiltonian
 from .mass import parted, rates
 from .motion_lists import OfMembers
-from .names import check_for_map, labels, variables
+from .names import check_for_map, variables
 from .polynomials import from_text, named_parameters, to_lists
-from .symbolic import Symbol, Symbols, Tracer
+from .symbolic import Symbols
 from .terms import Terms, slopes_at, texts_of, values_at, without_zeros
-from .texts import values_of
+from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
-# Parts of a field other than its named parameters. They hold spaces, because a parameter can have
-# any name that Python accepts.
-NAMES, EQUATIONS, INDICES, VALUES = "names of variables", "equations", "indices of f", "values of f"
+INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 
 
 @public_class
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class Field(Body):
+class Field(Traced):
     """The equations ``x' = f(x)``, or with a mass matrix ``M(x) x' = f(x)``; or a family of them.
 
     :func:`flow` computes solutions of any field. A field whose f is a polynomial of degree 2 or
@@ -115,12 +111,10 @@ class Field(Body):
     """
 
     axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
-    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
-    variable: ClassVar[str] = "x"
+    texts: ClassVar[tuple[str, ...]] = (*Traced.texts, "H")
     called: ClassVar[str] = "a field"
-
-    names: tuple[str, ...]
-    _equations: Equations | Any  # None where terms are the parts of the field
+    arrow: ClassVar[str] = "' ="
+    left: ClassVar[str] = r"\dot{%s}"
 
     def __init__(
         self,
@@ -301,131 +295,26 @@ class Field(Body):
         """Return the field with checked terms."""
         return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
 
-    @public
-    def with_parameters(self, /, **parameters: Any) -> Field:
-        """Return the field with other values of named parameters; f is not called again.
-
-        Parameters
-        ----------
-        **parameters : float or array_like(float, shape=(...))
-            New values; the other parameters stay as they are.
-
-        Returns
-        -------
-        Field
-            A single field, or a family.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the field has no such parameter, or a value is not a finite number.
-
-        Examples
-        --------
-        >>> from suslov_fast import Field
-        >>> decay = Field(lambda x, k: (-k * x[0],), "c", k=1.0)
-        >>> decay.with_parameters(k=2.0)([3.0])
-        array([-6.])
-        """
-        known = self.parameters
-        if unknown := [name for name in parameters if name not in known]:
-            how = f"it has {', '.join(known)}" if known else "it has none"
-            how += ": Field takes the value of each, and defaults of f are constants"
-            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self.with_parts({**self.parts, **named_parameters(parameters, self.names)})
-
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
-        names, equations, axes = parts[NAMES], parts.get(EQUATIONS), self.axes
-        kept = {n: a for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
-        if equations is None:
-            indices, values = without_zeros(kept[INDICES], np.asarray(kept[VALUES]))
-            kept = {INDICES: indices, VALUES: values}
-        vars(self).update(
-            parts={name: frozen(value) for name, value in kept.items()},
-            coordinates=tuple(name for name in kept if name not in axes),
-            dimension=len(names),
-            names=names,
-            labels=names,
-            _equations=equations,
-        )
-
-    @property
-    def _shared(self) -> dict[str, Any]:
-        """The parts that all members share, beside arrays."""
-        return {NAMES: self.names, EQUATIONS: self._equations}
-
-    def with_parts(self, parts: Mapping[str, Any]) -> Any:
-        return self._of({**parts, **self._shared})
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self.parts, **self._shared},)
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        arrays = [np.asarray(a, np.float64) for a in self.parts.values()]
-        values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
-        return self.dimension, self._equations and self._equations.key, values
-
-    @property
-    def arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The named parameters of the function: numbers as they were given, and arrays."""
-        return Parameters({name: self.parts[name] for name in self.coordinates})
+        if parts.get(EQUATIONS) is None:
+            indices, values = without_zeros(parts[INDICES], np.asarray(parts[VALUES]))
+            parts = {NAMES: parts[NAMES], INDICES: indices, VALUES: values}
+        super()._take(parts)
 
     @public
     def field(self) -> Field:
         return self
 
     # ------------------------------------------------------------------------------ values
-    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
-        """Return f(x) (..., D) at states x (..., D)."""
-        if others or named:
-            how = "for solve_ivp pass lambda t, x: field(x)"
-            if named:
-                how = f"for another value field.with_parameters({next(iter(named))}=...)(x)"
-            raise TypeError(f"a field takes the state alone, field(x), one array or a dict: {how}")
-        if isinstance(x, Symbols):
-            return self._traced_at(x)
-        x = checks.states("x", x, self.names, later=True)
-        if self._equations is None:
-            return values_at(self._own_terms, x)
-        found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
-        return np.moveaxis(found, 0, -1)
+    def _value(self, x: FloatArray) -> FloatArray:
+        return super()._value(x) if self._equations else values_at(self._own_terms, x)
 
-    @public
-    def jacobian(self, x: Any) -> FloatArray:
-        """Return the exact derivative f'(x) of the right-hand side.
+    def _slopes(self, x: FloatArray) -> FloatArray:
+        return super()._slopes(x) if self._equations else slopes_at(self._own_terms, x)
 
-        :func:`kahan.jacobian` is the derivative of a step of a map.
-
-        Parameters
-        ----------
-        x : array_like(float, shape=(..., D))
-            States, which broadcast with the batch of the field.
-
-        Returns
-        -------
-        ndarray(float, shape=(..., D, D))
-            The derivative of component i with respect to variable j at [..., i, j]. Where f
-            chooses, as ``np.where`` does, it is that of the branch.
-
-        Examples
-        --------
-        >>> from suslov_fast import Field
-        >>> field = Field(lambda x: (x[0] * x[1], 3 - x[0]), 2)
-        >>> field.jacobian([2.0, 5.0])
-        array([[ 5.,  2.],
-               [-1.,  0.]])
-        """
-        x = checks.states("x", x, self.names)
-        if self._equations is None:
-            return slopes_at(self._own_terms, x)
-        found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
-        return np.moveaxis(found, (0, 1), (-2, -1))
+    def _traced_at(self, x: Symbols) -> Any:
+        return super()._traced_at(x) if self._equations else Symbols.of(self._of_symbols(x))
 
     @public
     def energy(self, x: Any) -> FloatArray:
@@ -466,34 +355,6 @@ class Field(Body):
     @property
     def is_hamiltonian(self) -> bool:
         return self._equations is not None and self._equations.H is not None
-
-    @property
-    def _inputs(self) -> FloatArray:
-        """The parameters (P, ...) of all members."""
-        rows = [np.broadcast_to(a, self.shape) for a in self.arrays.values()]
-        return np.array(rows, np.float64).reshape(len(rows), *self.shape)
-
-    @cached_property
-    def _table(self) -> FloatArray:
-        """The values of f that depend on parameters alone, of all members."""
-        return self._equations.right_hand_side.table_of(self._inputs)
-
-    def _traced_at(self, x: Symbols) -> Any:
-        """Return f(x) of symbols."""
-        tracer, D = x[0].tracer, self.dimension
-        known = {i: x[i].operand for i in range(D)}
-        given = tracer.parameters
-        for k, (name, value) in enumerate(self.parameters.items(), D):
-            if self.shape and name not in given:
-                raise TypeError(f"f(x) of a family needs its parameter {name} here")
-            known[k] = given[name].operand if name in given else float(value)
-        if self._equations is None:
-            return Symbols.of(self._of_symbols(x))
-        for instruction, number, operands in self._equations.values.operations:
-            of = (a if isinstance(a, float) else known[a] for a in operands)
-            known[number] = tracer.values.emit(instruction, *of)
-        results = (a if isinstance(a, float) else known[a] for a in self._equations.results)
-        return Symbols.of([Symbol(tracer, a) for a in results])
 
     def _of_symbols(self, x: Symbols) -> list[Any]:
         """Return f(x) of symbols by the terms of a single field."""
@@ -548,7 +409,7 @@ class Field(Body):
             what = "H is not of degree 3" if of_energy else "f is not of degree 2"
             raise TypeError(
                 f"system: {what} ({error}), so it has no Kahan map: its motion is "
-                "flow(field, x0, time=T)"
+                "flow(field, x0, time=T); to iterate f itself make Map(f, names)"
             ) from None
 
     @cached_property
@@ -581,51 +442,24 @@ class Field(Body):
     # ------------------------------------------------------------------------------ texts
     @property
     def _formulas(self) -> Iterator[str]:
-        if self._equations is None:
-            return texts_of(self._own_terms, self.names)
-        return map(self._equations.shown, self._equations.results)
+        return super()._formulas if self._equations else texts_of(self._own_terms, self.names)
 
     @property
     def _numbers(self) -> list[tuple[str, Any]]:
         """The Hamiltonian and the parameters of a single field, by name."""
         H = [("H", self._equations.shown(self._equations.H))] if self.is_hamiltonian else []
-        return [*H, *self.parameters.items()]
+        return [*H, *super()._numbers]
 
-    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        names = [*map(symbol, self.names)]
-        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(names, self._formulas, strict=True)]
-        return rows + [(symbol(name), str(value)) for name, value in self._numbers], {}
-
-    def __repr__(self) -> str:
-        if self.shape:
-            is_named = self.names != labels(self.dimension)
-            names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
-            values = [summary(name, each) for name, each in self.parameters.items()]
-            return f"<Field, a family of shape {self.shape}: {', '.join([names, *values])}>"
-        rows, length = [], 0
-        for name, formula in zip(self.names, self._formulas, strict=True):
-            rows.append(f"{name}' = {formula}")
-            length += len(rows[-1])
-            if length > LONGEST:
-                break
-        rows += [f"{name} = {value}" for name, value in self._numbers]
-        return f"Field({textwrap.shorten(', '.join(rows), LONGEST, placeholder=' ...')})"
-
-    @public
-    def to_dict(self) -> dict[str, Any]:
-        shared = self._equations
-        found: dict[str, Any] = {"body": type(self).__name__, "names": [*self.names]}
-        if shared is None:
-            return found | to_lists({"indices": self.parts[INDICES], "values": self.parts[VALUES]})
-        definitions, texts = shared.texts
-        found |= {"definitions": definitions} if definitions else {}
-        if shared.K is None:
-            found["equations"] = texts
-        else:
-            i, j, values = map(list, zip(*shared.K, strict=True)) if shared.K else ([], [], [])
-            K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
-            found |= {"H": texts[0], "K": K}
-        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
+    def _described(self) -> dict[str, Any]:
+        if self._equations is None:
+            return to_lists({"indices": self.parts[INDICES], "values": self.parts[VALUES]})
+        found, entries = super()._described(), self._equations.K
+        if entries is None:
+            return found
+        i, j, values = map(list, zip(*entries, strict=True)) if entries else ([], [], [])
+        K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+        [H] = found.pop("equations")
+        return found | {"H": H, "K": K}
 
     @classmethod
     def read(
@@ -643,21 +477,11 @@ class Field(Body):
         rows = [H] if H is not None else equations
         if indices is not None and rows is None and not parameters:
             return cls.of_terms(coefficients.of_file(indices, values, len(names)), names)
-        checks.instance("parameters", parameters or {}, Mapping)
-        checks.instance("definitions", definitions or {}, Mapping)
-        given = named_parameters(parameters or {}, names)
         is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
         if not is_list or (H is None) == (equations is None):
             expected = f"a list of {len(names)} texts, or left out beside H"
             raise wrong("equations", expected, short(equations))
-        tracer = Tracer(names, [*given])
-        known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
-        texts = [*(definitions or {}).items(), *enumerate(rows)]
-        found = values_of(texts, known, called_by_name)
-        try:
-            operands = [tracer.result(found[k]) for k in range(len(rows))]
-        except TypeError as error:
-            raise ValueError(f"equations: {error}") from None
+        tracer, operands, given = operands_of_texts(names, rows, definitions, parameters)
         if H is None:
             shared = Equations(names, [*given], tracer.values, operands, ratios=tracer.ratios)
         else:

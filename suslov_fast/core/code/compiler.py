@@ -46,8 +46,7 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 
     Code that `lasts` stays until the process ends.
     """
-    kind = type(step), getattr(step, "keeps_signs", None)
-    key = text_of, step.indices.tobytes(), step.D, kind, W, *options
+    key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
     return compiled(key, lambda name: text_of(step, name, W, *options), level, lasts)
 

@@ -311,9 +311,9 @@ class Code:
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
 
-    def store(self, kind, value, address, how=""):
+    def store(self, kind, value, address, how="", align=8):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
-        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align 8")
+        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}")
 
     def store_chosen(self, value, address):
         """Store W numbers that are a choice between those at the address and others.

@@ -17,7 +17,11 @@ def take(arguments, states, span, saved, notes, abandoned):
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
     x[~alive] = np.nan
-    step, signs = _Sparse(scheme.step.indices, x.shape[1], halves), [*scheme.step.of_one_sign]
+    signs = [*scheme.step.of_one_sign]
+    if scheme.step.of is None:
+        step = _Sparse(scheme.step.indices, x.shape[1], halves)
+    else:
+        step = _OfMap(scheme.step.of, halves)
     if every and start == 0:
         saved[row] = x
         row += 1
@@ -42,6 +46,17 @@ def take(arguments, states, span, saved, notes, abandoned):
             saved[row] = x
             row += 1
     return x
+
+
+class _OfMap:
+    """The values f(x) of a map of one's own, with a long list."""
+
+    def __init__(self, f, parameters):
+        self.f, self.table = f, f.table_of(parameters.T)
+
+    def __call__(self, _, x, which):
+        table = self.table if self.table.shape[1] == 1 else self.table[:, which]
+        return np.ascontiguousarray(self.f.value(x.T, table).T), np.ones(len(x))
 
 
 class _Sparse:

@@ -6,11 +6,12 @@ and saving.
 """
 
 import functools
+import math
 import operator
 from typing import NamedTuple
 
-from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared
-from ..compiling.codes import CHANGED
+from ..code.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
+from ..compiling.codes import CHANGED, NONFINITE
 from ..lists.step import SIGNIFICANT
 from .stage_code import Stage, loader
 
@@ -35,6 +36,9 @@ class DriverArguments(NamedTuple):
     trajectories: int = 0
     ended: int = 0  # address of bits of lanes (lines,) that have ended
     passed: int = 0  # and of those that have passed a pole or ended
+    status: int = 0  # addresses of the statuses (i8) and of `failed_at`, which maps of one's own
+    failed_at: int = 0  # write, or 0
+    first: int = 0  # number of the state after the first step
     careful: int = 0  # address of `careful.careful`, 0 if it is not ready
     careful_arguments: int = 0  # address of its array
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
@@ -185,9 +189,8 @@ class _Driver:
             table = table + line * (len(step.table) * text.size)
         stage = Stage(text, step, loader(text, step, self.for_each, state, table))
         usual = stage.take([rows[i] for i in range(step.D)])
-        final = text.otherwise(
-            stage.is_good(), usual, lambda: self.take_rare_stage(stage, rows, line, n)
-        )
+        rare = self.take_rare_stage if step.of is None else self.end_lanes
+        final = text.otherwise(stage.is_good(), usual, lambda: rare(stage, rows, line, n))
         for k, number in enumerate(step.after):
             if number != k:
                 rows[k] = final[k]
@@ -210,6 +213,27 @@ class _Driver:
             return [rows[k] for k in components]
 
         return text.otherwise((bad | told).equals(0), after, carefully)
+
+    def end_lanes(self, stage, rows, line, n):
+        """End the trajectories for which f of a map has no value here; return the state."""
+        text, of, one = self.text, self.of, self.text.lanes(1)
+        with text.when(of.status.equals(0)):
+            text.leave(f"i64 {NOT_READY}")
+        for k, value in enumerate(stage.results()):
+            rows[k] = value
+        finite = Truth(text, stage.values[self.step.accurate]).bits()
+        bad, new = finite ^ self.all_lanes, self.others(finite, line, of.ended)
+        for lane in text.each(text.W):
+            number, x = line * text.W + lane, one.array(rows.at() + 8 * lane)
+            with text.when(((bad >> lane) & 1).equals(1)):
+                for k in text.each(self.D):
+                    x[k] = one.constant(math.nan)
+            with text.when(((new >> lane) & 1).equals(1)):
+                text.store("i8", str(NONFINITE), of.status + number, align=1)
+                Integers(text, of.failed_at + number * 8)[0] = of.first + n
+        marked = new | (self.others(0, line, of.ended) ^ self.all_lanes)
+        text.store("i8", text.new(f"trunc i64 {marked} to i8"), of.ended + line, align=1)
+        return [rows[k] for k in range(self.D)]
 
     def over_signs(self, how, truth_of, bases, final):
         """Return truth_of(base, after) of all components that keep their signs, joined."""

@@ -5,24 +5,15 @@ and in lanes that need `careful` they are orthonormalised one step later. Those 
 products of derivatives DPhi = A(x)**-1 (1 + (eps / 2) f'(x_next)) by NumPy.
 """
 
-import functools
-
 import numpy as np
 
-from ..lists.step import Tangent
 from .stages import WHOLE, Scheme
 from .steps import scheme_of
 
 
-@functools.lru_cache(32)
-def tangent_of(step, lengths):
-    """Return the `Tangent` of a step, empty if it has too many columns."""
-    return Tangent(step.indices, step.D, step.keeps_signs, lengths)
-
-
 def of_lists(scheme, values, eps, lengths=True):
     """Return the arguments of the kernel of steps for states with columns, None without a list."""
-    tangent = tangent_of(scheme.step, lengths)
+    tangent = scheme.step.with_columns(lengths)
     if not tangent.usual:
         return None
     return Scheme(tangent, scheme.stages), values, eps
@@ -49,11 +40,15 @@ class ByNumPy:
 
     def __init__(self, scheme, values, eps):
         self.step, self.fractions = scheme.step, scheme.stages.fractions
-        self.scheme = scheme_of(scheme.step.indices, scheme.step.D, WHOLE)
-        self.values, self.eps = values, eps
+        self.values, self.eps, self.scheme = values, eps, scheme
+        if self.step.of is None:
+            self.scheme = scheme_of(self.step.indices, self.step.D, WHOLE)
 
     def columns_after(self, x, step):
         """Return the states after a step that step(arguments, x) takes, and DPhi (B, D, D)."""
+        if (f := self.step.of) is not None:
+            slopes = f.jacobian(x.T, f.table_of(self.values.T))
+            return step((self.scheme, self.values, self.eps), x), np.moveaxis(slopes, 2, 0)
         unit, product = np.eye(x.shape[1]), np.eye(x.shape[1])
         for fraction in self.fractions:
             eps = fraction * self.eps

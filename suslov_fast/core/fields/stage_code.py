@@ -35,6 +35,10 @@ class Stage:
         """Carry out the usual operations on the state x; return the next state."""
         self.values = dict(enumerate(x))
         self.carry_out(self.step.usual, self.values)
+        return self.results()
+
+    def results(self):
+        """Return the next state after the usual operations."""
         return self._results(self.values, self.step.after)
 
     def carry_out(self, operations, values):
@@ -100,4 +104,18 @@ def text_of_stage(step, name, *_):
         if number != k:
             x[k] = final[k]
     text.add(f"  ret i64 {bits}")
+    return text.finished()
+
+
+def text_of_map(step, name, *_):
+    """Return the text of i64 name(x, table): a step of one state x (D,) of a map, in place."""
+    text = Code(1)
+    text.begin(name, "x", "table")
+    x = text.array("%x")
+    final = Stage(text, step, loader(text, step, False, "%x", "%table")).take(
+        [x[i] for i in range(step.D)]
+    )
+    for k, value in enumerate(final):
+        x[k] = value
+    text.add("  ret i64 0")
     return text.finished()

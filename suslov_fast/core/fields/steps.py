@@ -124,7 +124,8 @@ class _Lines:
         address = code_of(text_of_steps, self.scheme.step, *options)
         is_short = self.count * (stop - start) <= SHORT_RUN
         address_of_careful = 0
-        if seconds is not None or (careful.is_compiled and not is_short):
+        is_field = self.scheme.step.of is None
+        if is_field and (seconds is not None or (careful.is_compiled and not is_short)):
             address_of_careful = careful.address_for(seconds or 0.0)
             in_python = not careful.is_compiled
         own, _kept_alive = self._driver_arguments(start, steps, *rows, address_of_careful)
@@ -167,6 +168,9 @@ class _Lines:
             trajectories=self.B,
             ended=self.marks[ENDED].ctypes.data,
             passed=self.marks[PASSED].ctypes.data,
+            status=self.notes[0].ctypes.data,
+            failed_at=self.notes[1].ctypes.data,
+            first=start + 1,
             careful=careful,
             careful_arguments=own.ctypes.data if careful else 0,
             until=until,

@@ -273,6 +273,7 @@ class Step:
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
+    of = None  # the function of a map, of which there is no field
 
     def __init__(self, indices, D, keeps_signs=False):
         self._begin(indices, D, keeps_signs)
@@ -304,6 +305,15 @@ class Step:
         for k, half in found.items():
             self.after[k] = self.values.total(k, [(2.0, half)])
         return found
+
+    @functools.cached_property
+    def key(self):
+        """What tells the operations of this step from others."""
+        return type(self), self.indices.tobytes(), self.D, self.keeps_signs
+
+    def with_columns(self, lengths=True):
+        """Return the step of x with columns; without operations if these are too many."""
+        return _tangent_of(self, lengths)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > sizes.CODE)
@@ -448,3 +458,8 @@ class Tangent(Step):
 
 
 MOST_COLUMNS, MOST_WORK = 16, 4000  # of lists; NumPy has others
+
+
+@functools.lru_cache(32)
+def _tangent_of(step, lengths):
+    return Tangent(step.indices, step.D, step.keeps_signs, lengths)

@@ -138,8 +138,9 @@ def folder(tmp_path_factory):
 
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
-LONG = "report.md", "discretization.md", "compiled.md", "families.md", "further.md"
+LONG = "report.md", "discretization.md", "compiled.md", "families.md", "confinement.md"
 LONG += "crossings.md", "diagrams.md", "many.md", "large.md", "poles.md", "tolerances.md"
+LONG += ("potentials.md",)
 
 
 @pytest.mark.compiled
@@ -170,6 +171,10 @@ def test_page(path, folder, tmp_path, monkeypatch):
 def test_text(path):
     """Blocks are of known kinds, links and files exist, and nothing needs Sphinx to be read."""
     text = path.read_text(encoding="utf-8")
+    if path.stem not in {"README", "changelog"}:  # the first line says for whom a page is
+        assert re.match("# .*\n\nFor ", text)
+    if path.parent.name in {"howto", "theory"} and path.stem not in {"index", "first_ode"}:
+        assert "\n**See also**: [" in text
     kinds = {"python", "py", "sh", "text", "bibtex", "{toctree}", "{include}"}  # py: a fragment
     kinds |= {"{eval-rst}"} if path.stem == "api" else set()
     assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds

@@ -15,16 +15,16 @@ AGO = 2 - (2 / 9.81) ** 0.5 * (1 + 2 * (0.9 + 0.9**2))
 BALL = [SPEED * AGO - 9.81 * AGO**2 / 2, SPEED - 9.81 * AGO]
 # What no row of SciPy computes, and the largest error: a number, or an expression of SciPy.
 OTHERS = {
-    "crossings(field, x0, time=T, surface=top, direction=1).states": (
+    'crossings(field, x0, time=T, surface=top, direction="up").states': (
         "solve_ivp(g, (0, T), x0, events=rises, **tight).y_events[0]",
         1e-6,
     ),
-    "crossings(field, x0, time=5, surface=top, most=5, direction=1).states": (
+    'crossings(field, x0, time=5, surface=top, most=5, direction="up").states': (
         "solve_ivp(g, (0, 5), x0, events=rises, **tight).y_events[0][:5]",
         1e-5,
     ),
     "crossings(field, x0, time=5, surface=lambda x: 8 / 3 * x[..., 2] - x[..., 0] * x[..., 1], "
-    "most=5, direction=1).states": (
+    'most=5, direction="up").states': (
         "solve_ivp(g, (0, 5), x0, events=peaks, **tight).y_events[0][:5]",
         1e-5,
     ),

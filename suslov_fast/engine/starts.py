@@ -139,15 +139,15 @@ def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
 
 
 def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:
-    """Warn once of components that fell below their allowed errors, and grew again."""
+    """Warn once of components that fell near their allowed errors, and grew again."""
     if found.grown is None:
         return
     which = found.grown >= 0
     index = spell(first_index(which.reshape(batch)))
     name = names[int(found.grown[int(np.argmax(which))])]
     checks.warn(
-        f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell below "
-        "its allowed error and grew far above it again, perhaps without right "
+        f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell near "
+        "its allowed error, or below it, and grew far above it again, perhaps without right "
         f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
     )
 

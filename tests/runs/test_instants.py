@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from suslov_fast import Event, Field, Status, flow
+from suslov_fast import Event, Field, Status, crossings, flow
 
 ENDLESS = pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 
@@ -170,3 +170,22 @@ def test_a_clock_that_equals_a_number_is_an_event():
     with pytest.raises(ValueError, match=r"Event\(times=\[10\]"):
         Field(lambda s: (np.where(s[1] == 10, 5.0, -s[0]), 1.0), "x t")
     Field(lambda s: (np.where(s[0] == 0, 1.0, np.sin(s[0]) / s[0]), 1.0), "x t")
+
+
+TOUCHING = (
+    lambda u: np.cos(u) - 1,
+    lambda u: -u * u,
+    lambda u: 1 / (1 + u * u) - 1,
+    lambda u: np.exp(-u * u) - 1,
+    lambda u: 1 - np.cosh(u),
+)
+
+
+@pytest.mark.parametrize("g", TOUCHING)
+def test_a_start_where_the_state_turns_and_the_surface_touches_0(g):
+    """Of x" = c - x from x = a at rest: g(x - a) is 0 at the start, and below 0 for one turn."""
+    rng = np.random.default_rng(3)
+    a, distance = rng.uniform(-2, 2, 8), rng.uniform(0.3, 2, 8) * ([1, -1] * 4)
+    field = Field(lambda s, a, d: (s[1], a + d - s[0]), "x v", a=a, d=distance)
+    starts = np.stack([a, 0 * a], axis=-1)
+    assert not len(crossings(field, starts, lambda s, a: g(s[0] - a), time=6.0).time)

@@ -20,10 +20,12 @@ from .hidden import sizes_of
 from .numbers import operand_of
 from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
 from .step import dot
+from .tables import is_table
 
 # A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
 OF_SURFACE = 5
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
+_CHOICES = "select", "max", "min", "fabs", "floor"  # with tables, what may be 0 all around a state
 # Those that have no value everywhere, and the side where a surface has none, see `Rows.side`.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
@@ -127,7 +129,8 @@ class Changes(NamedTuple):
     """Changes as code takes them: those that act on surfaces, and those at times.
 
     directions   of the changes on surfaces
-    jumps, gaps  whether the function of each jumps somewhere, or may have no value
+    jumps, gaps, flats  whether the function of each jumps somewhere, or may have no value, or may
+                 be 0 all around a state
     most         of all changes
     parts        `Part`s by name, see below
     components   the numbers of these components, for each change
@@ -143,6 +146,7 @@ class Changes(NamedTuple):
     directions: tuple
     jumps: tuple
     gaps: tuple
+    flats: tuple
     most: tuple
     parts: dict
     components: tuple
@@ -188,11 +192,12 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         parts["toward"] = _toward(on_surfaces, D, P)
     directions = tuple(act.direction for act in on_surfaces)
     most = tuple(act.most for act in acts)
-    jumps, gaps = (
-        tuple(any(each[0] in names for each in act.surface.operations) for act in on_surfaces)
-        for names in (_JUMPS, _WITH_GAPS)
+    names = [{name for name, *_ in act.surface.operations} for act in on_surfaces]
+    jumps, gaps, flats = (
+        tuple(not each.isdisjoint(kind) for each in names)
+        for kind in (_JUMPS, _WITH_GAPS, {*_CHOICES, *filter(is_table, set().union(*names))})
     )
-    return Changes(directions, jumps, gaps, most, parts, tuple(components), P)
+    return Changes(directions, jumps, gaps, flats, most, parts, tuple(components), P)
 
 
 def _toward(acts, D, P):

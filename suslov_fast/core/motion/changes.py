@@ -52,9 +52,13 @@ SIDE = rule(_side)
 
 
 @rule
-def FLAT_SIDE(side, level, value, slopes, slopes_later):
-    """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above."""
+def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
+    """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above.
+
+    It `may` if s has choices: slopes that are 0 do not tell of others, as cos(x) - 1 touches 0.
+    """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
+    is_flat = is_flat & (may > 0.5)
     return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
 
 
@@ -318,7 +322,8 @@ def _with_flat_side(lines, k, side, level):
     """Return the side and the level of surface k after `FLAT_SIDE`."""
     value, slopes = (lines.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
     later = lines.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
-    own = {"value": value, "slopes": slopes, "slopes_later": later}
+    may = lines.text.constants([*map(float, lines.half.changes.flats)])[k]
+    own = {"value": value, "slopes": slopes, "slopes_later": later, "may": may}
     return lines.apply(FLAT_SIDE, side=side, level=level, **own)
 
 

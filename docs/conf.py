@@ -49,7 +49,7 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
-    "index howto/equations suslov gallery architecture performance "
+    "index howto/equations howto/first_ode suslov gallery architecture performance "
     "bibliography changelog summary search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}

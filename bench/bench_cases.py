@@ -53,3 +53,6 @@ def run_case(benchmark, case, threads):
         benchmark.pedantic(work.call, rounds=1 if case.is_slow else 3)
     else:
         benchmark(work.call)
+    if full:
+        rate = work.units / benchmark.stats.stats.min
+        benchmark.extra_info |= {"unit": work.unit, "units_per_second": rate}

@@ -41,6 +41,18 @@ def _kind(case):
     return peers[0] if peers else (case.table, case.key)
 
 
+@pytest.hookimpl(trylast=True)  # below those tables
+def pytest_terminal_summary(terminalreporter, config):
+    """Add the column that the tables of pytest-benchmark lack: units of work in a second."""
+    session = getattr(config, "_benchmarksession", None)
+    timed = [each for each in session.benchmarks if each] if session else []
+    if timed:
+        terminalreporter.section("units of work per second, of the fastest round")
+    for each in timed:
+        rate = f"{each.extra_info['units_per_second']:16,.0f} {each.extra_info['unit']}s/s"
+        terminalreporter.write_line(f"{rate:40}{each.extra_info['whose']:14}{each.param}")
+
+
 def pytest_benchmark_update_machine_info(machine_info):
     import results  # with Numba, which not every process of `pytest -n` needs
 

@@ -11,7 +11,7 @@ TABLE = (
   ("omega x state", "x0 omega0 omega x states state components", ""),
   ("body system field fun rhs model", "system body", ""),
   ("f", "first_integral body", ""),
-  ("backward reverse inverse", "", "-eps, which undoes a step"),
+  ("backward reverse inverse", "", "-eps, which undoes a step; of a Map another Map"),
   ("arg p param parameter", "parameters",
    "parameters of the field, Field(f, names, a=1), and field.with_parameters(a=2); an "
    "array makes a family"),
@@ -125,7 +125,8 @@ TABLE = (
   ("trajectory orbit simulate simulation simulator evolve", "run states",
    "suslov_fast.flow(system, x0, time=t), or suslov_fast.iterate along the map"),
   ("orbitdiagram bifurcationdiagram bifurcation hopf fold saddlenode continuation", "",
-   "a family, Field(f, names, c=array), and c[points.trajectory] of its crossings"),
+   "a family, Field(f, names, c=array), and c[points.trajectory] of its crossings; of maps "
+   "iterate(Map(f, names, c=array), x0, steps=n)"),
   ("phaseportrait plotphaseportrait pplane phasespace quiver streamplot", "plot",
    "flow(field, grid, time=t).plot()"),
   ("plot3d", "", "plot(a, b, c), with the names of three components"),
@@ -191,11 +192,16 @@ TABLE = (
    "suslov_fast.integrability.report(field)"),
   ("fromarray fromcoefficient frommatrices", "", "Field.from_terms(quadratic, linear, constant)"),
   ("map kahanmap hirotakimura discretize discretization formula", "",
-   "suslov_fast.step(system, x, eps), or suslov_fast.integrability.kahan(field).formulas"),
-  ("zoo example dataset systems henon lyness toda kepler duffing pendulum lorenz roessler "
+   "suslov_fast.step(system, x, eps), or suslov_fast.integrability.kahan(field).formulas; a map "
+   "of one's own is suslov_fast.Map(f, names)"),
+  ("discretedynamicalsystem deterministiciteratedmap discretemap iteratedmap difference "
+   "differenceequation recurrence henon henonmap logistic logisticmap standardmap lyness mcmillan "
+   "qrt qrtmap ikeda catmap tentmap lozi", "",
+   "suslov_fast.Map(f, names), and iterate(map, x0, steps=n)"),
+  ("zoo example dataset systems toda kepler duffing pendulum lorenz roessler "
    "rossler henonheiles lotkavolterra vanderpol eulertop", "",
    "Field(f, names), or field, eps = suslov_fast.integrability.zoo()[name]"),
-  ("rationalmap", "rational_map", "suslov_fast.integrability.rational_map(f, n)"),
+  ("rationalmap", "", "suslov_fast.Map(f, names), which the laboratory takes"),
   ("kahan rationalorbit exactmap", "",
    "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
   ("algebraicentropy entropy degreegrowth degreesofiterates", "proved_entropy",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from suslov_fast import (
     Events,
     Field,
+    Map,
     Motion,
     SingularStepError,
     Suslov3D,
@@ -42,6 +43,10 @@ assert_type(run.ok, NDArray[np.bool_])
 assert_type(flow(Field.from_terms([[[1.0]]]), [1.0], time=0.5), Motion)
 any_field = Field(lambda x: (x[1], -np.sin(x[0])), 2)
 assert_type(any_field.dimension, int)
+any_map = Map(lambda x: (x[1], -x[0]), "x y")
+assert_type(any_map.dimension, int)
+assert_type(any_map.with_parameters(), Map)
+assert_type(iterate(any_map, [1.0, 0.0], steps=5), Trajectories)
 assert_type(SuslovND(J=[1.0, 2.0], I=[0.1, 0.2]).dimension, int)
 assert_type(Suslov3D(4.0, 1.0, 0.1, 0.1).field(), Field)
 assert_type(Suslov3D.from_dict({}), Suslov3D)

@@ -24,7 +24,7 @@ def class_named(name: Any) -> type[Any]:
     return _NAMED[name]
 
 
-def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
+def body_from_dict(parameters: Mapping[str, Any]) -> MapOrField:
     """Return the body or field that a dictionary from `to_dict` describes."""
-    body: BodyOrField = class_named(parameters["body"]).from_dict(parameters)
+    body: MapOrField = class_named(parameters["body"]).from_dict(parameters)
     return body

@@ -113,14 +113,14 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
 def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields for a map, with its parameters as eps v / 2."""
     rows = body.rows if body.shape else body.rows[np.newaxis]
-    return Scheme(body.step, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
+    return Scheme(body.operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
 
 
 def map_system(body: Any, _: float) -> MapSystem:
     """Return the code and the parameters of a single map, for `compiled`."""
-    if not body.step.usual:
+    if not body.operations.usual:
         raise wrong("system", f"a map of at most {LONGEST:,} operations", body.called)
-    return map_system_of(body.step, body.rows)
+    return map_system_of(body.operations, body.rows)
 
 
 def body_system(body: Any, eps: float) -> BodySystem:

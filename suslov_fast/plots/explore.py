@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..bodies.classes import AnyBody, BodyOrField
+from ..bodies.classes import AnyBody, MapOrField
 from ..checks import FloatArray
 from ..engine.status import Status
 from ..keywords import public
@@ -82,7 +82,7 @@ class Page:
             system = system.with_parameters(**parameters)
         if "time" in options:
             return flow(system, x0, time=np.linspace(0.0, options["time"], 2001))
-        return iterate(system, x0, options["eps"], round(options["steps"]))
+        return iterate(system, x0, options.get("eps"), round(options["steps"]))
 
     def shown(self, values: list[float], pair: list[str]) -> tuple[dict[str, Any], str, str]:
         """Return the times and two components of the trajectory, the system, and a message."""
@@ -162,7 +162,7 @@ class Page:
 
 @public
 def explore(
-    system: BodyOrField,
+    system: MapOrField,
     x0: Any = None,
     /,
     *,
@@ -173,20 +173,20 @@ def explore(
 ) -> None:
     """Show a trajectory with sliders for parameters, step size and initial state in the browser.
 
-    The page has the plane of two components, which are chosen there, and both over time. A body
-    has the orbit of its map, and a field the solution of its equations, unless `time`, `eps`
+    The page has the plane of two components, which are chosen there, and both over time. A map and
+    a body have the orbit, and a field the solution of its equations, unless `time`, `eps`
     or `steps` says otherwise. In a notebook the page is the output of the cell; elsewhere the call
     opens the browser, and lasts until Ctrl-C.
 
     Parameters
     ----------
-    system : Suslov3D, SuslovND, Field
+    system : Map, Field, Suslov3D, SuslovND
         The system. A parameter of a family has a slider from its least to its largest value, other
         ones from 0 to twice their value.
     x0 : array_like(float, shape=(D,)), optional
         Initial state, by default (1, 1/2, 1/3, ...). The first 20 components have sliders.
     eps : float, optional
-        Step size of the map, by default 0.2 for a body.
+        Step size of Kahan's map, by default 0.2 for a body.
     steps : int, optional
         Number of steps of the map, by default 500.
     time : float, optional
@@ -211,17 +211,19 @@ def explore(
     >>> explore(pendulum, [2.5, 0.0], time=60.0)  # doctest: +SKIP
     """
     checks.extra("bokeh", "explore")
-    checks.instance("system", system, BodyOrField)
+    checks.instance("system", system, MapOrField)
     D, of_map = system.dimension, (eps, steps) != (None, None)
     start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else checks.states("x0", x0, system.labels)
     if start.shape != (D,):
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)
     if of_map and time is not None:
         raise TypeError("time is for the motion, eps and steps for the map: leave out one of them")
-    if of_map or (time is None and isinstance(system, AnyBody)):
-        eps = 0.2 if eps is None else checks.one_number("eps", eps)
-        count = checks.integer("steps", 500 if steps is None else steps, 1)
-        options = {"eps": eps, "steps": float(count)}
+    if not system.has_eps and (eps, time) != (None, None):
+        raise TypeError("explore: a Map has neither eps nor time: pass steps=N")
+    if of_map or not system.has_eps or (time is None and isinstance(system, AnyBody)):
+        options = {"steps": float(checks.integer("steps", 500 if steps is None else steps, 1))}
+        if system.has_eps:
+            options = {"eps": 0.2 if eps is None else checks.one_number("eps", eps), **options}
     else:
         options = {"time": 20.0 if time is None else checks.one_number("time", time)}
     page = Page(system, start, options)

@@ -1,4 +1,6 @@
-"""Equilibria near given states, of any field: Newton's method, and SciPy's where it is not enough.
+"""Equilibria of fields near given states, and fixed points of maps, by Newton's method.
+
+Those of SciPy follow where it is not enough.
 
 Linear integrals c . x of f keep their values: each takes the place of an equation that follows from
 the others. Steps of least norm solve the linear equations, with rows scaled to 1, so that neither
@@ -18,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.classes import System
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import system_of
+from ..bodies.fields.map import Map
 from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
 from ..core.lists.linear_terms import coefficients
 from ..engine.status import Status
@@ -42,13 +45,14 @@ class Equilibria(NamedTuple):
         The equilibria, NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
         Eigenvalues of f', by decreasing real part; in conjugate pairs Im > 0 comes first. k is D
-        without the variables of a constant rate.
+        without the variables of a constant rate. Those of a `Map` are its multipliers.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
     stable : ndarray(bool, shape=(...))
         True where the status is `OK` and all eigenvalues have negative real parts, except the zeros
         that belong to linear integrals. If one has a positive real part, the equilibrium is
-        unstable; otherwise the eigenvalues decide nothing.
+        unstable; otherwise the eigenvalues decide nothing. For a `Map` the moduli of the
+        multipliers are below 1.
     """
 
     states: FloatArray
@@ -59,18 +63,19 @@ class Equilibria(NamedTuple):
 
 @public
 def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
-    """Find equilibria near given states.
+    """Find equilibria near given states, or fixed points f(x) = x of a :class:`Map`.
 
     Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
     f, such as the totals that a reaction conserves, keep the values that they have in `near`.
     Members of a family may go to different equilibria: to follow one, pass the last one found as
     `near` of the next. A body without a rotor has a line of them, of which the nearest one is
     returned. The fixed points of Kahan's map are the same for every step size, because
-    (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
+    (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x). Orbits of period 2 of a map are fixed points of
+    ``Map(lambda x: f(f(x)), names)``.
 
     Parameters
     ----------
-    system : Field, body or callable
+    system : Field, Map, body or callable
         A single one, or a batch, or a function of the state as in :func:`flow`.
     near : array_like(float, shape=(..., D))
         States near equilibria, which broadcast with the batch. NaN gives NaN.
@@ -103,7 +108,7 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     A pendulum with friction and a torque, for three torques:
 
     >>> import numpy as np
-    >>> from suslov_fast import Field, equilibria
+    >>> from suslov_fast import Field, Map, equilibria
     >>> pendulum = Field(
     ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
     ... )
@@ -119,11 +124,19 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     ... )
     >>> equilibria(enzyme, near=[10, 1, 0, 0]).states.round(9) + 0.0
     array([ 0.,  1.,  0., 10.])
+
+    The saddle in the attractor of Hénon's map:
+
+    >>> henon = Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), "x y")
+    >>> saddle = equilibria(henon, near=[0.6, 0.2])
+    >>> saddle.states.round(6), saddle.eigenvalues.real.round(6)
+    (array([0.631354, 0.189406]), array([ 0.155946, -1.923739]))
     """
     body: Any = system_of(system, near)
     instance("system", body, Body)
     given = states("near", near, body.labels)
-    field = body.field()
+    is_map = isinstance(body, Map)
+    field = body.displacement if is_map else body.field()
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
@@ -143,8 +156,9 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
             is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
-        values = _eigenvalues(slopes)
-        is_stable = _eigenvalues(equations.without_totals(slopes)).real < 0.0
+        values = _eigenvalues(slopes) + is_map
+        others = _eigenvalues(equations.without_totals(slopes))
+        is_stable = abs(others + 1.0) < 1.0 if is_map else others.real < 0.0
     status = np.select(
         [is_found & ~is_degenerate, is_found, ~has_value],
         [Status.OK, Status.DEGENERATE, Status.NONFINITE],

@@ -58,7 +58,7 @@ def ensemble(
 
     Parameters
     ----------
-    system : Field or a body
+    system : Field, Map or a body
         A single one, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
         Initial states, or a function that takes the number of a chunk, and returns the states
@@ -116,14 +116,16 @@ def ensemble(
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     own: dict[str, Any]
-    is_of_motion = either_map_or_motion("ensemble", eps, steps, time)
+    is_of_motion = time is not None
+    if system.has_eps:
+        either_map_or_motion("ensemble", eps, steps, time)
     function: Any = flow if is_of_motion else iterate
     if is_of_motion:
         own = {"time": checks.real_number("time", time)}
         own["events"] = tuple(c.of(system) for c in checked_events(options.get("events", ())))
     else:
-        own = {"eps": checks.real_number("eps", eps), "steps": steps}
-        own["on_singular"] = "ignore"
+        own = {"steps": steps, "on_singular": "ignore"}
+        own |= {} if eps is None else {"eps": checks.real_number("eps", eps)}
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
@@ -201,7 +203,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     """Return the dataset of all N trajectories, lazy where chunks are written, and its encoding."""
     import dask.array
 
-    parameters = given["system"].arrays | {"eps": given.get("eps")}
+    parameters = given["system"].arrays | {k: a for k, a in given.items() if k == "eps"}
     encoding: dict[str, Any] = {}
     variables = {}
     for name, each in data.variables.items():

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..bodies.classes import Map, System
+from ..bodies.classes import System
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import system_of
+from ..bodies.fields.map import Map
 from ..checks import FloatArray, Reals, integer, short, wrong
 from ..engine.derivatives import growth
 from ..engine.evaluation import mask_and_warn

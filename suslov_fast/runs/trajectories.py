@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import kahan
-from ..bodies.classes import BodyOrField
+from ..bodies.classes import MapOrField
 from ..checks import FloatArray, one_of, wrong
 from ..core.fields.stages import WHOLE
 from ..engine.status import first_beyond
@@ -33,7 +33,7 @@ class Trajectories(States):
     n, time : ndarray
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
-        The arguments of :func:`iterate`.
+        The arguments of :func:`iterate`; eps is 1 for a :class:`Map`.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
@@ -72,7 +72,7 @@ class Trajectories(States):
 
     states: FloatArray
     eps: float | FloatArray
-    body: BodyOrField
+    body: MapOrField
     map: Discretization
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
@@ -122,7 +122,8 @@ class Trajectories(States):
         if self.map.stages is not WHOLE:
             how = "use energy, which varies along orbits of higher order"
             raise wrong("method", "'auto'", f"{self.method!r}: {how}", TypeError)
-        return kahan.modified_energy(self.body, self.states, self.eps)
+        body: Any = self.body  # a `Map` raises
+        return kahan.modified_energy(body, self.states, self.eps)
 
     def __repr__(self) -> str:
         n = self.n

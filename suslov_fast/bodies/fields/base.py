@@ -24,8 +24,8 @@ Kind = TypeVar("Kind", bound="Body")
 HIDDEN = frozenset(
     "arrays arrow axes batch_of_one called constants coordinates derived_by displacement "
     "energy_terms exact_parts exact_terms has_eps is_hamiltonian is_solved labels left "
-    "listed_right_hand_sides may_escape meaning motion_lists of_member of_terms parts positive "
-    "read reduction right_hand_sides rows steady_line step texts variable with_parts "
+    "listed_right_hand_sides may_escape meaning motion_lists of_member of_terms operations parts "
+    "positive read reduction right_hand_sides rows steady_line texts variable with_parts "
     "without_value".split()
 )
 

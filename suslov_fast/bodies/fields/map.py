@@ -8,14 +8,14 @@ from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
-from ...checks import FloatArray, short, wrong
+from ...checks import FloatArray, arguments_of, short, wrong
 from ...core.lists.map_step import MapStep, map_step
 from ...core.lists.right_hand_side import in_order
 from ...keywords import public_class
 from .calls import check_function, operands_of_function
 from .equations import Equations
 from .field import Field
-from .names import check_for_map, variables
+from .names import TIME, check_for_map, variables
 from .polynomials import named_parameters
 from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
 
@@ -73,6 +73,10 @@ class Map(Traced):
         self, f: Callable[..., Any], /, names: int | str | Sequence[str], **parameters: Any
     ) -> None:
         names = variables("names", names)
+        if TIME & {*arguments_of(f), *parameters}:
+            call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
+            how = "the number of the step is a variable that grows by 1"
+            raise TypeError(f"f: {how}, as in {call}, and no argument t")
         check_function("f", f, names, parameters)
         values = named_parameters(parameters, names)
         check_for_map((), [name for name in values if name != "eps"])
@@ -93,8 +97,8 @@ class Map(Traced):
 
     def _value(self, x: FloatArray) -> FloatArray:
         found = super()._value(x)
-        exists = np.isfinite(found).all(axis=-1) & ~np.isnan(x).any(axis=-1)
-        return np.where(exists[..., np.newaxis], found, np.nan)
+        exists = np.isfinite(found) & ~np.isnan(x)
+        return np.where(exists.all(axis=-1, keepdims=True), found, np.nan)
 
     @property
     def _field(self) -> NoReturn:
@@ -114,7 +118,7 @@ class Map(Traced):
         return Field._of({**self.parts, NAMES: self.names, EQUATIONS: equations})
 
     @property
-    def step(self) -> MapStep:
+    def operations(self) -> MapStep:
         """The list of operations of a step."""
         return map_step(self._equations.right_hand_side)
 

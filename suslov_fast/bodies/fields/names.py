@@ -156,5 +156,5 @@ def check_for_map(variables: Sequence[str], parameters: Collection[str]) -> None
     """Raise ValueError if a name of a field stands for something else in runs of its map."""
     for name in (*(each for each in variables if each == "eps"), *parameters):
         if what := _OF_MAPS.get(name):
-            how = f"make the field again with another name, {name}_ for example"
+            how = f"make it again with another name, {name}_ for example"
             raise ValueError(f"system: {name!r} clashes with {what}: {how}")

@@ -1,13 +1,18 @@
 """Configuration of Sphinx; `tox -e docs` builds the pages."""
 
 import re
+import sys
 import unicodedata
+from pathlib import Path
 from xml.etree import ElementTree
 
 from docutils import nodes
 from latex2mathml.converter import convert
 
 import suslov_fast
+
+sys.path.insert(0, str(Path(__file__).parent))
+from files import tables
 
 project = "suslov_fast"
 author = "The suslov_fast developers"
@@ -163,12 +168,19 @@ def straight_quotes(app, docname, _):
     app.config.smartquotes = not docname.startswith("reference/")
 
 
+def with_files(app, docname, source):
+    """Add the table of files to the page that is about them."""
+    if docname == "architecture":
+        source[0] = source[0].replace("## Rules\n", f"### Files\n\n{tables()}\n\n## Rules\n")
+
+
 def setup(app):
     """Register MathML as the format of formulas, and links to figures and signatures."""
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
     app.connect("html-page-context", finish)
     app.connect("autodoc-process-signature", signature)
     app.connect("source-read", straight_quotes)
+    app.connect("source-read", with_files)
 
 
 html_math_renderer = "mathml"

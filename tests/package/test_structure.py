@@ -140,14 +140,14 @@ OF_OBJECTS = "body. f. work. carried. np. numba. dataclasses. xarray.".split()
 
 
 def test_names_in_ticks_are_there():
-    """Files, and dotted names, in docstrings and in the architecture: none has moved or gone."""
+    """Files, and dotted names, in docstrings and pages for developers: none has moved or gone."""
     roots = (children.ROOT, "CHANGELOG.md"), (children.ROOT, "docs/*.py")
     roots += (children.ROOT, "tests/**/*.py"), (PACKAGE.parent, f"{PACKAGE.name}/**/*.py*")
     files = [
         "/" + path.relative_to(root).as_posix() for root, how in roots for path in root.glob(how)
     ]
-    architecture = children.ROOT / "docs/architecture.md"
-    documents = [(architecture, architecture.read_text(encoding="utf-8"))]
+    pages = [children.ROOT / f"docs/{name}.md" for name in ("architecture", "extend")]
+    documents = [(page, page.read_text(encoding="utf-8")) for page in pages]
     named, defined = (ast.Module, ast.ClassDef, ast.FunctionDef), {}
     for path in TEXTS:
         nodes = [*nodes_of(path)]

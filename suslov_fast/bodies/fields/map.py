@@ -27,7 +27,7 @@ class Map(Traced):
 
     :func:`iterate` and :func:`lyapunov_exponents` iterate it, ``map(x)`` is one step, and
     :func:`equilibria` finds fixed points. A step has no length in time: there is no eps, and
-    ``run.time`` counts steps. The laboratory :mod:`integrability` takes a rational map. f may
+    ``run.time`` counts steps. The laboratory ``integrability`` takes a rational map. f may
     contain what the function of a :class:`Field` may, such as ``np.mod``, ``np.where`` and tables.
 
     Parameters

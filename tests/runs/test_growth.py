@@ -137,7 +137,7 @@ def test_decay_and_rotation_below_allowed_errors_take_long_steps():
     assert motion.steps < 400
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_epidemics_are_right_or_warned_of(count):
     rng = np.random.default_rng(7)
     for _ in range(count):

@@ -73,7 +73,8 @@ def nothing_found(starts: FloatArray, count: int) -> Found:
     B = len(starts)
     states = np.full((count, *starts.shape), np.nan)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
-    return Found(states, np.zeros(B), np.zeros(B, np.int64), status)
+    records = _in_order([], 1, starts)
+    return Found(states, np.zeros(B), np.zeros(B, np.int64), status, records=records)
 
 
 def right_hand_sides(
@@ -106,8 +107,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     """
     B, count = len(starts), len(asked.times)
     if not B:
-        records = None if asked.stops is None else _in_order([], asked.sign, starts)
-        return nothing_found(starts, count)._replace(records=records)
+        return nothing_found(starts, count)
     groups = right_hand_sides(field.right_hand_sides, field.shape, batch)
     if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
@@ -183,9 +183,10 @@ def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Recor
     """Return records in order, from those of the engine."""
     D = starts.shape[1]
     rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
-    small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times as fast
-    order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
-    rows = np.take(rows, order, axis=0)
+    if len(starts) > 1:
+        small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times faster
+        order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
+        rows = np.take(rows, order, axis=0)
     trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
     if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
         # Several in a step may be in another order. It takes many times as long.

@@ -117,6 +117,7 @@ class Event:
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
     _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
     _kept: dict[str, Any] = field(init=False, default_factory=dict)
+    _earliest: dict[int, float] = field(init=False, default_factory=lambda: {1: 0.0, -1: 0.0})
 
     def __post_init__(self) -> None:
         if (self.surface is None) == (self.times is None):
@@ -148,7 +149,10 @@ class Event:
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
             times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
-            vars(self)["times"] = read_only(np.array(times, ndmin=1))
+            times = vars(self)["times"] = read_only(np.array(times, ndmin=1))
+            for sign in (1, -1):  # forward and backward in time
+                moduli = times[times * sign >= 0.0]
+                self._earliest[sign] = abs(moduli).min(initial=math.inf)
 
     @public
     def of(self, system: Any) -> Event:

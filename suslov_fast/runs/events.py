@@ -245,8 +245,10 @@ def warn_of_times_that_never_come(
 ) -> None:
     """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
     for k, event in enumerate(events if count else ()):
-        times = None if event.times is None else event.times[np.isfinite(event.times)]
-        if times is None or not times.size or ((times * sign >= 0.0) & (abs(times) <= last)).any():
+        if event._earliest[sign] <= last:
+            continue
+        times = event.times[np.isfinite(event.times)]
+        if not times.size:
             continue
         warn(
             f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
@@ -256,18 +258,14 @@ def warn_of_times_that_never_come(
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
     """Return the events in `Records`, with the numbers of events in the list of the user."""
-    D, K = motion.body.dimension, 0 if records is None else len(records.time)
-    columns: dict[str, Any] = {name: np.empty(0, np.int64) for name in ("trajectory", "which")}
-    columns |= {"time": np.empty(0), **dict.fromkeys(("before", "states"), np.empty((0, D)))}
-    if K:
-        numbers = np.array(in_order_of_code(events), np.int64)
-        columns = {
-            "trajectory": records.trajectory,
-            "which": numbers[records.which],
-            "time": records.time,
-            "before": records.before[:, :D],
-            "states": records.states[:, :D],
-        }
+    D, order = motion.body.dimension, in_order_of_code(events)
+    columns = {
+        "trajectory": records.trajectory,
+        "which": records.which if len(order) == 1 else np.array(order, np.int64)[records.which],
+        "time": records.time,
+        "before": records.before[:, :D],
+        "states": records.states[:, :D],
+    }
     return events_of(columns, events, motion)
 
 
@@ -276,17 +274,15 @@ def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -
 
     ValueError if a number of a trajectory or of an event is none of the motion's.
     """
-    body, status, C = motion.body, motion.status, len(events)
+    status, C = motion.status, len(events)
     numbers = columns["trajectory"] * C + columns["which"]
     count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
-    final = np.full((status.size, body.dimension), np.nan)
+    final = np.full(motion.states.shape[1:], np.nan)
     if len(motion.time):
-        final[:] = motion.states[-1].reshape(final.shape)
-    stopped = np.flatnonzero(status.ravel() == Status.STOPPED)
-    final[stopped] = columns["states"][np.searchsorted(columns["trajectory"], stopped, "right") - 1]
-    about = {
-        "status": status,
-        "end": motion.end,
-        "final": final.reshape(*status.shape, body.dimension),
-    }
-    return Events._of(columns | about | {"count": count, "body": body, "_given": events})
+        final[...] = motion.states[-1]
+    is_stopped = status == Status.STOPPED
+    if is_stopped.any():
+        last = np.searchsorted(columns["trajectory"], np.flatnonzero(is_stopped), "right") - 1
+        final[is_stopped] = columns["states"][last]
+    about = {"status": status, "end": motion.end, "final": final}
+    return Events._of(columns | about | {"count": count, "body": motion.body, "_given": events})

@@ -1,15 +1,12 @@
 """Exact numbers, points and matrices, over the rationals and modulo random primes.
 
-A search modulo a prime p and at a number e in place of eps returns a matrix in echelon form. Its
-rows, up to factors, are interpolated over several e and reconstructed from several p. The result
-is accepted if it predicts the matrix for another p and e.
+Letters, such as eps, are replaced by random numbers there.
 """
 
 from __future__ import annotations
 
 import contextlib
 import random
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Any
@@ -22,8 +19,12 @@ from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
+Values = tuple[int, ...]  # of letters
+# Rows of a matrix, numerators and denominators: coefficients by exponents of the letters.
+Rows = Sequence[Sequence[tuple[dict[Values, Any], dict[Values, Any]]]]
 
-EPS = 2**40 + 7  # as good as a random number
+# In place of letters, of which eps is the first: as good as random numbers.
+EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
 EXTRA = 10  # equations more than unknowns
 DRAWS = 8  # of primes with points or lines, of which two must agree
 _LONG = 2**20  # denominators of floats such as 0.1
@@ -115,16 +116,23 @@ def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
     return point_modulo(p, [rng.randrange(p) for _ in range(n)])
 
 
-def agreed_by_primes(rng: random.Random, compute: Callable[[int, int], Any]) -> Any:
+def random_values(rng: random.Random, p: int) -> Values:
+    """Return random numbers modulo a prime in place of letters."""
+    first = rng.randrange(2, p)
+    others = random.Random(first)
+    return (first, *(others.randrange(2, p) for _ in EPS[1:]))
+
+
+def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
     """Return the first result on which two primes agree, each with points or lines of its own.
 
-    The function is called with a prime and a random number in place of eps, if this is symbolic.
+    The function is called with a prime and random numbers in place of letters.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
-            results.append(compute(p, rng.randrange(2, p)))
+            results.append(compute(p, random_values(rng, p)))
             if results.count(results[-1]) > 1:
                 return results[-1]
     if not results:
@@ -163,47 +171,7 @@ def integer_rows(matrix: Any, count: int | None = None) -> Residues:
     return [[int(a) for a in row] for row in matrix.tolist()[:count]]
 
 
-SearchModulo = Callable[[int, int], Residues]  # of a prime and a number in place of eps
-Rows = Sequence[Sequence[Sequence[Any]]]  # the coefficients of entries, in ascending powers of eps
-
-_PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
-_POINTS = 48  # values of eps, enough for polynomials of degree 20
-
-
 # From residues to rational numbers.
-
-
-def over_rationals(rng: random.Random, search: SearchModulo, symbolic: int = False) -> Rows | None:
-    """Return the rows whose residues a search finds; None if their entries are too long."""
-    known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their shape
-    candidate: Rows | None = None
-    for _ in range(_PRIMES):
-        with contextlib.suppress(ZeroDivisionError):
-            p = random_prime(rng)
-            e = rng.randrange(2, p)
-            found = search(p, e)
-            if candidate is not None and _predicts(candidate, found, p, e):
-                return candidate
-            numbers: Rows = [[[c] for c in row] for row in found]
-            rows = _interpolated(search, p, e, found) if symbolic and found else numbers
-            if rows is None:
-                return None
-            residues = known[np.shape(rows)]
-            residues.append((np.array(rows, object), p))
-            if len(residues).bit_count() == 1:  # a power of two
-                candidate = _simplest_rows(residues)
-    if not known:
-        raise ArithmeticError("the iterates reach poles of the map")
-    return None
-
-
-def _simplest_rows(residues: Sequence[tuple[Any, int]]) -> Any:
-    """Return the rows of the simplest fractions with these residues modulo primes."""
-    total, modulus = np.zeros((), object), 1
-    for rows, p in residues:  # the Chinese remainder theorem
-        total = total + modulus * ((rows - total) * pow(modulus, -1, p) % p)
-        modulus *= p
-    return [[[simplest_fraction(a, modulus) for a in entry] for entry in row] for row in total]
 
 
 def simplest_fraction(residue: int, modulus: int) -> Fraction:
@@ -212,52 +180,3 @@ def simplest_fraction(residue: int, modulus: int) -> Fraction:
         return Fraction(residue)
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
-
-
-def _predicts(rows: Rows, found: Residues, p: int, e: int) -> bool:
-    """Return True if rows at a number e are multiples of those found modulo a prime."""
-
-    def are_parallel(row: Sequence[Sequence[Any]], values: list[int]) -> bool:
-        polynomials = ([flint.nmod(fmpq(c), p) for c in entry] for entry in row)
-        at_e = [flint.nmod_poly(coefficients, p)(e) for coefficients in polynomials]
-        return bool(flint.nmod_mat([at_e, values], p).rank() == 1)
-
-    return [*map(len, rows)] == [*map(len, found)] and all(map(are_parallel, rows, found))
-
-
-def _interpolated(search: SearchModulo, p: int, e: int, found: Residues) -> Rows | None:
-    """Return the rows as polynomials in eps modulo p; None if their degree is too high."""
-    rng = random.Random(p)
-    candidate: Rows | None = None
-    points: list[int] = []
-    values: list[Residues] = []
-    while len(points) < _POINTS:
-        if candidate is not None and _predicts(candidate, found, p, e):
-            return candidate
-        points.append(e)
-        values.append(found)
-        if len(points) % 3 == 2:
-            candidate = _through(points, values, p)
-        e = rng.randrange(2, p)
-        found = search(p, e)
-        if np.shape(found) != np.shape(values[0]):  # one of the numbers is special
-            raise ZeroDivisionError
-    return None
-
-
-def _through(points: list[int], values: list[Residues], p: int) -> Any:
-    """Return the polynomials of least degree that are multiples of these rows at the points."""
-    n, k, rows = len(points), (len(points) + 1) // 2, []
-    powers = np.array([[pow(e, i, p) for i in range(n)] for e in points], object)
-    inverse = flint.nmod_mat(powers.tolist(), p).inv()  # of values at the points, to coefficients
-    for row in np.array(values, object).transpose(1, 2, 0):
-        # A row is multiplied by a polynomial so that this and all products have degrees below k.
-        products = [inverse * flint.nmod_mat((c * powers.T[:k]).T.tolist(), p) for c in row]
-        high = [coefficients for product in products for coefficients in product.tolist()[k:]]
-        if not (multipliers := null_space(flint.nmod_mat(high, p))):
-            return None
-        multiplier = flint.nmod_mat(k, 1, multipliers[0], p)
-        rows.append([[int(c) for c in (P * multiplier).entries()[:k]] for P in products])
-    entries = np.array(rows, object)
-    width = 1 + np.flatnonzero(entries.any(axis=(0, 1)))[-1]
-    return entries[..., :width].tolist()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..bodies.fields.base import Body
 from ..checks import integer, short, wrong
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import Point, Residues, over_rationals
+from .arithmetic import Point, Residues, Values
 from .darboux import check_unknowns
 from .functions import (
     RationalFunction,
@@ -25,7 +26,8 @@ from .functions import (
     quotient_of,
     rank_of_quotients,
 )
-from .kahan import checked_map
+from .interpolation import over_rationals
+from .letters import checked_map
 from .maps import RationalMap
 from .polynomials import (
     Exponents,
@@ -74,7 +76,8 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        rows = [[[a] for a in row] for row in self.basis or ()]
+        one = {(): Fraction(1)}
+        rows = [[({(): a}, one) for a in row] for row in self.basis or ()]
         polynomials = polynomials_with(rows, self.monomials)
         return tuple(renamed(P, self.names) for P in polynomials)
 
@@ -95,6 +98,7 @@ def hk_bases(
     monomials: int | Sequence[Sequence[int]],
     *,
     point: Any = None,
+    letters: Any = None,
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
@@ -113,6 +117,8 @@ def hk_bases(
         the lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
+    letters : str or sequence of str, optional
+        As in :func:`darboux_polynomials`: then `integrals` hold for all values of these parameters.
 
     Returns
     -------
@@ -135,7 +141,7 @@ def hk_bases(
     >>> hk_bases(map, 4).integrals
     ((4*Omega1^2 + Omega2^2)/(Omega1*Omega2 + 1024),)
     """
-    map = checked_map(map)
+    map = checked_map(map, letters)
     n = map.dimension
     exponents = _exponents_of(monomials, n)
     given = random.Random(0).sample(range(2, 100), n) if point is None else point
@@ -156,11 +162,11 @@ def hk_bases(
     basis: tuple[Point, ...] | None = None if map.is_symbolic else ()
     if not map.is_symbolic and (dimension > 0 or point is not None):
 
-        def search(p: int, eps: int) -> Residues:
+        def search(p: int, eps: Values) -> Residues:
             return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
 
         rows = over_rationals(map.generator(), search)
-        basis = None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)
+        basis = None if rows is None else tuple(tuple(N[()] for N, _ in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         max(sum(e) for e in exponents),

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
+from .arithmetic import Values
 from .growth import common_series, rational_series
 from .maps import RationalMap
 from .polynomials import (
@@ -92,7 +93,7 @@ class Plane:
     """A birational map of the plane in homogeneous coordinates, and the curves it contracts."""
 
     def __init__(self, map: RationalMap) -> None:
-        self.map, self.symbolic, self.degree = map, map.is_symbolic, map.degree
+        self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
         self.ring = polynomial_ring(3, self.symbolic)
         x = self.ring.gens()[self.symbolic :]
         self.forms = [homogenized(F, self.degree, x, self.ring) for F in map.forms]
@@ -129,7 +130,7 @@ class Step(NamedTuple):
 class PlaneModulo:
     """The forms and curves of a `Plane` modulo a prime, and at a number in place of eps."""
 
-    def __init__(self, plane: Plane, p: int, eps: int, seed: int) -> None:
+    def __init__(self, plane: Plane, p: int, eps: Values, seed: int) -> None:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
@@ -249,7 +250,7 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
-        residues = PlaneModulo(plane, p, rng.randrange(2, p), rng.getrandbits(30))
+        residues = PlaneModulo(plane, p, (rng.randrange(2, p),), rng.getrandbits(30))
         for number in numbers:
             if _agree(by_prime[number]) or (component := residues.component(number)) is None:
                 continue

@@ -19,14 +19,16 @@ from ..bodies.fields.base import Body
 from ..checks import integer, wrong
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS, EXTRA, Residues, over_rationals
+from .arithmetic import EPS, EXTRA, Residues, Values
 from .functions import RationalFunction, factored, product_of, rational_roots
-from .kahan import checked_map
+from .interpolation import over_rationals
+from .letters import checked_map
 from .maps import TERMS, RationalMap
 from .polynomials import (
     Polynomials,
     degree_of,
     exponents_up_to,
+    letters_of,
     modulo,
     monomial_values,
     on_line,
@@ -38,17 +40,17 @@ from .polynomials import (
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
     """Return a basis of the polynomials with a cofactor, None for det DPhi, times a sign."""
 
-    def search(p: int, eps: int) -> Residues:
+    def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
         if map.is_symbolic and space:  # formulas without LLL: pivots are monomials of low degree
             return arithmetic.row_space(space, p)
         return space
 
-    rows = over_rationals(map.generator(), search, map.is_symbolic)
+    rows = over_rationals(map.generator(), search, len(map.letters))
     if rows is None:
         raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
     exponents = exponents_up_to(degree, map.dimension)
-    return polynomials_with(rows, exponents, map.is_symbolic)
+    return polynomials_with(rows, exponents, letters_of(map.ring))
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
@@ -58,7 +60,9 @@ def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
 
 
 @public
-def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, ...]:
+def cofactors(
+    map: RationalMap | Body, degree: int, *, letters: Any = None
+) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
     They are constants times products of powers of the factors of det DPhi and of the map's
@@ -66,7 +70,7 @@ def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, .
 
     Parameters
     ----------
-    map, degree
+    map, degree, letters
         As in :func:`darboux_polynomials`.
 
     Returns
@@ -92,7 +96,7 @@ def cofactors(map: RationalMap | Body, degree: int) -> tuple[RationalFunction, .
     (3*x1 + x2 - 9)/(x1 - 3*x2 - 3) (x1,)
     -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
     """
-    map = checked_map(map)
+    map = checked_map(map, letters)
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())
@@ -136,7 +140,7 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
             yield C
 
 
-def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:
+def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
     """Return the matrix of C(x) P(x) - P(Phi(x)) at random points, for the coefficients of P."""
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, sign), p)
@@ -147,7 +151,7 @@ class _Points(NamedTuple):
     """Random points modulo a prime, and monomials up to a degree at them and at their images."""
 
     map: RationalMap  # at eps
-    eps: int
+    eps: Values
     x: list[list[Any]]
     monomials: list[list[Any]]
     of_images: list[list[Any]]
@@ -176,7 +180,7 @@ class _Points(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> _Points:
+def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Points:
     """Return random points, the same for all cofactors."""
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
@@ -212,7 +216,7 @@ def with_constants(
     The constants are eigenvalues of the pullback divided by the candidate.
     """
 
-    def search(p: int, eps: int) -> Residues:
+    def search(p: int, eps: Values) -> Residues:
         points = _random_points(map, degree, p, eps)
         at_points, at_images = points.times(candidate), points.of_images
         n = len(at_points[0])
@@ -226,7 +230,7 @@ def with_constants(
         common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
         return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
-    rows = over_rationals(map.generator(degree), search, map.is_symbolic)
+    rows = over_rationals(map.generator(degree), search, len(map.letters))
     for c in rational_roots(rows[0], map.ring) if rows else ():
         yield c * candidate
 
@@ -241,7 +245,7 @@ def _divisors(
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
-    eps = rng.randrange(2, p)
+    eps = arithmetic.random_values(rng, p)
     monomials = [(*e, degree - sum(e)) for e in exponents_up_to(degree, map.dimension)]
     count, most = len(monomials), degree * (map.degree - 1)
     divisors = [modulo(f, p, eps) for f in factors]

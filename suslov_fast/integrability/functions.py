@@ -30,8 +30,7 @@ from .polynomials import (
     decoded,
     degree_of,
     irreducible_factors,
-    letter_of,
-    letters_in,
+    letters_of,
     modulo,
     polynomial_ring,
     polynomials_with,
@@ -48,30 +47,35 @@ IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
 
 
-L = TypeVar("L", bound="WithLetter")
+L = TypeVar("L", bound="WithLetters")
 
 
-class WithLetter:
-    """The base of objects whose coefficients may have a symbol: eps, or another letter."""
+class WithLetters:
+    """The base of objects whose coefficients may have symbols: eps, or other letters."""
 
-    letter: Any  # its name, "" without one
-    _at: Any  # the method that returns the same for a number in place of the letter
-    _with: Any  # the same for numbers in place of some of several letters
+    letters: Any  # their names
+    _with: Any  # the method that returns the same for numbers in place of letters
+
+    @property
+    def letter(self) -> str:
+        """The name of the only letter; "" without one, or with several."""
+        return self.letters[0] if len(self.letters) == 1 else ""
 
     @property
     def is_symbolic(self) -> bool:
         """True if eps, or another letter, is symbolic."""
-        return bool(self.letter)
+        return bool(self.letters)
 
     @public
     def subs(self: L, *value: Any, **named: Any) -> L:
-        """Return the map or function for a value of eps, or of another letter.
+        """Return the map or function for values of eps, or of other letters.
 
         Parameters
         ----------
         *value, **named : int, Fraction, float or str
-            The value, by the name of the letter, as in ``subs(eps=1)``, or without one; a float is
-            the decimal that was written, a string may be "1/3".
+            Values by the names of letters, as in ``subs(eps=1)``, for a function of some of them; a
+            single letter needs no name. A float is the decimal that was written, a string may be
+            "1/3".
 
         Returns
         -------
@@ -89,17 +93,13 @@ class WithLetter:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        if len(self.letters) > 1:
-            return self._with(self._numbers_for(value, named))
-        return self._at(value_of(self._letter_of(named), value, named))
-
-    @property
-    def letters(self) -> tuple[str, ...]:
-        """The names of all letters."""
-        return (self.letter,) if self.letter else ()
+        return self._with(self._numbers_for(value, named))
 
     def _numbers_for(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
-        """Return the numbers that a call gives for some of several letters."""
+        """Return the numbers that a call gives for letters, for some of several."""
+        if len(self.letters) < 2:
+            letter = self._letter_of(named)
+            return {letter: value_of(letter, value, named)}
         if value or not named or {*named} - {*self.letters}:
             got = ", ".join([*map(short, value), *named]) or "none"
             raise TypeError(f"letters: pass some of {', '.join(self.letters)} by name, not {got}")
@@ -107,13 +107,19 @@ class WithLetter:
 
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         """Return the letter that a value, which may have its name, is for."""
-        if not self.letter:
+        if not self.letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
         return self.letter
 
+    def _all_numbers(self, numbers: Mapping[str, Fraction]) -> list[Fraction]:
+        """Return the numbers of all letters, in their order."""
+        if missing := ", ".join(name for name in self.letters if name not in numbers):
+            raise TypeError(f"{missing}: pass a number for each letter, by name")
+        return [numbers[name] for name in self.letters]
+
 
 @dataclass(frozen=True, repr=False)
-class RationalFunction(WithLetter):
+class RationalFunction(WithLetters):
     """A product of powers of polynomials and a constant, exact.
 
     Called with a point, D rational numbers, it returns a fraction, and with the states of an orbit,
@@ -136,13 +142,7 @@ class RationalFunction(WithLetter):
 
         A function with a symbolic eps, or with letters, needs their values.
         """
-        if len(self.letters) > 1:
-            numbers = self._numbers_for(value, named)
-            if missing := ", ".join(name for name in self.letters if name not in numbers):
-                raise TypeError(f"{missing}: pass a number for each letter, by name")
-            point = [numbers[name] for name in self.letters]
-        else:
-            point = [value_of(self.letter, value, named)] if self.is_symbolic else []
+        point = self._all_numbers(self._numbers_for(value, named)) if self.letters else []
         if np.ndim(x) > 1:
             return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
         if self.factors:
@@ -167,29 +167,12 @@ class RationalFunction(WithLetter):
         return product * float(constant)
 
     @property
-    def letter(self) -> str:
-        """The name of the symbol in the coefficients, such as eps; "" without one."""
-        return letter_of(self.factors[0][0]) if self.factors else ""
-
-    @property
     def letters(self) -> tuple[str, ...]:
         """The names of the symbols in the coefficients, such as eps."""
-        count = letters_in(self.factors[0][0]) if self.factors else 0
-        return tuple(map(decoded, self._ring.names()[:count])) if count else ()
+        return tuple(map(decoded, letters_of(self._ring))) if self.factors else ()
 
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         return self.letter or next(iter(named), "eps")  # a constant has none, and needs none
-
-    def _at(self, number: Fraction) -> RationalFunction:
-        powers = (factored(modulo(P, 0, arithmetic.fmpq(number))) ** e for P, e in self.factors)
-        try:
-            product = math.prod(powers, start=RationalFunction((), self.constant))
-        except ZeroDivisionError:
-            where = f"{self.letter} = {number}"
-            raise ZeroDivisionError(f"{self} has no value at {where}") from None
-        cofactor = self.cofactor and self.cofactor.subs(number)
-        names = self.factors and self._ring.names()[letters_in(self.factors[0][0]) :]
-        return replace(product.renamed(names or None), basis=self.basis, cofactor=cofactor)
 
     def _with(self, values: Mapping[str, Fraction]) -> RationalFunction:
         numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
@@ -303,8 +286,8 @@ class RationalFunction(WithLetter):
         """The degree in x of the numerator or of the denominator, whichever is larger."""
         return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
-    def values_modulo(self, p: int, eps: int, points: Sequence[Any]) -> list[Any]:
-        """Return the values at points (x1, ..., xD, 1) modulo a prime, at this eps."""
+    def values_modulo(self, p: int, eps: Sequence[int], points: Sequence[Any]) -> list[Any]:
+        """Return the values at points (x1, ..., xD, 1) modulo a prime, at values of letters."""
         values = [flint.nmod(arithmetic.fmpq(self.constant), p)] * len(points)
         for P, e in self.factors:
             P = modulo(P, p, eps)
@@ -395,8 +378,7 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
 def traced(name: str, f: Any, n: int, letters: Sequence[str] = ()) -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
     check_function(name, f, labels(n), dict.fromkeys(letters, 0))
-    several = len(letters) > 1
-    ring = ring_with_letters(n, letters) if several else polynomial_ring(n, bool(letters))
+    ring = ring_with_letters(n, letters)
     symbols = [*map(factored, ring.gens())]
     given = dict(zip(letters, symbols, strict=False))
     del symbols[: len(letters)]
@@ -456,17 +438,17 @@ def product_of(
 
 
 def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
-    """Return the rational roots of a polynomial, numbers or functions of eps in a ring.
+    """Return the rational roots of a polynomial, numbers or functions of letters in a ring.
 
     Its coefficients, lowest first, are a row that `over_rationals` returns.
     """
-    symbolic = letters_in(ring.gens()[0])
+    letters = letters_of(ring)
     powers = tuple((k,) for k in range(len(coefficients)))
-    (f,) = polynomials_with([coefficients], powers, symbolic)
+    (f,) = polynomials_with([coefficients], powers, letters)
     *_, t = f.context().gens()
     roots = []
     for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
-        slope = linear.derivative(int(symbolic))
+        slope = linear.derivative(len(letters))
         minus_constant = slope * t - linear
         numerator, denominator = (
             factored(P.project_to_context(ring)) for P in (minus_constant, slope)

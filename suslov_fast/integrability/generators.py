@@ -15,13 +15,15 @@ from . import arithmetic
 from .darboux import check_unknowns, cofactors_of_degree, space_of
 from .functions import RationalFunction, factored
 from .invariants import Invariants, NormalForms
-from .kahan import checked_map
+from .letters import checked_map
 from .maps import RationalMap
 from .polynomials import Polynomials, renamed, sort_key
 
 
 @public
-def darboux_polynomials(map: RationalMap | Body, degree: int, cofactor: Any = None) -> Polynomials:
+def darboux_polynomials(
+    map: RationalMap | Body, degree: int, cofactor: Any = None, *, letters: Any = None
+) -> Polynomials:
     """Find the polynomials P with P(map(x)) = C(x) P(x) of any cofactor C, or of a given one.
 
     Quotients of two such polynomials with one C are first integrals; 1 / P with C = det DPhi is the
@@ -38,6 +40,9 @@ def darboux_polynomials(map: RationalMap | Body, degree: int, cofactor: Any = No
         C: ``map.determinant`` for det DPhi, a rational number, a function that :func:`cofactors`
         found, or, unless eps is symbolic, one of a tuple of fractions that returns a rational
         number. By default all that `cofactors` finds.
+    letters : str or sequence of str, optional
+        Names of parameters of a field or a body that stay symbols beside eps, ``"a b"``. The
+        polynomials have them as variables before x1, ..., xD.
 
     Returns
     -------
@@ -68,7 +73,7 @@ def darboux_polynomials(map: RationalMap | Body, degree: int, cofactor: Any = No
     (1, [(2*Omega1 + Omega2, 1), (4*Omega1^2 + Omega2^2, 1)])
     (1, [(2*Omega1 + Omega2, 1), (Omega1*Omega2 + 1024, 1)])
     """
-    map = checked_map(map)
+    map = checked_map(map, letters)
     degree = integer("degree", degree, 0)
     check_unknowns("degree", degree, map.dimension)
     if cofactor is None:

@@ -18,8 +18,8 @@ import numpy as np
 from ..bodies.fields.base import Body
 from ..checks import integer, short, wrong
 from ..keywords import public
-from .arithmetic import DRAWS, random_prime
-from .kahan import checked_map
+from .arithmetic import DRAWS, Values, random_prime, random_values
+from .letters import checked_map
 from .maps import RationalMap
 from .polynomials import random_line
 
@@ -73,12 +73,12 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
                 yield agreed[-1]
                 break
             p = random_prime(rng)
-            runs.append((_degrees_on_a_line(map, p, rng.randrange(2, p)), []))
+            runs.append((_degrees_on_a_line(map, p, random_values(rng, p)), []))
         else:
             raise ArithmeticError("the iterates reach poles of the map")
 
 
-def _degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
+def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
     """Yield the degrees of iterates on a random line; end where the line has no image."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
     while True:

@@ -1,84 +1,123 @@
-"""Rational functions of several variables from their values: a black box modulo primes.
+"""Rational functions of letters from their values: matrices in echelon form modulo primes.
 
-A box returns a list of values modulo a prime. On lines s + z t through a point s the values are
-quotients N / D of polynomials in z, by Euclid's algorithm (Cuyt and Lee 2011). Their coefficients
-of the highest power of z are homogeneous polynomials in t, of which the terms are the roots of a
-recurrence of values at t = (2^i, 3^i, 5^i, ...) (Ben-Or and Tiwari 1988). No bounds of degrees are
-needed, time grows with the number of terms, and all entries of a box share its calls.
+A search modulo a prime p and at numbers in place of letters returns a matrix in echelon form. Its
+entries are interpolated over the numbers, and reconstructed from several p. The result is accepted
+if it predicts the matrix for another p and other numbers.
+
+On lines s + z t through a point s an entry is a quotient N / D of polynomials in z, by Euclid's
+algorithm (Cuyt and Lee 2011). The coefficients of a power of z are homogeneous polynomials in t, of
+which the terms are the roots of a recurrence of values at t = (2^i, 3^i, 5^i, ...) (Ben-Or and
+Tiwari 1988). No bounds of degrees are needed, time grows with the number of terms, and all entries
+share the values.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import random
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from fractions import Fraction
+from contextvars import ContextVar
 from typing import Any
 
 import flint
+import numpy as np
 
-from .arithmetic import random_prime, simplest_fraction
+from .arithmetic import Residues, Rows, Values, fmpq, random_prime, random_values, simplest_fraction
 
-Box = Callable[[int, list[int]], list[int]]  # of a prime and the values of the variables
+Search = Callable[[int, Values], Residues]  # of a prime and numbers in place of letters
+Box = Callable[[Sequence[int]], list[int]]  # the entries, modulo one prime
 Terms = dict[tuple[int, ...], Any]  # coefficients by exponents
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
-MOST = len(_BASES)  # variables
+MOST = len(_BASES)  # letters
 _DEGREES = 64  # the sum of the degrees of numerator and denominator, at most
 _LINES = 1024  # twice the number of terms of one degree, at most
-_PRIMES = 12
+_SEARCHES = 4096  # modulo one prime, at most
+_PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
+
+# Called before values at further numbers are computed; its exceptions end the interpolation.
+watch: ContextVar[Callable[[], None]] = ContextVar("watch", default=lambda: None)
 
 
 class Unknown(ArithmeticError):
-    """The functions have too many terms or too long coefficients."""
+    """The functions have too many terms or too high degrees."""
 
 
-def over_rationals(box: Box, count: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
-    """Return numerators and denominators, over the rationals, of the entries of a box.
+def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
+    """Return the rows whose residues a search finds, quotients of polynomials in some letters.
 
-    They are interpolated modulo primes until they predict the box at another prime.
+    None if their coefficients are too long, or they have too many terms.
     """
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their terms
+    candidate: Rows | None = None
     for _ in range(_PRIMES):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
-            found = _modulo(box, count, p, rng)
-            shape = tuple(tuple(tuple(sorted(P)) for P in pair) for pair in found)
-            known[shape].append((found, p))
-            candidate = _simplest(shape, known[shape])
-            q = random_prime(rng)
-            x = [rng.randrange(1, q) for _ in range(count)]
-            if _predicts(candidate, box(q, x), x, q):
+            values = random_values(rng, p)
+            found = search(p, values)
+            if candidate is not None and _predicts(candidate, found, values[:count], p):
                 return candidate
-    raise Unknown("coefficients are too long")
+            try:
+                pairs = _rows_modulo(search, found, count, p)
+            except Unknown:
+                return None
+            shape = tuple(tuple((*map(tuple, pair),) for pair in row) for row in pairs)
+            coefficients = [c for row in pairs for pair in row for P in pair for c in P.values()]
+            residues = known[shape]
+            residues.append((np.array(coefficients, object), p))
+            if len(residues).bit_count() == 1:  # a power of two
+                candidate = _simplest(shape, residues)
+    if not known:
+        raise ArithmeticError("the iterates reach poles of the map")
+    return None
 
 
-def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> list[tuple[Terms, Terms]]:
+def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
+    """Return the rows of a search modulo a prime as quotients of polynomials in letters."""
+    if not count:
+        return [[({(): c}, {(): 1}) for c in row] for row in found]
+    shape, done = [*map(len, found)], itertools.count()
+
+    def box(values: Sequence[int]) -> list[int]:
+        watch.get()()
+        if next(done) == _SEARCHES:
+            raise Unknown("there are too many terms")
+        rows = search(p, tuple(values))
+        if [*map(len, rows)] != shape:  # one of the numbers is special
+            raise ZeroDivisionError
+        return [a for row in rows for a in row]
+
+    entries = iter(_modulo(box, count, p, random.Random(p)) if found else ())
+    return [[next(entries) for _ in row] for row in found]
+
+
+def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
     """Return the terms with the simplest fractions that have these residues."""
-
-    def fraction(entry: int, part: int, e: tuple[int, ...]) -> Fraction:
-        total, modulus = 0, 1
-        for found, p in residues:  # the Chinese remainder theorem
-            c = found[entry][part][e]
-            total += modulus * ((c - total) * pow(modulus, -1, p) % p)
-            modulus *= p
-        return simplest_fraction(total, modulus)
-
+    total, modulus = np.zeros((), object), 1
+    for found, p in residues:  # the Chinese remainder theorem
+        total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
+        modulus *= p
+    fractions = iter([simplest_fraction(a, modulus) for a in total])
     return [
-        ({e: fraction(i, 0, e) for e in N}, {e: fraction(i, 1, e) for e in D})
-        for i, (N, D) in enumerate(shape)
+        [({e: next(fractions) for e in N}, {e: next(fractions) for e in D}) for N, D in row]
+        for row in shape
     ]
 
 
-def _predicts(candidate: Any, values: Sequence[int], x: list[int], p: int) -> bool:
-    def value(terms: Terms) -> int:
-        residues = {e: c.numerator * pow(c.denominator, -1, p) for e, c in terms.items()}
-        return value_of(residues, x, p)
+def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> bool:
+    """Return True if rows at numbers are those found modulo a prime."""
 
-    pairs = zip(candidate, values, strict=True)
-    return all((value(N) - a * value(D)) % p == 0 for (N, D), a in pairs)
+    def value(terms: Terms) -> int:
+        return value_of({e: int(flint.nmod(fmpq(c), p)) for e, c in terms.items()}, values, p)
+
+    return [*map(len, rows)] == [*map(len, found)] and all(
+        (value(N) - a * value(D)) % p == 0
+        for row, numbers in zip(rows, found, strict=True)
+        for (N, D), a in zip(row, numbers, strict=True)
+    )
 
 
 def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
@@ -94,7 +133,7 @@ def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
 
 
 def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
-    """Return numerators and denominators modulo a prime; the first term of a denominator is 1.
+    """Return numerators and denominators modulo a prime; one coefficient of a denominator is 1.
 
     ZeroDivisionError where a point or a line is special.
     """
@@ -104,16 +143,18 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
         """Return the values of each entry that varies at points s + z t."""
-        rows = [box(p, [(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
+        rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 
     s, one = point(), {(0,) * count: 1}
-    first, second = box(p, s), box(p, point())
+    first, second = box(s), box(point())
     varying = [i for i, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
     found = [({(0,) * count: a} if a else {}, one) for a in first]
     if not varying:
         return found
     size, t = 4, point()
+    if count == 1:  # the letter is z
+        s, t = [0], [1]
     while True:
         line = _Line(size, p, rng)
         on_line = [line.quotient(values) for values in along(t, line.z)]
@@ -121,6 +162,11 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
             break
         if (size := 2 * size) > 2 * _DEGREES:
             raise Unknown("degrees are too high")
+    if count == 1:
+        for i, pair in zip(varying, on_line, strict=True):
+            N, D = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
+            found[i] = _with_unit(N, D, p)
+        return found
     degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in on_line]
     line = _Line(max(map(sum, degrees)) + 3, p, rng)
     entries = [_Entry(pair, s, p) for pair in degrees]
@@ -135,11 +181,15 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         for entry in entries:
             entry.solve(points)
     for i, entry in zip(varying, entries, strict=True):
-        N, D = entry.parts or ({}, {})
-        scale = pow(D[max(D)], -1, p)
-        found[i] = ({e: c * scale % p for e, c in N.items()},
-                    {e: c * scale % p for e, c in D.items()})  # fmt: skip
+        found[i] = _with_unit(*(entry.parts or ()), p)
     return found
+
+
+def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
+    """Return multiples of N and D, the latter with a coefficient 1, in the order of exponents."""
+    scale = pow(D[max(D)], -1, p)
+    N, D = ({e: c * scale % p for e, c in sorted(P.items())} for P in (N, D))
+    return N, D
 
 
 class _Line:

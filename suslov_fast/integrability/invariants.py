@@ -417,7 +417,7 @@ class NormalForms:
     def _at_number(self, P: Any) -> Any:
         """Return a polynomial with a symbolic eps at the number eps of the map, primitive."""
         map: Any = self.map
-        f = factored(modulo(P, 0, arithmetic.fmpq(map.eps)))
+        f = factored(modulo(P, 0, [arithmetic.fmpq(map.eps)]))
         return replace(f, constant=Fraction(1)).as_quotient(map.ring)[0]
 
     def _symbolic_space(self, value: int, degree: int) -> Any:
@@ -439,7 +439,7 @@ class NormalForms:
         exponents = {str(f): e for f, e in cofactor.factors}  # that are left to explain
         powers = []
         for P in self._symbolic.factors:
-            at_number = factored(modulo(P, 0, arithmetic.fmpq(eps)))
+            at_number = factored(modulo(P, 0, [arithmetic.fmpq(eps)]))
             f, e = next(iter(at_number.factors), (None, 1))
             power, rest = divmod(exponents.get(str(f), 0), e)
             if rest:
@@ -474,8 +474,9 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
-    with contextlib.suppress(ArithmeticError):  # a number is special, or all are reducible
-        candidates |= {str(P): P for P in reducible_members(echelon)}
+    if not preferred or letters_in(basis[0]) < 2:  # with letters they take long
+        with contextlib.suppress(ArithmeticError):  # a number is special, or all are reducible
+            candidates |= {str(P): P for P in reducible_members(echelon)}
     first = {str(P): P for P in map(without_content, preferred) if rank([*space, P]) == len(space)}
     candidates |= first
     highest = max(degree_of(P) for P in basis)
@@ -503,7 +504,7 @@ def is_definite(P: Any) -> bool:
     for k in range(_SIGNS):
         size = 10 ** (k % 7)
         x = [rng.randrange(-size, size + 1) for _ in range(n)]
-        value = P(*[rng.randrange(1, 9)] * symbolic, *x)
+        value = P(*(rng.randrange(1, 9) for _ in range(symbolic)), *x)
         signs |= {value > 0} if value else set()
     return len(signs) == 1
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import flint
 import numpy as np
@@ -20,15 +20,23 @@ import numpy as np
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
 from ..bodies.fields.names import labels
-from ..bodies.fields.terms import Terms
+from ..bodies.fields.terms import Terms, collected
 from ..checks import kind_of, wrong
 from ..keywords import public
-from .arithmetic import as_written, constant, matrix
-from .functions import MODULAR, RationalFunction, factored, quotient_of
-from .maps import LONGEST, TERMS, RationalMap, check_map
+from .arithmetic import Values, as_written, constant, matrix
+from .functions import MODULAR, RationalFunction, factored, over_common_denominator, quotient_of
+from .maps import LONGEST, TERMS, TERMS_IN_LETTERS, RationalMap
 from .polynomials import coprime, cramer, degree_of, letters_in, primitive
 
 _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looked for
+
+
+class InLetters(NamedTuple):
+    """The coefficients of f and H, functions of letters, by the indices of variables."""
+
+    letters: tuple[str, ...]
+    rates: dict[tuple[int, ...], RationalFunction]
+    energy: dict[tuple[int, ...], RationalFunction] | None
 
 
 class KahanMap(RationalMap):
@@ -38,13 +46,19 @@ class KahanMap(RationalMap):
     """
 
     def __init__(
-        self, field: Field, eps: Fraction | None, sign: int = 1, decimals: bool = True
+        self,
+        field: Field,
+        eps: Fraction | None,
+        sign: int = 1,
+        decimals: bool = True,
+        in_letters: InLetters | None = None,
     ) -> None:
         if not isinstance(field, Field) or not isinstance(eps, Fraction | None):
             raise TypeError("field: a KahanMap is made by kahan(field, eps)")
         self.decimals = decimals
         self.field, self.eps, self._sign = field, eps, sign
-        self.dimension, self.letter = field.dimension, "eps" if eps is None else ""
+        self.dimension, self.in_letters = field.dimension, in_letters
+        self.letters = ("eps",) * (eps is None) + (in_letters.letters if in_letters else ())
         self.names = None if field.names == labels(field.dimension) else field.names
 
     @cached_property
@@ -55,11 +69,12 @@ class KahanMap(RationalMap):
     @cached_property
     def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
-        return self._with(None if self.eps is None else -self.eps, -self._sign)
+        return self._at(None if self.eps is None else -self.eps, -self._sign)
 
-    def _with(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
+    def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
         """Return the map for another eps; for a symbolic one with its sign."""
-        map = KahanMap(self.field, eps, sign if eps is None else 1, self.decimals)
+        sign = sign if eps is None else 1
+        map = KahanMap(self.field, eps, sign, self.decimals, self.in_letters)
         # These take long, and do not depend on eps.
         map.terms, map._equations = self.terms, self._equations
         return map
@@ -67,21 +82,60 @@ class KahanMap(RationalMap):
     def _letter_of(self, named: Mapping[str, Any]) -> str:
         return "eps"
 
-    def _at(self, value: Fraction) -> KahanMap:
-        return self._with(self._sign * value)
+    def _with(self, numbers: Mapping[str, Fraction]) -> KahanMap:
+        eps = self._sign * self._all_numbers(numbers)[0]
+        if self.in_letters is None:
+            return self._at(eps)
+        indices, rates = zip(*self.in_letters.rates.items(), strict=True)
+        constants = np.array([c._with(numbers).constant for c in rates], object)
+        terms = collected(np.array(indices).T, constants, self.dimension, 2)
+        return KahanMap(Field.of_terms(terms, self.field.names), eps)
+
+    def at_eps(self, values: Values) -> KahanMap:
+        if self.in_letters is None:
+            return self._at(self._sign * Fraction(values[0])) if self.is_symbolic else self
+        point = [*values[: len(self.letters)], *[0] * self.dimension]
+        forward, backward = KahanMap(self.field, Fraction(1)), KahanMap(self.field, Fraction(-1))
+        for map, at in ((self, forward), (self.inverse, backward)):
+            at._forms = [
+                [[(j, int(a(*point))) for j, a in form] for form in row] for row in map._forms
+            ]
+        forward.inverse, backward.inverse = backward, forward
+        return forward
+
+    @cached_property
+    def _rates(self) -> tuple[list[tuple[tuple[int, ...], Any]], Any]:
+        """The terms of the field with integers, or polynomials in letters, over a denominator."""
+        if self.in_letters is None:
+            return _integers(self.terms)
+        *values, common = over_common_denominator(self.in_letters.rates.values(), self.ring)
+        return [*zip(self.in_letters.rates, values, strict=True)], common
 
     @cached_property
     def coefficients(self) -> list[int]:
         """Numerators and denominators of the terms of the field, and of eps."""
+        if self.in_letters:
+            terms, common = self._rates
+            return [int(c) for P in (common, *(v for _, v in terms)) for c in P.coeffs()]
         numbers = [*self.terms.values, *([] if self.eps is None else [self.eps])]
         return [part for c in numbers for part in (c.numerator, c.denominator)]
 
     def __repr__(self) -> str:
+        if self.in_letters:
+            return f"Kahan map of {self._equations_in_letters()}"
         eps = "" if self._sign > 0 else ", eps=-eps"
         return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
 
+    def _equations_in_letters(self) -> str:
+        x, (terms, common), rows = self.variables, self._rates, []
+        for i, name in enumerate(self.field.names):
+            products = (v * x[j] * x[k] for (row, j, k), v in terms if row == i)
+            rate = factored(sum(products, self.ring.constant(0))) / factored(common)
+            rows.append(f"{name}' = {rate.renamed(self.field.names)}")
+        return ", ".join(rows)
+
     def __reduce__(self) -> Any:
-        return KahanMap, (self.field, self.eps, self._sign, self.decimals)
+        return KahanMap, (self.field, self.eps, self._sign, self.decimals, self.in_letters)
 
     @cached_property
     def _equations(self) -> list[Any]:
@@ -89,8 +143,12 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
-        indices, values = self.terms
         # Half of a product belongs to each order of its two factors.
+        if self.in_letters:
+            terms, common = self._rates
+            doubled = [((i, j, k), (1 + (j == k)) * v) for (i, j, k), v in terms]
+            return rows_of(doubled, 2 * common, self.dimension)
+        indices, values = self.terms
         halves = np.where(indices[1] == indices[2], values, values / 2)
         return rows_of(*_integers(Terms(indices, halves)), self.dimension)
 
@@ -148,7 +206,7 @@ class KahanMap(RationalMap):
             if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
                 return None
             P = self.pullback(f, degree_of(f))
-            if len(P) > TERMS:
+            if len(P) > (TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS):
                 return None
             determinant *= factored(P) ** e
         return determinant
@@ -177,10 +235,16 @@ class KahanMap(RationalMap):
     @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
-        if not self.field.is_hamiltonian:
+        if self.in_letters:
+            if not (energy := self.in_letters.energy):
+                return None
+            *values, _ = over_common_denominator(energy.values(), self.ring)
+            terms = [*zip(energy, values, strict=True)]
+        elif not self.field.is_hamiltonian:
             return self._found_hamiltonian()
-        exactly = as_written if self.decimals else Fraction
-        terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
+        else:
+            exactly = as_written if self.decimals else Fraction
+            terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
 
@@ -217,8 +281,11 @@ class KahanMap(RationalMap):
         """The integral H + grad H (x~ - x) / 3 of a field K grad H; None if it is constant."""
         if (H := self.hamiltonian) is None:
             return None
-        energy = energy_of(H, self.forms, self.variables, int(self.is_symbolic))
-        modified = quotient_of(*energy, MODULAR)
+        *numerators, F_0 = self.forms
+        energy = 3 * H * F_0
+        for i, (F, a) in enumerate(zip(numerators, self.variables, strict=False)):
+            energy += _slope(H, i) * (F - a * F_0)
+        modified = quotient_of(energy, F_0, MODULAR)
         return modified if modified.degree else None
 
 
@@ -236,15 +303,6 @@ def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
         for j, k in {(*pair,), (*pair[::-1],)}:
             forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
     return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
-
-
-def energy_of(H: Any, forms: Sequence[Any], x: Sequence[Any], first: int) -> tuple[Any, Any]:
-    """Return numerator and denominator of the modified energy; x has the place `first`."""
-    *numerators, F_0 = forms
-    energy = 3 * H * F_0
-    for i, (F, a) in enumerate(zip(numerators, x, strict=False), first):
-        energy += H.derivative(i) * (F - a * F_0)
-    return energy, 3 * F_0
 
 
 def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
@@ -299,13 +357,6 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
         map = KahanMap(exact_body(field, decimals).field(), step, decimals=False)
     _ = map.terms  # raises for a field that is not of degree 2
     return map
-
-
-def checked_map(map: RationalMap | Body) -> RationalMap:
-    """Return a map, or the Kahan map of a field or a body with a symbolic eps, after a check."""
-    checked = kahan(map) if isinstance(map, Body) else map
-    check_map(checked)
-    return checked
 
 
 def exact_body(body: Any, decimals: bool) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..bodies.fields.base import Body
 from ..keywords import public
-from .kahan import checked_map
+from .letters import checked_map
 from .maps import RationalMap
 from .report import report
 from .surfaces import Level, level_of

@@ -17,20 +17,19 @@ import flint
 import numpy as np
 
 from ..bodies.fields.names import labels
-from ..checks import integer
+from ..checks import integer, wrong
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS, Point
+from .arithmetic import EPS, Point, Values
 from .functions import (
     RationalFunction,
-    WithLetter,
+    WithLetters,
     as_function,
     check_letter,
     factored,
     over_common_denominator,
     traced,
 )
-from .interpolation import value_of
 from .polynomials import (
     cleared,
     coprime,
@@ -41,21 +40,19 @@ from .polynomials import (
     homogenized,
     irreducible_factors,
     modulo,
-    polynomial_ring,
-    ring_modulo,
+    ring_with_letters,
     sort_key,
     value_at,
-    with_values,
 )
 
 TERMS = 300_000  # of the largest polynomial that is factored
+TERMS_IN_LETTERS = 20_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
-_NUMBERS = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43)  # in place of letters
 _POINTS = 3  # random points: their common roots in eps are those of all points
 _FEW = 100  # monomials times the degree of a map
 
 
-class RationalMap(WithLetter):
+class RationalMap(WithLetters):
     """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 
     Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
@@ -63,7 +60,7 @@ class RationalMap(WithLetter):
     was not given.
     """
 
-    letter = ""  # a symbol in the coefficients, such as eps
+    letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
@@ -72,12 +69,12 @@ class RationalMap(WithLetter):
     modified_energy: Any = None  # the integral of such a map, if it is not constant
 
     def __init__(
-        self, forms: Sequence[Any], inverse: RationalMap | None = None, letter: str = ""
+        self, forms: Sequence[Any], inverse: RationalMap | None = None, letters: Sequence[str] = ()
     ) -> None:
         if callable(forms):
             raise TypeError("RationalMap: a function f of x makes a map by rational_map(f, n)")
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
-        self.letter = letter
+        self.letters = tuple(letters)
 
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
@@ -99,17 +96,21 @@ class RationalMap(WithLetter):
         return hash(self.dimension)  # cheap: points are cached by map
 
     def __reduce__(self) -> Any:
-        return RationalMap, (self.forms, self.inverse, self.letter)
+        return RationalMap, (self.forms, self.inverse, self.letters)
 
-    def _at(self, value: Fraction) -> RationalMap:
-        forms = cleared(*(modulo(F, 0, arithmetic.fmpq(value)) for F in self.forms))
+    def _with(self, numbers: Mapping[str, Fraction]) -> RationalMap:
+        values = [arithmetic.fmpq(a) for a in self._all_numbers(numbers)]
+        forms = cleared(*(modulo(F, 0, values) for F in self.forms))
         if not any(forms) or forms[-1] == 0:
-            raise ArithmeticError(f"{self} is no map at {self.letter} = {value}")
-        return RationalMap(coprime(forms), self.inverse and self.inverse._at(value))
+            where = ", ".join(f"{name} = {a}" for name, a in numbers.items())
+            raise ArithmeticError(f"{self} is no map at {where}")
+        return RationalMap(coprime(forms), self.inverse and self.inverse._with(numbers))
 
-    def at_eps(self, eps: int) -> RationalMap:
-        """Return the map for a number eps if it is symbolic, else the map itself."""
-        return self._at(Fraction(eps)) if self.is_symbolic else self
+    def at_eps(self, values: Values) -> RationalMap:
+        """Return the map for numbers in place of letters, or the map itself if it has none."""
+        if not self.is_symbolic:
+            return self
+        return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
@@ -125,7 +126,8 @@ class RationalMap(WithLetter):
 
     def _degeneracy(self, x: Sequence[Any]) -> Any:
         """Return F_0^(D + 1) det DPhi at a point, a polynomial in the letter."""
-        rows = ([P.compose(*self.ring.gens()[:1], *x[:-1]) for P in row] for row in self._rows())
+        letters = self.ring.gens()[: len(self.letters)]
+        rows = ([P.compose(*letters, *x[:-1]) for P in row] for row in self._rows())
         return determinant([*rows])
 
     @cached_property
@@ -258,13 +260,13 @@ class RationalMap(WithLetter):
 
     @cached_property
     def ring(self) -> Any:
-        """The ring of polynomials in x, and eps if it is symbolic."""
-        return polynomial_ring(self.dimension, self.is_symbolic)
+        """The ring of polynomials in x, and in the letters."""
+        return ring_with_letters(self.dimension, self.letters)
 
     @property
     def variables(self) -> list[Any]:
         """The variables x1, ..., xD and 1."""
-        return [*self.ring.gens()[self.is_symbolic :], self.ring.constant(1)]
+        return [*self.ring.gens()[len(self.letters) :], self.ring.constant(1)]
 
     @cached_property
     def degree(self) -> int:
@@ -281,9 +283,10 @@ class RationalMap(WithLetter):
         return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
-        """Return the number of terms of a polynomial of a degree in x, and in eps."""
-        eps = 1 + max(int(F.degrees()[0]) for F in self.forms) if self.is_symbolic else 1
-        return math.comb(self.dimension + degree, self.dimension) * eps
+        """Return the number of terms of a polynomial of a degree in x, and in the letters."""
+        degrees = zip(*(F.degrees()[: len(self.letters)] for F in self.forms), strict=True)
+        letters = math.prod(1 + int(max(of_letter)) for of_letter in degrees)
+        return math.comb(self.dimension + degree, self.dimension) * letters
 
     @cached_property
     def _fraction_of_monomials(self) -> float:
@@ -322,7 +325,7 @@ class RationalMap(WithLetter):
         return factored(determinant(self._rows())) / factored(self.forms[-1]) ** (n + 1)
 
     def _rows(self) -> list[list[Any]]:
-        places = range(self.is_symbolic, self.is_symbolic + self.dimension)
+        places = range(len(self.letters), len(self.letters) + self.dimension)
         return [[*(F.derivative(i) for i in places), F] for F in self.forms]
 
     @cached_property
@@ -372,93 +375,6 @@ class RationalMap(WithLetter):
         return C * factored(numerator) / factored(denominator)
 
 
-class MapWithLetters(RationalMap):
-    """A birational map with several `letters`, which come before x in its ring.
-
-    `text` is what it is, and `energy` the modified energy, as numerator and denominator, or None.
-    """
-
-    is_invertible = True
-    letters: tuple[str, ...] = ()
-
-    def __init__(
-        self,
-        forms: Sequence[Any],
-        letters: Sequence[str],
-        names: Sequence[str] | None = None,
-        inverse: RationalMap | None = None,
-        text: str = "",
-        energy: Any = None,
-    ) -> None:
-        super().__init__(forms, inverse)
-        self.letters, self.names = tuple(letters), None if names is None else tuple(names)
-        self.text, self.energy = text, energy
-
-    @property
-    def is_symbolic(self) -> Any:
-        """The number of letters."""
-        return len(self.letters)
-
-    @cached_property
-    def ring(self) -> Any:
-        return self.forms[0].context()
-
-    def __repr__(self) -> str:
-        what = self.text or f"Map of {self.dimension} variables"
-        return f"{what}, letters {', '.join(self.letters)}"
-
-    def __reduce__(self) -> Any:
-        parts = self.forms, self.letters, self.names, self.inverse, self.text, self.energy
-        return MapWithLetters, parts
-
-    @cached_property
-    def _terms(self) -> list[dict[Any, dict[Any, int]]]:
-        """The coefficients of monomials in x of the forms, as terms in the letters."""
-        size, found = len(self.letters), [dict[Any, dict[Any, int]]() for _ in self.forms]
-        for of_x, F in zip(found, self.forms, strict=True):
-            for e, c in F.to_dict().items():
-                of_x.setdefault(e[size:], {})[e[:size]] = int(c)
-        return found
-
-    def at(self, values: Sequence[int], p: int) -> RationalMap:
-        """Return the map at numbers modulo a prime, for points modulo this prime."""
-        ring = ring_modulo(p, self.dimension)
-        residues = ({e: value_of(a, values, p) for e, a in F.items()} for F in self._terms)
-        return RationalMap([ring.from_dict({e: c for e, c in F.items() if c}) for F in residues])
-
-    @cached_property
-    def numbers(self) -> dict[str, Fraction]:
-        """Small primes in place of the letters, and the inverse of one in place of eps."""
-        primes = random.Random(0).sample(_NUMBERS[: len(self.letters) + 2], len(self.letters))
-        found = {name: Fraction(a) for name, a in zip(self.letters, primes, strict=True)}
-        return found | ({"eps": 1 / found["eps"]} if "eps" in found else {})
-
-    @cached_property
-    def at_numbers(self) -> RationalMap:
-        """The map at `numbers`."""
-        return self._with(self.numbers)
-
-    def _with(self, values: Mapping[str, Fraction]) -> RationalMap:
-        if missing := ", ".join(name for name in self.letters if name not in values):
-            raise TypeError(f"{missing}: pass a number for each letter of a map, by name")
-        numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
-
-        def at(map: Any, inverse: RationalMap | None = None) -> RationalMap:
-            forms = coprime(cleared(*(with_values(F, numbers) for F in map.forms)))
-            return RationalMap(forms, inverse)
-
-        map = at(self, self.inverse and at(self.inverse, at(self)))
-        map.names = self.names
-        return map
-
-    def at_eps(self, eps: int) -> RationalMap:
-        return self.at_numbers
-
-    def _at(self, value: Fraction) -> Any:
-        how = f"report(map) takes it, and map.subs({self.letters[0]}=..., ...) with all of them"
-        raise TypeError(f"a map with the letters {', '.join(self.letters)}: {how}")
-
-
 @public
 def rational_map(
     f: Callable[..., Any],
@@ -483,8 +399,8 @@ def rational_map(
         `RationalMap.inverse` is None.
     letter : str, optional
         The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
-        `kahan`. What is found then holds for general values, and `subs` sets one. Several names,
-        ``"a b"``, make a map for `report` alone.
+        `kahan`. What is found then holds for general values, and `subs` sets one. There may be
+        several names, ``"a b"``.
 
     Returns
     -------
@@ -507,15 +423,13 @@ def rational_map(
     for name in letters:
         check_letter(name, labels(n))
 
-    def made(forms: Sequence[Any], inverse: RationalMap | None = None) -> RationalMap:
-        if len(letters) > 1:
-            return MapWithLetters(forms, letters, inverse=inverse)
-        return RationalMap(forms, inverse, *letters)
-
     forms = traced("f", f, n, letters)
     if inverse is None:
-        return made(forms)
-    map = made(forms, made(traced("inverse", inverse, n, letters), made(forms)))
+        return RationalMap(forms, None, letters)
+    back = RationalMap(
+        traced("inverse", inverse, n, letters), RationalMap(forms, None, letters), letters
+    )
+    map = RationalMap(forms, back, letters)
     if not _takes_images_back(map):
         raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map
@@ -531,6 +445,13 @@ def _takes_images_back(map: RationalMap) -> bool:
         except ZeroDivisionError:
             returned.append(False)
     return all(returned)
+
+
+def check_one_letter(map: RationalMap) -> None:
+    """Raise an error for a map with several letters."""
+    if len(map.letters) > 1:
+        received = f"{', '.join(map.letters)}: set others by map.subs"
+        raise wrong("map", "one with at most one letter", received)
 
 
 def check_map(map: Any) -> None:

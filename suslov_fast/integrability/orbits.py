@@ -32,7 +32,7 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
         rng = random.Random(p)
         for _ in range(_TRIES):
             eps = rng.randrange(1, p)
-            residues = PlaneModulo(plane, p, eps, rng.randrange(99))
+            residues = PlaneModulo(plane, p, (eps,), rng.randrange(99))
             if _is_periodic_modulo(residues, number, passage):
                 at = f" and {plane.map.letter} = {eps}" if plane.symbolic else ""
                 return f"never, since modulo {p}{at} the orbit is periodic"
@@ -40,7 +40,7 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
         return ""
     at = ""
     if plane.symbolic:  # an orbit that never ends for one number does not for a general one
-        line = primitive(*cleared(modulo(plane.curves[number], 0, fmpq(_NUMBER))))
+        line = primitive(*cleared(modulo(plane.curves[number], 0, [fmpq(_NUMBER)])))
         plane, at = Plane(plane.map.subs(_NUMBER)), f" at {plane.map.letter} = {_NUMBER}"
         if line not in plane.curves:
             return ""

@@ -22,8 +22,8 @@ from ..keywords import public
 from .contracted import Passage, Plane, is_proved, passages_across
 from .functions import IDENTITY, RationalFunction
 from .growth import agreed_degrees, moduli_outside, rational_series
-from .kahan import checked_map
-from .maps import RationalMap
+from .letters import checked_map
+from .maps import RationalMap, check_one_letter
 from .orbits import POINTS, points_of_line, why_never
 from .polynomials import determinant, exponents_in_x
 
@@ -148,6 +148,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
     """
     map = checked_map(map)
+    check_one_letter(map)
     if map.dimension != 2:
         raise wrong("map", "one of two variables", f"of {map.dimension}: use degrees(map, 8)")
     if not map.is_planar:

@@ -11,6 +11,7 @@ import math
 import random
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from functools import lru_cache, reduce
 from itertools import combinations_with_replacement, takewhile
 from typing import Any, TypeVar
@@ -49,12 +50,16 @@ def ring_modulo(p: int, n: int) -> Any:
 
 
 def _ring(n: int, symbolic: int, context: Any, *modulus: int) -> Any:
-    names = ["eps"] * symbolic + [*labels(n)]
-    return context.get(names, *modulus, ordering="deglex")
+    return context.get((*["eps"] * symbolic, *labels(n)), *modulus, ordering="deglex")
 
 
 def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
-    """Return the ring of polynomials in n variables, with letters before them."""
+    """Return the ring of polynomials in n variables, with letters before them.
+
+    A single letter is called eps there.
+    """
+    if len(letters) < 2:
+        return polynomial_ring(n, len(letters))
     names = ("eps" if name == "eps" else _LETTER + _encoded(name) for name in letters)
     return flint.fmpz_mpoly_ctx.get((*names, *labels(n)), ordering="deglex")
 
@@ -76,11 +81,6 @@ def _encoded(name: str) -> str:
     return re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name)
 
 
-def letter_of(P: Any) -> str:
-    """Return the name of the letter of a polynomial; "" if it has none."""
-    return decoded(P.context().names()[0]) if letters_in(P) else ""
-
-
 def decoded(text: str) -> str:
     """Return a text of polynomials with the names of their variables as the user wrote them."""
     text = text.replace(_LETTER, "")
@@ -89,8 +89,12 @@ def decoded(text: str) -> str:
 
 def letters_in(P: Any) -> int:
     """Return the number of letters, such as eps, which come before the variables x."""
-    names = P.context().names()
-    return len([*takewhile(lambda name: name == "eps" or name.startswith(_LETTER), names)])
+    return len(letters_of(P.context()))
+
+
+def letters_of(ring: Any) -> tuple[str, ...]:
+    """Return the letters of a ring, by their names in it."""
+    return (*takewhile(lambda name: name == "eps" or name.startswith(_LETTER), ring.names()),)
 
 
 def variables_of(P: Any) -> int:
@@ -255,15 +259,21 @@ def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
     return steps, [place(e) for e in exponents]
 
 
-def modulo(P: Any, p: int, eps: Any) -> Any:
-    """Return a polynomial in x, at this eps, modulo a prime p or, for p = 0, over the rationals."""
-    context: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
-    n, symbolic = variables_of(P), letters_in(P)
+def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
+    """Return a polynomial in x, at values of its letters, modulo a prime p.
+
+    For p = 0 it is one over the rationals.
+    """
+    context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
+    letters, variables = letters_of(P.context()), labels(variables_of(P))
     # python-flint 0.9 keeps terms that are 0 modulo p.
     terms = {e: c for e, c in P.to_dict().items() if not p or int(c) % p}
-    residue = _ring(n, symbolic, *context).from_dict(terms)
-    if symbolic:
-        return residue.subs({"eps": eps}).project_to_context(_ring(n, False, *context))
+    ring, in_x = (
+        context.get((*first, *variables), *modulus, ordering="deglex") for first in (letters, ())
+    )
+    residue = ring.from_dict(terms)
+    if letters:
+        return residue.subs(dict(zip(letters, values, strict=False))).project_to_context(in_x)
     return residue
 
 
@@ -348,18 +358,40 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
     return cramer([[*row, 0] for row in rows])[-1]
 
 
-def polynomials_with(rows: Rows, exponents: Exponents, symbolic: int = False) -> Polynomials:
-    """Return primitive polynomials with the same span; with a number eps they are short."""
-    ring, integers = polynomial_ring(len(exponents[0]), symbolic), []
-    for row in rows:
-        scale = math.lcm(*(c.denominator for entry in row for c in entry))
-        integers.append([int(c * scale) for entry in row for c in entry])
-    if integers and not symbolic:
-        integers = flint.fmpz_mat(integers).lll().tolist()
-    powers = range(len(rows[0][0]) if rows else 0)
-    monomials = [(*[k] * symbolic, *e) for e in exponents for k in powers]
-    terms = (dict(zip(monomials, row, strict=True)) for row in integers)
-    return tuple(primitive(ring.from_dict(of_one)) for of_one in terms)
+def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
+    """Return primitive polynomials with the same span; without letters they are short.
+
+    The rows have the coefficients of monomials, as `over_rationals` returns them.
+    """
+    names = (*letters, *labels(len(exponents[0])))
+    if not letters:
+        integers = []
+        for row in rows:
+            numbers = [N.get((), Fraction(0)) for N, _ in row]
+            scale = math.lcm(*(c.denominator for c in numbers))
+            integers.append([int(c * scale) for c in numbers])
+        integers = flint.fmpz_mat(integers).lll().tolist() if integers else []
+        terms = (dict(zip(exponents, row, strict=True)) for row in integers)
+        return tuple(primitive(_from_terms(names, of_one)) for of_one in terms)
+    return tuple(_cleared_row(row, exponents, names) for row in rows)
+
+
+def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
+    """Return the polynomial with quotients of polynomials in letters as coefficients."""
+    over_q = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+    zeros = (0,) * len(exponents[0])
+
+    def polynomial(terms: Mapping[Any, Fraction]) -> Any:
+        rational = {(*e, *zeros): flint.fmpq(c.numerator, c.denominator) for e, c in terms.items()}
+        return over_q.from_dict(rational)
+
+    pairs = [(polynomial(N), polynomial(D)) for N, D in row]
+    common = reduce(lambda P, Q: P * (Q // P.gcd(Q)), (D for _, D in pairs))
+    total = over_q.from_dict({})
+    for (N, D), e in zip(pairs, exponents, strict=True):
+        monomial = (*[0] * (len(names) - len(e)), *e)
+        total += N * (common // D) * over_q.from_dict({monomial: 1})
+    return primitive(*cleared(total))
 
 
 # Limits for eps to 0.

@@ -14,8 +14,9 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, Residues, over_rationals
+from .arithmetic import EPS, Residues, Values
 from .functions import rational_roots
+from .interpolation import over_rationals
 from .polynomials import (
     degree_of,
     exponents_up_to,
@@ -42,7 +43,7 @@ class _Equations:
         self._lower = [self._ring.from_dict({e: 1}) for e in exponents_up_to(degree - 1, 2)]
         self._exponents = exponents_up_to(2 * degree - 2, 2)
 
-    def equations(self, P: Any, eps: int) -> Any:
+    def equations(self, P: Any, eps: Values) -> Any:
         """Return the matrix of the equations for f = P, without its first column.
 
         The columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for g, then h, a monomial.
@@ -78,7 +79,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     if rank([first, second]) < 2:
         return
 
-    def search(p: int, eps: int) -> Residues:
+    def search(p: int, eps: Values) -> Residues:
         rng = random.Random(p)
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # roots that depend on the plane are left out

@@ -23,13 +23,15 @@ import flint
 from ..bodies.fields.polynomials import text_of
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS, EXTRA, Residues, over_rationals
+from .arithmetic import EPS, EXTRA, Residues, Values
 from .functions import MODULAR, RationalFunction, quotient_of
+from .interpolation import over_rationals
 from .maps import RationalMap
 from .polynomials import (
     Exponents,
     Polynomials,
     exponents_up_to,
+    letters_of,
     monomial_values,
     polynomials_with,
     ring_modulo,
@@ -43,7 +45,7 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
     return arithmetic.matrix([monomial_values(exponents, y) for y in map.orbit(x, length)])
 
 
-def relations_along(map: RationalMap, exponents: Exponents, eps: int, x: list[Any]) -> Residues:
+def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list[Any]) -> Residues:
     """Return the relations along an orbit modulo a prime, in the form of `HKBasis.basis`."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
@@ -85,7 +87,7 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
     """Return how many relations and integrals there are, on which two primes agree."""
     rng = map.generator()
 
-    def count_modulo(p: int, eps: int) -> Counted:
+    def count_modulo(p: int, eps: Values) -> Counted:
         x = arithmetic.random_point(map.dimension, p, rng)
         relations = relations_along(map, exponents, eps, x)
         if not relations:
@@ -107,14 +109,14 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
     if dimension == 0:
         return ()
 
-    def span(p: int, eps: int) -> Residues:
+    def span(p: int, eps: Values) -> Residues:
         points = [arithmetic.random_point(map.dimension, p, rng) for _ in range(_ORBITS)]
         rows = [row for x in points for row in relations_along(map, exponents, eps, x)]
         basis = arithmetic.row_space(rows, p)
         return basis if len(basis) == dimension + 1 else []
 
-    rows = over_rationals(rng, span, map.is_symbolic)
-    return polynomials_with(rows or [], exponents, map.is_symbolic)
+    rows = over_rationals(rng, span, len(map.letters))
+    return polynomials_with(rows or [], exponents, letters_of(map.ring))
 
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
@@ -337,7 +339,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     map, D = integral.map, integral.map.dimension
     exponents = exponents_up_to(integral.degree, D)
 
-    def search(p: int, eps: int) -> arithmetic.Residues:
+    def search(p: int, eps: Values) -> arithmetic.Residues:
         rng, at_number = random.Random(p), map.at_eps(eps)
         rows = []
         for _ in range(2 * len(exponents) + EXTRA):
@@ -348,13 +350,12 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
-    rows = over_rationals(map.generator(integral.degree), search, map.is_symbolic)
+    rows = over_rationals(map.generator(integral.degree), search, len(map.letters))
     if not rows:
         return None
     # One polynomial for both: an additional variable y distinguishes the denominator.
-    (both,) = polynomials_with(
-        rows, tuple((*e, y) for y in (0, 1) for e in exponents), map.is_symbolic
-    )
+    with_y = tuple((*e, y) for y in (0, 1) for e in exponents)
+    (both,) = polynomials_with(rows, with_y, letters_of(map.ring))
     if len(both) > _TERMS:
         return None
     numerator, denominator = (

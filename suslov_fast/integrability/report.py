@@ -15,15 +15,16 @@ from ..keywords import public
 from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
+from .interpolation import watch
 from .kahan import KahanMap, kahan
-from .letters import checked_letters, kahan_with_letters
-from .maps import MapWithLetters, RationalMap, check_map
+from .letters import kahan_with_letters
+from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
-from .relations import ImplicitIntegral
+from .polynomials import exponents_up_to
+from .relations import ImplicitIntegral, count_relations
 from .search import Search
 from .surfaces import Level
 from .symmetries import Reversor
-from .theorems import lift
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
@@ -149,8 +150,11 @@ class Report:
 
     def _title(self) -> str:
         D = self.map.dimension
-        if isinstance(self.map, MapWithLetters):
-            return str(self.map)
+        letters = self.map.letters
+        if len(letters) > 1:
+            is_field = isinstance(self.map, KahanMap)
+            text = str(self.map) if is_field else f"Map of {D} variables"
+            return f"{text}, letters {', '.join(letters)}"
         if not isinstance(self.map, KahanMap):
             return f"Map of {D} variables" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
@@ -275,14 +279,15 @@ def report(
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     letters : str or sequence of str, optional
         Names of parameters of a field or a body that stay symbols, ``"a b"``, beside eps. Formulas
-        hold for all their values: integrals are proved as identities. What is not found is said in
-        `notes`. Degrees, and which formulas there are, are those at small primes in their place.
+        hold for all their values, and so do degrees and numbers of integrals, except at special
+        values. If the values in `system` are such, a note tells how many integrals they have.
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
     progress : callable, optional
-        Called as ``progress(done, parts)`` after each part of the search. If it returns False, the
-        search ends, and the report has the results found so far.
+        Called as ``progress(done, parts)`` after each part of the search, and while formulas with
+        letters are interpolated. If it returns False, the search ends, and the report has the
+        results found so far.
 
     Returns
     -------
@@ -321,45 +326,69 @@ def report(
     ((a*x2^2 - b*x1^2)/(-eps^2*a*c*x2^2 + 4), 'identity')
     """
     degree = integer("degree", degree, 1)
-    with_letters, notes = None, list[str]()
-    if eps is not None and (letters is not None or isinstance(system, MapWithLetters)):
+    if eps is not None and letters is not None:
         raise wrong("eps", "left out beside letters", eps)
-    if letters is not None:
-        with_letters = kahan_with_letters(system, checked_letters(system, letters), decimals)
-    elif isinstance(system, MapWithLetters):
-        with_letters = system
-    if with_letters:
-        map = with_letters.at_numbers
-        notes += [_NO_INVERSE] * (map.inverse is None)
-    else:
-        map, notes = _map_of(system, eps, decimals)
+    map, notes = _map_of(system, eps, decimals, letters)
     check_map(map)
-    if (with_letters or isinstance(map, KahanMap)) and not map.is_invertible:
+    if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
     if progress is not None and not callable(progress):
         expected = "a function that is called as progress(done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     found, facts = Report(map, degree, notes=notes), Search(map, degree)
+
+    def tell() -> None:
+        done = facts.queue.done
+        if progress and is_false(progress(done, done + len(facts.queue.waiting))):
+            raise _Stopped
+
+    token = watch.set(tell)
     try:
         for _ in facts.queue:
             facts.fill(found)
-            done = facts.queue.done
-            if progress and is_false(progress(done, done + len(facts.queue.waiting))):
-                return found
+            tell()
         facts.fill(found)
-        if with_letters:
-            lift(with_letters, found)
+        if letters is not None:
+            notes += _special_values(system, facts, decimals)
+    except _Stopped:
+        return found
     except (KeyboardInterrupt, Exception) as error:
         error.report = found  # type: ignore[union-attr]
         error.args = error.args or ("what was found is sys.last_value.report",)
         raise
+    finally:
+        watch.reset(token)
     found.finished = True
     return found
 
 
-def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str]]:
+class _Stopped(BaseException):
+    """A report ends, because `progress` returned False."""
+
+
+def _special_values(system: Any, facts: Search, decimals: bool) -> list[str]:
+    """Return a note if there are more integrals at the values of a system than for letters."""
+    degree = facts.queue.finished().get("relations", 0)
+    exponents = exponents_up_to(degree, facts.map.dimension)
+    try:
+        special = count_relations(kahan(system, decimals=decimals), exponents).integrals
+    except ArithmeticError:  # there is no map at these values
+        return []
+    if special <= (facts.relations or 0):
+        return []
+    names = [name for name in facts.map.letters if name in system.parameters]
+    values = ", ".join(f"{name} = {system.parameters[name]:g}" for name in names)
+    return [
+        f"At {values}, relations up to degree {degree} show {special} independent integrals; for "
+        f"general letters they show {facts.relations or 0}."
+    ]
+
+
+def _map_of(field: Any, eps: Any, decimals: bool, letters: Any) -> tuple[RationalMap, list[str]]:
     """Return the map of the arguments of a report, and notes on them."""
+    if letters is not None:
+        return kahan_with_letters(field, letters, decimals), []
     if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "left out, because a map has its own", eps)

@@ -171,7 +171,7 @@ class Search:
         report.level, report.on_level = self.level, self.on_level
         report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
-        if self.map.is_symbolic:
+        if len(self.map.letters) == 1:
             formulas = (*report.integrals, *report.measures, *report.polynomials)
             special = {eps for f in formulas for eps in f.special}
             report.special_eps = tuple(sorted(special.union(self.map.degenerate_eps)))
@@ -204,6 +204,8 @@ class Search:
             return is_small and len(self.known.integrals) < (self.relations or 0)
         highest = max((f.degree for f in self.known.integrals), default=0)
         if self.is_complete:
+            if len(self.map.letters) > 1:  # replacements cost more than they are worth
+                return False
             return highest > self.degree or (is_small and degree <= highest)
         return True
 
@@ -217,12 +219,13 @@ class Search:
         map = self.map
         if not self._only_integrals:
             yield self._next_degree(agreed_degrees(map))
-            if map.is_planar:
+            if map.is_planar and len(map.letters) < 2:
                 yield Task(self._find_planar_entropy, "planar entropy")
             is_birational = map.inverse is not None and map.is_invertible
             if map.dimension > 2 and is_birational and not map.is_symbolic:
                 yield Task(self._find_entropy_on_level, "levels")
-            if isinstance(map, KahanMap) and map.dimension in DEGREES:
+            has_numbers = isinstance(map, KahanMap) and not map.in_letters
+            if has_numbers and map.dimension in DEGREES:
                 yield Task(self._find_symmetries, "symmetries")
         if not map.is_invertible:
             return

@@ -29,14 +29,13 @@ from .functions import (
     quotients_by,
     without_constant,
 )
-from .maps import RationalMap
+from .maps import RationalMap, check_one_letter
 from .polynomials import (
     coefficients_in,
     coprime,
     degree_of,
     homogenized,
     irreducible_factors,
-    letter_of,
     letters_in,
     modulo,
     polynomial_ring,
@@ -73,6 +72,7 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
     if map.is_symbolic and point is None:
         raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)
+    check_one_letter(map)
     check_letter(letter, (*labels(D), *(map.names or ())))
     equations = _Equations(map, integrals, map.letter or letter * (point is None))
     if point is not None:
@@ -119,7 +119,7 @@ class _Equations:
             (f,) = quotients_by("integrals", lambda x: (f(x),), symbols)
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
         if letters_in(P) and not self.map.is_symbolic:
-            eps, letter = getattr(self.map, "eps", None), letter_of(P)
+            eps, letter = getattr(self.map, "eps", None), f.letter
             number = f"Fraction({str(eps or '1/3').replace('/', ', ')})"
             has = "" if eps is None else f", and the map has {letter} = {eps}"
             how = f"pass F.subs({letter}={number}) in place of F"
@@ -231,8 +231,9 @@ class _Equations:
         forward, backward = maps
         if forward[-1] == 0 or backward[-1] == 0:
             raise ArithmeticError(f"the map takes the level {how} to poles of the coordinates")
-        inverse = RationalMap(backward, RationalMap(forward, None, self.letter), self.letter)
-        found = RationalMap(forward, inverse, self.letter)
+        letters = (self.letter,) * bool(self.letter)
+        inverse = RationalMap(backward, RationalMap(forward, None, letters), letters)
+        found = RationalMap(forward, inverse, letters)
         self._check(found, embedding, chart, how)
         names = self.map.names or labels(self.D)
         functions = (self._functions(chart, names), self._functions(embedding, labels(2)))

@@ -11,16 +11,17 @@ The files, in an order in which each uses only those before it:
 
 - `arithmetic`, `polynomials`, `functions`: exact numbers, polynomials and rational functions in
   factors.
-- `interpolation`: rational functions of several variables from their values.
-- `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
+- `interpolation`: rational functions of letters from their values modulo primes.
+- `maps`, `kahan`: birational maps, and the Kahan maps of fields. `letters`: Kahan maps with
+  parameters as letters. `zoo`: examples.
 - `growth`: degrees of iterates. `reducible`: reducible polynomials of a pencil. `contracted`,
   `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of
   monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
 - `relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
-- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `letters`, `theorems`: formulas
-  with parameters as letters. `report`: the results in one object. `levels`: the function of levels.
+- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `report`: the results in one
+  object. `levels`: the function of levels.
 """
 
 from ..bodies.fields.field import Field

@@ -30,6 +30,7 @@ from .functions import (
     over_common_denominator,
     traced,
 )
+from .interpolation import MOST
 from .polynomials import (
     cleared,
     coprime,
@@ -422,6 +423,8 @@ def rational_map(
     letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
     for name in letters:
         check_letter(name, labels(n))
+    if len(letters) > MOST:
+        raise wrong("letter", f"at most {MOST} names", len(letters))
 
     forms = traced("f", f, n, letters)
     if inverse is None:

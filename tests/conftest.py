@@ -21,7 +21,10 @@ def pytest_collection():
     """
     gc.disable()
     try:
-        return (yield)
+        result = yield
+        code = sys.modules.get("suslov_fast.core.code.compiler")
+        assert not (code and code.known_codes), "a test file compiles while it is collected"
+        return result
     finally:
         gc.freeze()
         gc.set_threshold(*gc.get_threshold()[:2], 100)

@@ -76,3 +76,15 @@ def quantity(name):
     if name in kahan.__all__:
         return getattr(kahan, name)
     return lambda body, omega, *eps: getattr(body, name)(omega, *eps)
+
+
+class Tensor:
+    """An array of another package, which converts itself, or refuses to."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def __array__(self, dtype=None, copy=None):
+        if self.values is None:
+            raise RuntimeError("call detach() first")
+        return np.asarray(self.values, dtype)

@@ -1,13 +1,13 @@
 """Methods of order 4, 6 and 8 of fields: compositions of steps of Kahan's map."""
 
-from functools import cache
 from itertools import cycle
 
 import mpmath
 import numba
 import numpy as np
 import pytest
-from systems import HENON_HEILES, LORENZ, tables
+from samples import SQUARE
+from systems import FLOWS, HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast import IntegrationWarning, Status, compiled
@@ -49,45 +49,7 @@ if numba.config.DISABLE_JIT:  # the others repeat the same sub-steps
     METHODS = METHODS[:1]
 
 
-def chain(x):
-    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
-
-
-def euler(x):
-    return 2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]
-
-
-def epidemic(x):
-    """Susceptible, infected and recovered, whose sum is conserved."""
-    new, healed, again = 3 * x[0] * x[1], x[1], x[2] / 4
-    return again - new, new - healed, healed - again
-
-
-SQUARE = sf.Field.from_terms([[[1]]])  # x' = x**2, whose step is x / (1 - eps x)
-# A field, a state and a time in which the motion changes much.
-FLOWS = {
-    "Lorenz": (LORENZ, (1.0, 1.0, 20.0), 1),
-    "Henon-Heiles": (HENON_HEILES, (0.1, 0.2, 0.3, -0.1), 8),
-    "chain": (sf.Field(chain, 5), (1, 0.5, 1.5, 0.8, 1.2), 4),
-    "Euler's top": (sf.Field(euler, 3), (1.0, 0.5, -0.7), 4),
-    "epidemic": (sf.Field(epidemic, 3), (0.9, 0.1, 0.1), 8),
-}
 EACH = [*zip(FLOWS, cycle(METHODS), strict=False)]  # flow with a method
-
-
-@cache
-def motion(name):
-    """The state of the flow by its power series in time, in long doubles."""
-    field, x, time = FLOWS[name]
-    q, l, c = (each.astype(np.longdouble) for each in tables(field))
-    x, h = np.asarray(x, np.longdouble), np.longdouble(1) / 40
-    for _ in range(40 * time):
-        a = [x]
-        for n in range(24):
-            f = sum(np.einsum("ijk,j,k", q, a[k], a[n - k]) for k in range(n + 1))
-            a.append((f + l @ a[n] + (c if n == 0 else 0)) / (n + 1))
-        x = sum(each * h**k for k, each in enumerate(a))
-    return x
 
 
 def composed(field, x, eps, method, steps=1):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from children import TWO_THREADS
 from numba import config
-from test_promises import same
+from promises import same
 
 import suslov_fast as sf
 from suslov_fast.core.compiling import numba as core_numba

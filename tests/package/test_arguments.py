@@ -9,10 +9,15 @@ import pandas
 import pytest
 import xarray
 from numba import njit
-from test_errors import BODY, FIELD, HENON, INF, NAN, OMEGA, Tensor
+from samples import Tensor
 
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, SuslovND, checks
+
+NAN, INF = np.nan, np.inf
+BODY, OMEGA = Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5], [0.2, 0.3]]
+FIELD = Field.from_terms([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
+HENON = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
 
 
 def field(f, dimension=2, **parameters):

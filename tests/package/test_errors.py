@@ -13,11 +13,13 @@ import random
 import re
 from decimal import Decimal
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 import pytest
 import xarray
 from pandas import DataFrame, Series
+from samples import Tensor
 
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, SuslovND, checks
@@ -34,15 +36,16 @@ HENON = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
 SMOOTH = sf.Field(lambda x: (x[1], -np.sin(x[0])), 2)
 SMOOTH_FAMILY = sf.Field(lambda x, mu: (x[1], -mu * np.sin(x[0])), 2, mu=2.0)
 NAMED = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
-# Nothing is compiled when tests are collected.
-RUN, POINTS = (
-    sf.iterate(FIELD, [0.1, 0.2], 0.1, 1),
-    sf.crossings(FIELD, [0.1, 0.2], "x1 - 9", time=0.1),
-)
-MOTION = sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
-CHANGES = sf.flow(SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event("x1")).events
-EQUILIBRIA = sf.equilibria(SMOOTH, near=[0.1, 0.0])
-COFACTOR = sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1]
+
+
+@cache
+def a_run():
+    return sf.iterate(FIELD, [0.1, 0.2], 0.1, 1)
+
+
+@cache
+def a_motion():
+    return sf.flow(BODY, [1.0, 0.5], time=[0.0, 1.0])
 
 
 def body(**given):
@@ -119,18 +122,6 @@ def orbit(start=(1.0, 2.0), period=6.5, **given):
     return lambda: sf.periodic_orbit(FIELD, [*start], period, **given)
 
 
-class Tensor:
-    """An array of another package, which converts itself, or refuses to."""
-
-    def __init__(self, values):
-        self.values = values
-
-    def __array__(self, dtype=None, copy=None):
-        if self.values is None:
-            raise RuntimeError("call detach() first")
-        return np.asarray(self.values, dtype)
-
-
 TABLE = [
     (TypeError, "a", inertia(ID, "z"), field(lambda x, a: (a * x[0], 1), a="1"),
      lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2)),
@@ -149,7 +140,7 @@ TABLE = [
      run(body=(BODY, ID)),
      lambda: FIELD.energy([1, 2]),
      lambda: sf.kahan.modified_energy(FIELD, [1, 2], 0.1),
-     lambda: sf.lyapunov_exponents(RUN, [0.1, 0.2], 0.1, 3),
+     lambda: sf.lyapunov_exponents(a_run(), [0.1, 0.2], 0.1, 3),
      lambda: sf.plot_phase(ND, 0.1, 4),
      lambda: sf.compiled.system(4, 0.1)),
     (ValueError, "body", lambda: Suslov3D.from_dict(ND.to_dict()),
@@ -157,9 +148,9 @@ TABLE = [
     (TypeError, "events", motion(events=3), motion(events=[len])),
     (ValueError, "events", lambda: sf.lyapunov_exponents(
         SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(lambda x: x[0] - 1, terminal=True))),
-    (ValueError, "color", lambda: RUN.plot(color=[1, 2])),
-    (ValueError, "components", lambda: RUN.plot(0, 2), lambda: RUN.plot("run.png"),
-     lambda: POINTS.plot("rho", "u")),
+    (ValueError, "color", lambda: a_run().plot(color=[1, 2])),
+    (ValueError, "components", lambda: a_run().plot(0, 2), lambda: a_run().plot("run.png"),
+     lambda: sf.crossings(FIELD, [0.1, 0.2], "x1 - 9", time=0.1).plot("rho", "u")),
     (ValueError, "constant", lambda: Field.from_terms(np.zeros((2, 2, 2)), None, [1])),
     (sf.NotIntegrableError, "criticality", lambda: ND.criticality([1, 2, 3], 0.1)),
     (TypeError, "derivatives", motion(derivatives=3)),
@@ -170,15 +161,16 @@ TABLE = [
      field(tuple, ""), hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
      hamiltonian(lambda x: x[0], "q1 p1 q2 p2"),
      field(lambda x: x, 0), field(lambda x: x, "u u")),
-    (TypeError, "dims", lambda: RUN.to_xarray(3)),
-    (ValueError, "dims", lambda: RUN.to_xarray("a")),
+    (TypeError, "dims", lambda: a_run().to_xarray(3)),
+    (ValueError, "dims", lambda: a_run().to_xarray("a")),
     (TypeError, "direction", section(direction="left")),
     (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
      changed_by(times=[1.0], direction=1)),
     (TypeError, "eps", lambda: sf.integrability.kahan(FIELD, "eps")),
     (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1),
      run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
-     lambda: COFACTOR.subs({"x": 1}), lambda: sf.compiled.system(BODY, "0.1")),
+     lambda: sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1].subs({"x": 1}),
+     lambda: sf.compiled.system(BODY, "0.1")),
     (ValueError, "eps", lambda: sf.compiled.system(BODY, [[0.1], [0.2]]),
      *(lambda eps=eps: sf.compiled.system(BODY, eps) for eps in (INF, 5e-324)),
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
@@ -261,13 +253,13 @@ TABLE = [
      run(omega0=[np.ma.masked_less([1.0, -1.0], 0)] * 2), run(omega0=[1.0, 0.5, 0.2]),
      run(body=BATCH, omega0=np.ones((4, 2)))),
     (ValueError, "on_singular", run(on_singular="stop"), ),
-    (TypeError, "overwrite", lambda: RUN.save("run.npz", "yes")),
+    (TypeError, "overwrite", lambda: a_run().save("run.npz", "yes")),
     (TypeError, "p", field(lambda x, p: (p["k"] * x[0],), 1, p={"k": 2})),
     (TypeError, "parameters", lambda: Suslov3D.from_dict(json.dumps(BODY.to_dict())),
      lambda: Suslov3D.from_dict("body.json"), lambda: FAMILY.parameters.__setitem__("rho", 3)),
     (ValueError, "parameters", changed(HENON, parameters={"x": 1.0})),
-    (TypeError, "path", lambda: RUN.save(None)),
-    (ValueError, "path", lambda: RUN.save("run")),
+    (TypeError, "path", lambda: a_run().save(None)),
+    (ValueError, "path", lambda: a_run().save("run")),
     (ValueError, "period", orbit(period=[6.5, 6.6]), orbit(period=-6.5)),
     (ValueError, "periodic_orbit", orbit([[1.0, 2.0]])),
     (TypeError, "progress", run(progress=0), motion(progress=3), run(progress=dict),
@@ -292,7 +284,7 @@ TABLE = [
     )),
     (ValueError, "rtol", motion(rtol=0), motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0),
      exponents(time=1.0, rtol=1.0)),
-    (KeyError, "run", lambda: RUN["time"]),
+    (KeyError, "run", lambda: a_run()["time"]),
     (FileNotFoundError, "run.npz", lambda: sf.load("nowhere/run.npz")),
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
@@ -416,10 +408,10 @@ SECOND_TRIES = [
     (lambda: sf.crossings(PAIR, [1, 0], time=[0, 9], surface=lambda x: x[..., 0]), "last number",
      lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0]).time,
      1.5 * math.pi * 2**0.5),
-    (lambda: sf.iterate(FIELD, RUN, 0.1, 1), r"states\[-1\]",
-     lambda: sf.iterate(FIELD, RUN.states[-1], 0.1, 1).states[-1]
-     - sf.iterate(FIELD, RUN.states[0], 0.1, 2).states[-1], 0.0),
-    (lambda: MOTION(0.5), r"flow\(system, x0, time=t\)",
+    (lambda: sf.iterate(FIELD, a_run(), 0.1, 1), r"states\[-1\]",
+     lambda: sf.iterate(FIELD, a_run().states[-1], 0.1, 1).states[-1]
+     - sf.iterate(FIELD, a_run().states[0], 0.1, 2).states[-1], 0.0),
+    (lambda: a_motion()(0.5), r"flow\(system, x0, time=t\)",
      lambda: sf.flow(HALF, [3.0], time=2.0).states, 3 * math.exp(-1)),
     (lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]")), r"\(time\) / np\.timedelta64",
      lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]") / np.timedelta64(1, "s")).states,
@@ -461,8 +453,8 @@ def test_states_by_name():
     assert (PAIR(named) == expected).all()
     assert (PAIR(DataFrame(named)) == expected).all()
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
-    assert (RUN["x2"] == RUN.states[..., 1]).all()
-    assert (MOTION.final == MOTION["Omega1", "Omega2"][-1]).all()
+    assert (a_run()["x2"] == a_run().states[..., 1]).all()
+    assert (a_motion().final == a_motion()["Omega1", "Omega2"][-1]).all()
     pairs = sf.Field(lambda x: -x, "x1 v1 x2 v2")
     assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):

@@ -276,6 +276,12 @@ def test_tests_name_no_private_attributes():
         assert {name for name in names if re.match("_[^_]", name)} <= standard, path
 
 
+def test_no_test_imports_another():
+    """What several of them take is in a file of its own, which pytest does not collect."""
+    for path in Path(__file__).parents[1].rglob("*.py"):
+        assert not re.search(r"^\s*(?:from|import) test_", path.read_text("utf-8"), re.M), path
+
+
 def test_files_that_workflows_name_exist():
     root = Path(__file__).parents[2]
     texts = [path.read_text("utf-8") for path in (root / ".github/workflows").glob("*.yml")]

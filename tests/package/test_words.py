@@ -3,6 +3,7 @@
 import inspect
 import math
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,9 +17,14 @@ BODY = Suslov3D(4, 1, -0.5, -0.3)
 PENDULUM = Field(lambda x, k: (x[1], -k * np.sin(x[0])), "q p", k=1.0)
 QUADRATIC = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
 FAMILY = Field(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
-RUN = sf.iterate(QUADRATIC, [0.1, 0.2], 0.1, 1)
-OF_FAMILY = sf.iterate(FAMILY, [1.0], 0.1, 1)
-MOTION, OF_BODY = (flow(each, [1.0, 0.5], time=[0.0, 1.0]) for each in (PENDULUM, BODY))
+
+
+@cache
+def results():
+    """Return what the table names, when the first test needs it."""
+    motion, of_body = (flow(each, [1.0, 0.5], time=[0.0, 1.0]) for each in (PENDULUM, BODY))
+    run, of_family = sf.iterate(QUADRATIC, [0.1, 0.2], 0.1, 1), sf.iterate(FAMILY, [1.0], 0.1, 1)
+    return {"RUN": run, "OF_FAMILY": of_family, "MOTION": motion, "OF_BODY": of_body}
 
 
 def ends(x):
@@ -141,7 +147,7 @@ def each_typed():
 
 @pytest.mark.parametrize(("typed", "said"), [*each_typed()])
 def test_what_is_typed_leads_on(typed, said):
-    names = globals() | {"math": math, "sympy": sympy, "CubicSpline": CubicSpline}
+    names = globals() | results() | {"math": math, "sympy": sympy, "CubicSpline": CubicSpline}
     with pytest.raises((TypeError, ValueError, AttributeError, ImportError)) as told:
         exec(typed, names)
     assert re.search(said, str(told.value)), told.value

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from test_trajectories import BODY, RUNS, run_of
+from kinds import BODY, RUNS, run_of
 
 import suslov_fast as sf
 from suslov_fast.runs.columns import FORMAT

@@ -4,9 +4,9 @@ import mpmath
 import numpy as np
 import pytest
 from children import TWO_THREADS
+from samples import SQUARE
 from scipy.integrate import solve_ivp
-from systems import FRICTION, HENON_HEILES, LORENZ, SPRING
-from test_orders import FLOWS, SQUARE, motion
+from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, SPRING, by_series
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Status, flow
@@ -43,7 +43,7 @@ def at(field, x, time, **options):
 def test_series(name):
     """Against power series in long doubles; forward and back."""
     field, start, time = FLOWS[name]
-    end, largest = motion(name).astype(float), abs(motion(name)).max()
+    end, largest = by_series(name).astype(float), abs(by_series(name)).max()
     tolerances = np.array([1e-4, 1e-6, 1e-9, 1e-12])
     errors = [abs(at(field, start, time, rtol=rtol) - end).max() / largest for rtol in tolerances]
     assert (errors < (3e3 if name == "Lorenz" else 20) * tolerances).all(), errors

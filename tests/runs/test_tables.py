@@ -10,17 +10,17 @@ import suslov_fast as sf
 FAMILY = sf.Field(lambda x, k: (x[1], -k * x[0]), "q v", k=[1.0, 4.0])
 X0 = [[1.0, 0.0], [0.0, 2.0]]
 RESULTS = {
-    "map": sf.iterate(FAMILY, X0, [0.1, 0.2], 30, save_every=10),
-    "motion": sf.flow(FAMILY, X0, time=[0.5, 1.0, 2.0]),
-    "crossings": sf.crossings(FAMILY, X0, surface="q", time=9.0),
-    "one": sf.flow(FAMILY[0], [1.0, 0.0], time=[0.0, 1.0]),
-    "body": sf.iterate(sf.Suslov3D(4, [1, 2], -0.5, -0.3), [1.0, 0.5], 0.1, 3),
+    "map": lambda: sf.iterate(FAMILY, X0, [0.1, 0.2], 30, save_every=10),
+    "motion": lambda: sf.flow(FAMILY, X0, time=[0.5, 1.0, 2.0]),
+    "crossings": lambda: sf.crossings(FAMILY, X0, surface="q", time=9.0),
+    "one": lambda: sf.flow(FAMILY[0], [1.0, 0.0], time=[0.0, 1.0]),
+    "body": lambda: sf.iterate(sf.Suslov3D(4, [1, 2], -0.5, -0.3), [1.0, 0.5], 0.1, 3),
 }
 
 
 @pytest.mark.parametrize("kind", RESULTS)
 def test_tables_have_a_row_for_each_state(kind):
-    result = RESULTS[kind]
+    result = RESULTS[kind]()
     table = result.to_dataframe()
     labels = [*result.body.labels]
     assert table.shape[0] == result.states[..., 0].size
@@ -45,4 +45,4 @@ def test_tables_have_a_row_for_each_state(kind):
 def test_without_pandas_an_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match="pip install pandas"):
-        RESULTS["one"].to_dataframe()
+        RESULTS["one"]().to_dataframe()

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from numba import config
 from numba.core import event
-from test_promises import OPTIONS, hard
+from promises import OPTIONS, hard
 
 import suslov_fast as sf
 

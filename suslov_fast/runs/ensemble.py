@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import pickle
 import warnings
 from collections.abc import Generator, Iterator
 from contextlib import closing
@@ -254,16 +255,25 @@ def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]
     if client is None:
         yield from (_write(*call) for call in calls)
         return
+    import cloudpickle
     from distributed import as_completed
 
     def submitted(count: int) -> list[Any]:
-        return [client.submit(_write, *call, pure=False) for call in islice(calls, count)]
+        # As bytes: a worker that cannot import a function of the user's raises the error then.
+        # Read with the message of the scheduler, it would end the worker, and the wait never.
+        texts = (cloudpickle.dumps(call) for call in islice(calls, count))
+        return [client.submit(_write_pickled, text, pure=False) for text in texts]
 
     # Some wait at the scheduler, so that no worker does; not all, because they hold states.
     futures = as_completed(submitted(4 + 2 * sum(client.nthreads().values())))
     for future in futures:
         yield future.result()
         futures.update(submitted(1))
+
+
+def _write_pickled(text: bytes) -> slice:
+    """Compute and write the chunk of a pickled call."""
+    return _write(*pickle.loads(text))
 
 
 def _write(

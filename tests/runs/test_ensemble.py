@@ -1,8 +1,11 @@
 """Stored runs equal one call, bit for bit, whatever happened in between."""
 
 import signal
+import sys
+from types import ModuleType
 
 import children
+import cloudpickle
 import numpy as np
 import pytest
 import xarray
@@ -124,7 +127,8 @@ def test_a_killed_process_leaves_what_it_has_computed(tmp_path):
 @pytest.mark.parametrize(
     "processes", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["threads", "processes"]
 )
-def test_workers_write_the_same(tmp_path, processes):
+def test_workers_write_the_same(tmp_path, processes, monkeypatch):
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])
     with (
         LocalCluster(
             n_workers=2, threads_per_worker=1, processes=processes, dashboard_address=None
@@ -140,6 +144,12 @@ def test_workers_write_the_same(tmp_path, processes):
             ensemble(
                 WELL, lambda k: starts(k, 3 + k), tmp_path / "c", time=1.0, chunks=4, client=client
             )
+        if processes:  # which cannot import this module: the error is raised, and nothing waits
+            monkeypatch.setitem(sys.modules, "nowhere", ModuleType("nowhere"))
+            monkeypatch.setattr(sys.modules["nowhere"], "starts", starts, raising=False)
+            monkeypatch.setattr(starts, "__module__", "nowhere")
+            with pytest.raises(ModuleNotFoundError, match="nowhere"):
+                ensemble(BODY, starts, tmp_path / "d", eps=0.1, steps=2, chunks=2, client=client)
 
 
 def test_the_store_of_another_run_is_refused(tmp_path):

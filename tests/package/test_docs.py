@@ -274,3 +274,6 @@ def test_the_reference_has_every_public_name():
 def test_the_citation_is_of_this_version():
     text = (DOCS.parent / "CITATION.cff").read_text(encoding="utf-8")
     assert re.search(r"^version: (.*)$", text, re.MULTILINE).group(1) == suslov_fast.__version__
+    (year,) = re.findall(r"^date-released: (\d+)", text, re.MULTILINE)
+    page = (DOCS / "bibliography.md").read_text("utf-8")
+    assert f"version = {{{suslov_fast.__version__}}},\n  year    = {{{year}}}" in page

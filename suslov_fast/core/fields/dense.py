@@ -208,26 +208,27 @@ def take_dense_steps(part, parts, field, memory, span, carry, saved, final, stat
             for s in range(len(field.fractions)):
                 fill(field.spans, coefficients[s], x, columns, a)
                 for l in range(len(x)):
-                    i, negative, undefined = lo + l, False, 0.0
-                    if status[i] >= 0:
-                        is_good, negative = solve_rows(a[l])
-                        for k in range(D):
-                            undefined += 0.0 * a[l, k, D]
-                        if is_good and undefined == 0.0:
-                            for k in range(D):
-                                x[l, k] = a[l, k, D]
-                        elif field.solve_at == 0:
-                            field.needs[0] = 1
-                            return
-                        else:
-                            half = halves.ctypes.data + 8 * T * (s * own + l % own)
-                            places = field.indices.ctypes.data, half, x.ctypes.data + 8 * l * D
-                            memory_of_one = memory.of_one[part].ctypes.data
-                            bits = call_code(field.solve_at, (*places, memory_of_one, D, T))
-                            negative = bits >= 256
-                            if bits & 255 != OK:
-                                status[i], failed_at[i] = -(bits & 255), n
-                    if negative and carry[0, i] == 0.0 and status[i] >= 0:
+                    i, undefined, bits = lo + l, 0.0, np.int64(0)
+                    if status[i] < 0:
+                        continue
+                    is_good, negative = solve_rows(a[l])
+                    for k in range(D):
+                        undefined += 0.0 * a[l, k, D]
+                    is_good = is_good and undefined == 0.0
+                    for k in range(D if is_good else 0):
+                        x[l, k] = a[l, k, D]
+                    if not is_good and field.solve_at == 0:
+                        field.needs[0] = 1
+                        return
+                    if not is_good:
+                        half = halves.ctypes.data + 8 * T * (s * own + l % own)
+                        places = field.indices.ctypes.data, half, x.ctypes.data + 8 * l * D
+                        memory_of_one = memory.of_one[part].ctypes.data
+                        bits = call_code(field.solve_at, (*places, memory_of_one, D, T))
+                        negative = bits >= 256
+                    if bits & 255 != OK:
+                        status[i], failed_at[i] = -(bits & 255), n
+                    elif negative and carry[0, i] == 0.0:
                         carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
             for l in range(len(x)):
                 i = lo + l

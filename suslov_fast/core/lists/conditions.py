@@ -151,9 +151,34 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     choices, given = dict(zip(kinds, places, strict=False)), places[-1]
     counts_of_jumps = places[len(jumps)] - first
     fixed = Expressions(given, range(D, first + counts_of_jumps))
-    new, surfaces, truths, shifts = {a: a for a in range(first)}, {}, {}, {}
     tests = Expressions(given, values.fixed)  # the choices themselves
-    old = {a: a for a in range(first)}
+    new, surfaces, truths, shifts = _with_choices(
+        operations, fixed, tests, first, (kinds, kinks, choices), shifted
+    )
+    fixed.take_written(values, new)
+    surfaces = [*surfaces, *(new[a] for a in on_surfaces), *shifts.values()]
+    given_to = {"surfaces": surfaces, "jumps": len(jumps), "kept": range(D, given)}
+    f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
+    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
+    f.steady, f.clocks = plain.steady, plain.clocks
+    places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
+    f.changes, f.offsets = changes, offsets
+    _watch(f, found, len(jumps), [*choices.values()])
+    f.choices = _choices(tests, found, len(jumps), truths, first)
+    f.derived = _derived(f, range(first, first + counts_of_jumps))
+    f.conditions = Conditions(found, len(jumps), P, places)
+    return f
+
+
+def _with_choices(operations, fixed, tests, first, chosen, shifted):
+    """Add operations to `fixed`, with choices in place of conditions, and to `tests` as they are.
+
+    `chosen` are the kinds of all conditions by number, those of kinks, and the numbers of choices.
+    Return the new numbers of values in `fixed`, the surfaces there, their operands in `tests`, and
+    shifts of tables by number, see `Elapsed`.
+    """
+    (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
+    new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
     for name, number, operands in operations:
         of, others = renamed(operands, new), renamed(operands, old)
         old[number] = tests.emit(name, *others)
@@ -185,29 +210,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
         if number in kinks:
             b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
             new[number] = fixed.emit("select", truth, a, b)
-    fixed.take_written(values, new)
-    f = RightHandSide(
-        fixed,
-        renamed(results, new),
-        given - D,
-        by,
-        surfaces=[
-            *(surfaces[number] for number in kinds),
-            *(new[a] for a in on_surfaces),
-            *shifts.values(),
-        ],
-        jumps=len(jumps),
-        kept=range(D, given),
-    )
-    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
-    f.steady, f.clocks = plain.steady, plain.clocks
-    places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
-    f.changes, f.offsets = changes, offsets
-    _watch(f, found, len(jumps), [*choices.values()])
-    f.choices = _choices(tests, found, len(jumps), [truths[a] for a in kinds], first)
-    f.derived = _derived(f, range(first, first + counts_of_jumps))
-    f.conditions = Conditions(found, len(jumps), P, places)
-    return f
+    return new, [surfaces[a] for a in kinds], [truths[a] for a in kinds], shifts
 
 
 def _choosing(values, operations, of_clocks):

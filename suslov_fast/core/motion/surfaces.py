@@ -104,6 +104,25 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     }
 
 
+def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
+    """Return the next length between two, and the weights of the inner and the outer one.
+
+    `part` is where a straight line between them crosses the surface.
+    """
+    (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
+    starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: no line tells
+    part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    part, width = starts_on.select(0.5, part), outer - inner
+    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
+    a, b = cut.select(1.0, of_outer) * part, cut.select(of_inner, 1.0) * (1.0 - part)
+    guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
+    guess = has_aim.select(aim + 0.5 * sought, guess)
+    guess = smaller(larger(guess, inner + 0.75 * sought), outer - 0.75 * sought)
+    guess = is_rough.select(outer, (width > sought).select(guess, outer))
+    return guess, of_inner, of_outer
+
+
 @rule
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
@@ -147,22 +166,12 @@ def CUT(
     first = (crossed > 0.0).select(end, 1.0) * taken
     outer_now = cut.select(first, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
-    width = outer_now - inner_now
     of_step = (crossed > 0.0).select(place, whole_part)
-    own = cut.select((of_step * taken - inner_now) / width, part)
+    own = cut.select((of_step * taken - inner_now) / (outer_now - inner_now), part)
     is_known = (inner <= 0.0) & (crossed > 0.0)  # the state at the end of a part
-    starts_on = cut & (inner <= 0.0) & (own < LEAST_PART)  # as after a jump: no line tells
-    own = smaller(larger(own, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
-    own = starts_on.select(0.5, own)
-    heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
-    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
-    a, b = cut.select(1.0, of_outer) * own, cut.select(of_inner, 1.0) * (1.0 - own)
-    guess = inner_now + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    has_aim = is_near & (aim > inner_now) & (aim < outer_now) & (rounds <= ROUNDS)
-    guess = has_aim.select(aim + 0.5 * sought, guess)
-    guess = smaller(larger(guess, inner_now + 0.75 * sought), outer_now - 0.75 * sought)
     is_rough = misses | ((end < 1.0) & ~is_near & (mode > 0.0))
-    guess = is_rough.select(outer_now, (width > sought).select(guess, outer_now))
+    lengths, aim = (inner_now, outer_now), is_near.select(aim, inf)
+    guess, of_inner, of_outer = _guess(cut, own, weight, rounds, lengths, aim, sought, is_rough)
     after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
     after_this = (moved & is_near).select(after_surface, wanted)
     after_this = (moved & is_long).select(smaller(after_this, told), after_this)
@@ -200,57 +209,21 @@ def BACK(found, taken, end):
 def cut(lines, before, total):
     """Take a step again that crosses a surface, or is on the way to one, with a better length."""
     text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
-    taken = work.taken[0]
-    count, pair, point, points = lines.half.surfaces, work.between, work.point, work.points
-    x, far, new, seen = line.x, line.far, work.new, work.seen
-
-    def value(state, to):
-        lines.call("surfaces", state, lines.table, to)
-
-    def look(*names):
-        lines.call("watch", pair, lines.table, seen)
-        return {name: seen[k] for k, name in enumerate(names)}
-
-    def keep_far(truth, state):
-        for i in _read(lines):
-            far.put_chosen(i, truth.select(state[i], far[i]))
-
-    value(x, points)
+    taken, count, pair, points = work.taken[0], lines.half.surfaces, work.between, work.points
+    far = line.far
     if lines.half.changes and lines.half.changes.surfaces:
         text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
-    parts = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
-    outer = line.outer[0]
-    is_far, from_start = ~(outer < np.inf), ~(line.inner[0] > 0.0)
-    of, quartic = lines.half.hidden, None
-    phases = points.after((1 + len(POINTS)) * count)
-    rates = phases.after((1 + len(POINTS)) * of.inside[0])
-    middle = rates.after((1 + len(POINTS)) * of.inside[1])
-    if of.of_states and not lines.half.is_implicit:
-        quartic = work.quartic
-        find_quartic(lines)
-    _look_inside(lines, 0.0, x, phases, rates, quartic)
-    for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
-        state = point if end < 1.0 else new
-        if end < 1.0:
-            put_point(lines, text.value(end), point, quartic=quartic)
-        value(state, points.after(k * count))
-        own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
-        _look_inside(lines, end, state, *own, quartic)
-        if of.told and k == MIDDLE:
-            text.copy(point, middle, watched)
-        text.copy(points.after((k - 1) * count), pair, 2 * count)
-        inputs = look("part", "crosses") | parts | {"u": end, "width": end - begin}
-        parts = lines.apply(LOOK, taken=taken, **inputs)
-        keep_far((parts.pop("is_first") > 0.0) & from_start, state)
+    is_far, from_start, of = ~(line.outer[0] < np.inf), ~(line.inner[0] > 0.0), lines.half.hidden
+    parts, middle = _look_at_points(lines, taken, from_start)
     inputs = {"total": total, "before": before, "taken": taken}
     inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
-    value(far, pair.after(count))
-    inputs |= look("part")
+    lines.call("surfaces", far, lines.table, pair.after(count))
+    inputs |= _watch(lines, "part")
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
-    inputs |= look("whole_part", "crosses", "jumps")
+    inputs |= _watch(lines, "whole_part", "crosses", "jumps")
     inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
     inputs |= {"known": np.inf, "waves": 0.0}
     if of.told:
@@ -262,10 +235,52 @@ def cut(lines, before, total):
         if of.of_states:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
     found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far, from_start))
-    keep_far(found.pop("beyond") > 0.0, new)
+    _keep_far(lines, found.pop("beyond") > 0.0, work.new)
     own = "at_surface", "jumped", "accepted", "served"
     lines.keep(work, {name: found.pop(name) for name in own})
     lines.keep(line, found)
+
+
+def _look_at_points(lines, taken, from_start):
+    """Return the place where a surface is crossed first, and the row of the state at the middle."""
+    text, line, work, of = lines.text, lines.line, lines.work, lines.half.hidden
+    count, pair, point, points = lines.half.surfaces, work.between, work.point, work.points
+    lines.call("surfaces", line.x, lines.table, points)
+    parts, quartic = dict.fromkeys(("crossed", "place", "end"), text.value(0.0)), None
+    phases = points.after((1 + len(POINTS)) * count)
+    rates = phases.after((1 + len(POINTS)) * of.inside[0])
+    middle = rates.after((1 + len(POINTS)) * of.inside[1])
+    if of.of_states and not lines.half.is_implicit:
+        quartic = work.quartic
+        find_quartic(lines)
+    _look_inside(lines, 0.0, line.x, phases, rates, quartic)
+    for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
+        state = point if end < 1.0 else work.new
+        if end < 1.0:
+            put_point(lines, text.value(end), point, quartic=quartic)
+        lines.call("surfaces", state, lines.table, points.after(k * count))
+        own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
+        _look_inside(lines, end, state, *own, quartic)
+        if of.told and k == MIDDLE:
+            text.copy(point, middle, lines.half.watched)
+        text.copy(points.after((k - 1) * count), pair, 2 * count)
+        inputs = _watch(lines, "part", "crosses") | parts | {"u": end, "width": end - begin}
+        parts = lines.apply(LOOK, taken=taken, **inputs)
+        _keep_far(lines, (parts.pop("is_first") > 0.0) & from_start, state)
+    return parts, middle
+
+
+def _watch(lines, *names):
+    """Return the first results of `watch` for the pair of points in `between`, by these names."""
+    lines.call("watch", lines.work.between, lines.table, lines.work.seen)
+    return {name: lines.work.seen[k] for k, name in enumerate(names)}
+
+
+def _keep_far(lines, truth, state):
+    """Keep a state beyond a surface in some lanes."""
+    far = lines.line.far
+    for i in _read(lines):
+        far.put_chosen(i, truth.select(state[i], far[i]))
 
 
 def _look_inside(lines, u, x, phases, rates, quartic):

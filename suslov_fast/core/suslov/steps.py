@@ -212,9 +212,8 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     begin, end, start, stop, every, first_row = span
     B, out, b = len(omega0), flat(saved), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
-    alone = end - begin <= FEW
+    alone, common = end - begin <= FEW, are_common(parameters)
     lanes = ONE if alone else LANES
-    common = are_common(parameters)
     lead, shift, shared = alignment(out, begin, B, lanes)
     stride, origin = lanes - shared, begin - shift
     first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
@@ -235,10 +234,10 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         else:
             plains = continue_lanes(b, lanes, first, width, carry)
         b[TAKEN, FIRST], b[AT_POLE, FIRST] = 0.0, 0.0
-        all_plain = plains == LANES and not alone
+        fuses = plains == LANES and not alone and common and every == 1
         n, next_saved, row, frame = start, first_saved, first_row, frame_at(b, FIRST)
         while True:
-            fused = all_plain and common and every == 1 and 0 < n < stop
+            fused = fuses and 0 < n < stop
             if fused:  # states and steps in one loop
                 for l in range(LANES):
                     b[W1, l], b[W2, l] = leave_plain(frame, b[X_, l], b[Y_, l])

@@ -21,8 +21,9 @@ TABLE = (
    "flow(field.with_parameters(a=array), x0, time=t), all values of a parameter at once"),
   ("fit curvefit leastsquares estimate minimize optimize", "",
    "scipy.optimize.least_squares with flow(field.with_parameters(a=a), x0, time=t)"),
-  ("table lookup lookuptable interp1d input control timeseries", "",
-   "np.interp(t, times, values) in f, with a variable t of the rate 1"),
+  ("table lookup lookuptable interp1d input control timeseries zoh zeroorderhold", "",
+   "np.interp(t, times, values) in f, with a variable t of the rate 1; equal neighbours in "
+   "times are a jump"),
   ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
   ("mass massmatrix m", "", "Field(f, names, mass=M), for M(x) x' = f(x)"),
   ("delay lag history dde dde23 ddesd", "",
@@ -250,6 +251,8 @@ OF_STEPS = (
   ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
    "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
+# An array of values, looked up by where t lies among knots.
+STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
 # Functions of arrays that have no record, and how to write them by those that have one.
 OF_ARRAYS = {
     "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
@@ -271,8 +274,9 @@ OF_ARRAYS = {
     "argmin": "np.minimum, np.maximum, np.where",
     "argsort": "np.minimum, np.maximum, np.where",
     "count_nonzero": "(x > 0).sum()",
-    "searchsorted": "np.where(x < knot, a, b)",
-    "digitize": "np.where(x < knot, a, b)",
+    **dict.fromkeys(
+        ("searchsorted", "digitize", "astype"), f"{STEPS} for values[k] from knots[k] on"
+    ),
     "gradient": "np.concatenate([[x[1] - x[0]], (x[2:] - x[:-2])/2, [x[-1] - x[-2]]])",
     "fft": "a product with a matrix of numbers",
     "ifft": "a product with a matrix of numbers",

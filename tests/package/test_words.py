@@ -118,7 +118,10 @@ ROWS = [
     ("Field(np.gradient, 5)", r"x\[2:\] - x\[:-2\]"),
     ("Field(lambda x: CubicSpline([0, 1, 2], [0, 1, 0])(x[0]), 1)",
      r"np\.interp for a table, of a fine one"),
-    ("Field(lambda x: np.searchsorted([0, 1], x), 1)", r"np\.where|np\.interp"),
+    *((f"Field(lambda x: {f}, 'x')", r"np\.interp\(t, np\.repeat\(knots, 2\)\[1:\]") for f in (
+        "np.searchsorted([0, 1], x)", "np.digitize(x, [0, 1])", "np.eye(3)[0][int(x[0] // 2)]",
+        "np.eye(3)[0][np.floor(x[0])]", "np.floor(x[0]).astype(int)", "[1, 2][math.floor(x[0])]",
+    )),
     # the laboratory
     ("sf.kahan.modified_energy(BODY, sympy.symbols('u v'), 0.1)", r"report\(system\)\.integrals"),
     ("integrability.invariant_measure | integrability.density", r"report\(field\)\.measures"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...checks import OF_SYMBOLS, arguments_of, either, short, wrong
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES
+from ...words import STEPS
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
@@ -108,7 +109,9 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
                 how = "name all variables, as 'x y'"
             elif "'Symbols' object is not callable" in text:
                 how = "x is an array, no function of time: delays need another package"
-            elif "'Symbols' object has no" in text or "valid indices" in text:
+            elif "valid indices" in text:
+                how = f"write {STEPS} for values[k] from knots[k] on"
+            elif "'Symbols' object has no" in text:
                 how = f"write x[0] for a component, and {TABLES}"
             elif "Cannot cast ufunc" in text:
                 how = "for M(x) x' = f(x) pass mass=M to Field, or formulas"

@@ -21,10 +21,10 @@ from ...checks import OF_SYMBOLS, short
 from ...core.lists.records import FUNCTIONS, OTHER_NAMES, interp
 from ...core.lists.right_hand_side import Expressions
 from ...core.lists.step import OF_TRUTH_VALUES
-from ...words import OF_ARRAYS
+from ...words import OF_ARRAYS, STEPS
 from .texts import brief
 
-TABLES = "np.interp for a table, of a fine one for a spline, np.where for steps"
+TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
 
 
 class Untraceable(TypeError):
@@ -308,9 +308,8 @@ def interpolated(
     is_table = knots.ndim == 1 and knots.shape == heights.shape
     if not is_table or not (np.isfinite(knots).all() and np.isfinite(heights).all()):
         raise Untraceable("xp and fp of np.interp must be finite, and have one length")
-    if not (np.diff(knots) > 0).all():
-        how = "for a jump write np.where(x < knot, a, b)"
-        raise Untraceable(f"xp of np.interp must increase: {how}")
+    if (np.diff(knots) < 0).any():
+        raise Untraceable("xp of np.interp must not decrease; equal neighbours are a jump")
     tables = tuple(knots.tolist()), tuple(heights.tolist()), low, high
 
     def of_one(each: Any) -> Any:
@@ -362,8 +361,10 @@ class Symbols(np.ndarray[Any, Any]):
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, (Symbol, Symbols)):
-            how = "write np.where(condition, a, b), or a sum over all entries"
+            how = f"write np.where(condition, a, b), {STEPS}, or a sum over all entries"
             raise Untraceable(f"an index of an array depends on x, such as x[x > 0]: {how}")
+        if isinstance(index, (str, float)):
+            raise Untraceable(f"the index {short(index)} is no integer: write x[0] for a component")
         try:
             return super().__getitem__(index)
         except IndexError:
@@ -425,12 +426,19 @@ class Symbol:
         raise self.tracer.asked(self.operand)
 
     def _converted(self, *_: Any) -> Any:
-        why = "is a symbol without a value, so float, int and math cannot convert it"
-        how = "write np.sin for sin of math or SymPy, x for float(x), np.floor(x) for int(x), "
+        why = "is a symbol without a value, so float and math cannot convert it"
+        how = "write np.sin for sin of math or SymPy, x for float(x), "
         how += f"np.zeros_like(x) for np.zeros(n), {TABLES}"
         raise Untraceable(f"{self} {why}: {how}")
 
-    __float__ = __int__ = __index__ = __complex__ = _converted
+    __float__ = __complex__ = _converted
+
+    def _as_integer(self) -> int:
+        why = "is a symbol without a value, so it is no index, and int cannot convert it"
+        how = f"np.floor(x) for int(x), {STEPS} for values[k] from knots[k] on"
+        raise Untraceable(f"{self} {why}: write {how}")
+
+    __int__ = __index__ = _as_integer
 
     def __floor__(self) -> Any:
         return applied("floor", self)

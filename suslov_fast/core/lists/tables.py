@@ -64,9 +64,17 @@ def interval(kind, number, choice, places):
 
 
 def of_line(knots, heights):
-    """Return the table of straight lines between points, with knots where its slope changes."""
+    """Return the table of straight lines between points, with knots where its slope changes.
+
+    It jumps where knots are equal: there the last one counts, as for `np.interp`.
+    """
     knots, heights = np.array(knots), np.array(heights)
-    slopes = np.concatenate([[0.0], np.diff(heights) / np.diff(knots), [0.0]])
-    bends = (slopes[:-1] != 0.0) | (slopes[1:] != 0.0)
+    is_last = np.append(knots[1:] > knots[:-1], True)
+    is_first = np.append(True, is_last[:-1])
+    knots, before, after = knots[is_last], heights[is_first], heights[is_last]
+    slopes = np.concatenate([[0.0], (before[1:] - after[:-1]) / np.diff(knots), [0.0]])
+    jumps = before != after
+    bends = (slopes[:-1] != 0.0) | (slopes[1:] != 0.0) | jumps
     is_kept = np.append(True, bends)
-    return Table(knots[bends], np.append(heights[0], heights)[is_kept], slopes[is_kept], True)
+    starts = np.append(before[0], after)
+    return Table(knots[bends], starts[is_kept], slopes[is_kept], not jumps.any())

@@ -1,0 +1,112 @@
+"""Tables of np.interp with equal neighbours: they jump there, and steps end at the jumps."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from systems import field
+
+import suslov_fast as sf
+
+
+def steps(knots, values):
+    """Return the table that is values[i] from knots[i] on."""
+    return np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1]
+
+
+def relaxed(x, k, begin, end, xp, fp):
+    """Return x at the time `end` from x at `begin`, where x' = np.interp(t, xp, fp) - k x."""
+    inside = xp[(xp > min(begin, end)) & (xp < max(begin, end))]
+    for a, b in pairwise([begin, *inside[:: 1 if end > begin else -1], end]):
+        if a == b:
+            continue
+        u, v = np.interp([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], xp, fp)
+        slope = 2.0 * (v - u) / (b - a)
+        steady = u + slope * (0.75 * a - 0.75 * b) / 3.0 - slope / k  # k times x, of the line at a
+        lost = np.exp(-k * (b - a))
+        x = lost * x + (steady * (1.0 - lost) + slope * (b - a)) / k
+    return x
+
+
+def fed(xp, fp, **given):
+    return field(lambda s, k: (np.interp(s[1], xp, fp) - k * s[0], 1.0), "x t", **given)
+
+
+@pytest.mark.parametrize("count", [1, 12, 5000])
+def test_zero_order_hold_of_random_tables(count, rng):
+    knots, values = np.sort(rng.uniform(0.0, 100.0, count)), rng.normal(size=count)
+    xp, fp = steps(knots, values)
+    times = np.linspace(0.0, 110.0, 12)
+    motion = sf.flow(fed(xp, fp, k=0.3), [1.0, 0.0], time=times, derivatives="k")
+    right = np.array([relaxed(1.0, 0.3 + 1e-30j, 0.0, t, xp, fp) for t in times])
+    np.testing.assert_allclose(motion["x"], right.real, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(motion.derivatives["k"][:, 0], right.imag / 1e-30, atol=1e-8)
+    assert motion.steps < count + 80
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_lines_between_jumps_both_ways_in_time(sign, rng):
+    for _ in range(8):
+        xp = np.sort(np.concatenate([rng.uniform(-6.0, 6.0, 9), rng.integers(-5, 6, 12)]))
+        fp = rng.normal(size=len(xp))
+        begin = float(rng.choice(xp)) if rng.random() < 0.5 else 0.0
+        # It begins on a jump, passes others, of two and three equal knots, and ends on one.
+        motion = sf.flow(fed(xp, fp, k=0.7), [1.0, begin], time=sign * np.array([3.0, 4.5, 9.0]))
+        right = [relaxed(1.0, 0.7, begin, begin + t, xp, fp) for t in motion.time]
+        np.testing.assert_allclose(motion["x"], right, rtol=1e-8, atol=1e-9)
+
+
+def test_values_are_those_of_numpy_on_both_sides_of_jumps(rng):
+    for ends in ({}, {"left": -1.0, "right": 7.0}):
+        xp = np.sort(np.concatenate([[-2.0, -2.0, 2.0, 2.0], rng.integers(-2, 3, 9)]))
+        fp = rng.normal(size=len(xp))
+        x = np.concatenate([rng.uniform(-3, 3, 99), xp, np.nextafter(xp, 9), np.nextafter(xp, -9)])
+        system = field(lambda s, xp=xp, fp=fp, ends=ends: (np.interp(s[0], xp, fp, **ends),), "x")
+        np.testing.assert_array_equal(system(x[:, np.newaxis])[:, 0], np.interp(x, xp, fp, **ends))
+        assert sf.Field.from_dict(system.to_dict()) == system
+
+
+def test_a_day_that_repeats_from_a_clock_of_dates(rng):
+    hours, values = np.array([0.0, 6.5, 9.0, 17.0, 23.0]), rng.uniform(0.0, 2.0, 5)
+    xp, fp = steps(hours, values)
+    day = field(lambda s, k: (np.interp(np.mod(s[1], 24), xp, fp) - k * s[0], 1.0), "x t", k=0.2)
+    days = np.arange(100)[:, np.newaxis]
+    xp, fp = steps((24.0 * days + hours).ravel(), np.tile(values, len(days)))
+    for begin in (0.0, 7.25, 1.7e9):  # a clock that starts far from 0
+        begin_of_day = begin % 24.0
+        motion = sf.flow(day, [1.0, begin], time=[100.0, 24.0 * 30.0])
+        right = [relaxed(1.0, 0.2, begin_of_day, begin_of_day + t, xp, fp) for t in motion.time]
+        np.testing.assert_allclose(motion["x"], right, rtol=1e-8)
+
+
+def test_two_tables_that_jump_at_once(rng):
+    knots = np.arange(1.0, 20.0)
+    first, second = (steps(knots, rng.normal(size=19)) for _ in range(2))
+    f = field(lambda s: (np.interp(s[1], *first) * np.interp(s[1], *second) - s[0], 1.0), "x t")
+    xp, fp = first[0], first[1] * second[1]
+    np.testing.assert_allclose(
+        sf.flow(f, [0.0, 0.0], time=25.0)["x"], relaxed(0.0, 1.0, 0.0, 25.0, xp, fp), rtol=1e-9
+    )
+
+
+def test_a_table_of_the_state_jumps_with_the_factor_of_its_derivatives():
+    # x' = 1, 3, 1/2 where x < 1, 1 <= x < 2, 2 <= x: 2 is reached at 4/3.
+    speed = field(lambda s: (np.interp(s[0], [0, 1, 1, 2, 2, 9], [1, 1, 3, 3, 0.5, 0.5]),), "x")
+    motion = sf.flow(speed, [0.0], time=[0.5, 1.0, 1.2, 4 / 3, 3.0], derivatives="x0")
+    np.testing.assert_allclose(motion["x"], [0.5, 1.0, 1.6, 2.0, 2.0 + 5 / 6], rtol=1e-12)
+    np.testing.assert_allclose(motion.derivatives["x0"][[0, 2, 4], 0, 0], [1, 3, 0.5], rtol=1e-12)
+    # A level to which the table leads back from both sides: it slides.
+    back = field(lambda s: (np.interp(s[0], [0, 0], [1, -1]),), "x")
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
+        motion = sf.flow(back, [-1.0], time=3.0)
+    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-9)
+
+
+def test_the_derivative_by_the_start_of_a_clock(rng):
+    xp, fp = steps(np.sort(rng.uniform(0.0, 10.0, 30)), rng.normal(size=30))
+    motion = sf.flow(fed(xp, fp, k=0.4), [1.0, 2.0], time=6.0, derivatives="x0")
+    d = 1e-5
+    ends = [relaxed(1.0, 0.4, 2.0 + e, 8.0 + e, xp, fp) for e in (d, -d)]
+    np.testing.assert_allclose(
+        motion.derivatives["x0"][0, 0], [np.exp(-2.4), (ends[0] - ends[1]) / (2 * d)], atol=1e-7
+    )

@@ -38,6 +38,7 @@ from .functions import (
 from .kahan import KahanMap, kahan
 from .maps import LONGEST, RationalMap
 from .polynomials import (
+    coefficient_of,
     degree_of,
     exponents_in_x,
     has_constant_term,
@@ -313,7 +314,7 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
     if any(e != 1 for P, e in f.factors if degree_of(P)):
         return f
     P = f.numerator
-    if (constant := _coefficient(P, (0,) * variables_of(P))) == 0:
+    if (constant := coefficient_of(P, (0,) * variables_of(P))) == 0:
         return f
     return quotient_of(without_content(P - constant), P.context().constant(1), f.basis)
 
@@ -518,27 +519,19 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)
     rows, left = [], list(space)
     for monomial in descending:
-        pivot = next((P for P in left if _coefficient(P, monomial) != 0), None)
+        pivot = next((P for P in left if coefficient_of(P, monomial) != 0), None)
         if pivot is not None:
             left.remove(pivot)
             left = [_without(P, pivot, monomial) for P in left]
             rows.append(pivot)
     for k in reversed(range(len(rows))):
-        last = next(e for e in reversed(descending) if _coefficient(rows[k], e) != 0)
+        last = next(e for e in reversed(descending) if coefficient_of(rows[k], e) != 0)
         rows[:k] = [_without(P, rows[k], last) for P in rows[:k]]
     return [*map(without_content, rows)]
 
 
-def _coefficient(P: Any, monomial: tuple[int, ...]) -> Any:
-    """Return the coefficient of a monomial in x, a polynomial in eps if it is symbolic."""
-    symbolic = letters_in(P)
-    zeros = [0] * len(monomial)
-    terms = {(*e[:symbolic], *zeros): c for e, c in P.to_dict().items() if e[symbolic:] == monomial}
-    return P.context().from_dict(terms)
-
-
 def _without(P: Any, pivot: Any, monomial: tuple[int, ...]) -> Any:
     """Return a combination of two polynomials that lacks a monomial of the second."""
-    if (c := _coefficient(P, monomial)) == 0:
+    if (c := coefficient_of(P, monomial)) == 0:
         return P
-    return without_content(_coefficient(pivot, monomial) * P - c * pivot)
+    return without_content(coefficient_of(pivot, monomial) * P - c * pivot)

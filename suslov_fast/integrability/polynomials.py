@@ -410,18 +410,24 @@ def with_independent_limits(space: Sequence[Any]) -> list[Any]:
     A combination of the basis whose limit is 0 is divided by eps, until no such one is left.
     """
     basis = list(space)
-    if not letters_in(basis[0]):
-        return basis
-    (eps, *_) = basis[0].context().gens()
-    while rank(limits := [*map(limit, basis)]) < len(basis):
-        monomials = [*{e: None for P in limits for e in P.monoms()}]
-        terms = [P.to_dict() for P in limits]
-        columns = flint.fmpz_mat([[int(of_one.get(e, 0)) for of_one in terms] for e in monomials])
-        relations, _ = columns.nullspace()
-        relation = [int(relations[i, 0]) for i in range(len(basis))]
-        last = max(i for i, c in enumerate(relation) if c)
-        combination = sum(c * P for c, P in zip(relation, basis, strict=True))
-        while combination != 0 and limit(combination) == 0:
-            combination = combination // eps
-        basis[last] = without_content(combination)
+    while letters_in(basis[0]) and rank([*map(limit, basis)]) < len(basis):
+        eps, reduced = basis[0].context().gens()[0], list[tuple[Any, Any]]()
+        for number, P in enumerate(basis):
+            for Q, monomial in reduced:
+                a, b = (coefficient_of(limit(R), monomial) for R in (Q, P))
+                P = a * P - b * Q if b != 0 else P
+            if limit(P) != 0:
+                reduced.append((P, exponents_in_x(limit(P))[0]))
+                continue
+            while P != 0 and limit(P) == 0:
+                P = P // eps
+            basis[number] = without_content(P)
+            break
     return basis
+
+
+def coefficient_of(P: Any, monomial: tuple[int, ...]) -> Any:
+    """Return the coefficient of a monomial in x, a polynomial in the letters."""
+    count, zeros = letters_in(P), [0] * len(monomial)
+    terms = {(*e[:count], *zeros): c for e, c in P.to_dict().items() if e[count:] == monomial}
+    return P.context().from_dict(terms)

@@ -337,25 +337,27 @@ def is_short(integral: ImplicitIntegral) -> bool:
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     """Return the formula of an integral that is short enough; None if it has too many terms."""
     map, D = integral.map, integral.map.dimension
-    exponents = exponents_up_to(integral.degree, D)
+    # One polynomial for both: an additional variable y distinguishes the denominator.
+    exponents = tuple((*e, y) for y in (0, 1) for e in exponents_up_to(integral.degree, D))
 
     def search(p: int, eps: Values) -> arithmetic.Residues:
         rng, at_number = random.Random(p), map.at_eps(eps)
         rows = []
-        for _ in range(2 * len(exponents) + EXTRA):
+        for _ in range(len(exponents) + EXTRA):
             x = arithmetic.random_point(D, p, rng)
-            values, quotient = monomial_values(exponents, x), integral.value(at_number, x)
+            quotient = integral.value(at_number, x)
             # numerator - quotient denominator = 0
-            rows.append([*values, *(-quotient * a for a in values)])
+            rows.append(monomial_values(exponents, [*x[:-1], -quotient]))
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
+    # Most monomials are in neither: those of one solution are enough for the others.
+    (first,) = search(map.prime, EPS) or [[]]
+    exponents = tuple(e for e, c in zip(exponents, first, strict=False) if c)
     rows = over_rationals(map.generator(integral.degree), search, len(map.letters))
     if not rows:
         return None
-    # One polynomial for both: an additional variable y distinguishes the denominator.
-    with_y = tuple((*e, y) for y in (0, 1) for e in exponents)
-    (both,) = polynomials_with(rows, with_y, letters_of(map.ring))
+    (both,) = polynomials_with(rows, exponents, letters_of(map.ring))
     if len(both) > _TERMS:
         return None
     numerator, denominator = (

@@ -17,7 +17,7 @@ from .functions import RationalFunction, factored
 from .invariants import Invariants, NormalForms
 from .letters import checked_map
 from .maps import RationalMap
-from .polynomials import Polynomials, renamed, sort_key
+from .polynomials import Polynomials, renamed, sort_key, with_plain_letters
 
 
 @public
@@ -87,7 +87,7 @@ def darboux_polynomials(
             how = "map.determinant, a number or a RationalFunction where eps is symbolic"
             raise TypeError(f"cofactor must be {how}, not another function")
         found = space_of(map, degree, cofactor)
-    return tuple(renamed(P, map.names, map.letter) for P in found)
+    return tuple(with_plain_letters(renamed(P, map.names, map.letter)) for P in found)
 
 
 def _of_all_cofactors(map: RationalMap, degree: int) -> Polynomials:

@@ -453,7 +453,8 @@ def _takes_images_back(map: RationalMap) -> bool:
 def check_one_letter(map: RationalMap) -> None:
     """Raise an error for a map with several letters."""
     if len(map.letters) > 1:
-        received = f"{', '.join(map.letters)}: set others by map.subs"
+        numbers = ", ".join(f"{name}=1" for name in map.letters)
+        received = f"{', '.join(map.letters)}: pass map.subs({numbers}), for example"
         raise wrong("map", "one with at most one letter", received)
 
 

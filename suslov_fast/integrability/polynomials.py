@@ -77,6 +77,12 @@ def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
     return _from_terms((*map(_encoded, new),), P.to_dict())
 
 
+def with_plain_letters(P: Any) -> Any:
+    """Return a polynomial in which letters are variables as all others."""
+    names = tuple(name.removeprefix(_LETTER) for name in P.context().names())
+    return _from_terms(names, P.to_dict())
+
+
 def _encoded(name: str) -> str:
     return re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name)
 

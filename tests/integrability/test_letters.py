@@ -4,12 +4,23 @@ import functools
 import random
 from fractions import Fraction
 
+import flint
 import numpy as np
 import pytest
 import sympy
 
 from suslov_fast import Field, Suslov3D, iterate
-from suslov_fast.integrability import interpolation, kahan, rational_map, report
+from suslov_fast.integrability import (
+    cofactors,
+    darboux_polynomials,
+    degrees,
+    hk_bases,
+    interpolation,
+    kahan,
+    planar_entropy,
+    rational_map,
+    report,
+)
 
 
 def euler(x, a, b, c):
@@ -211,6 +222,86 @@ def test_what_holds_at_special_values_alone():
     assert (found.integrals, found.relations) == ((), 0)
     assert [n for n in found.notes if "a = 2, b = 2" in n and "1 independent" in n]
     assert not report(Field(linear, "x y", a=2, b=3), letters="a b", degree=1).notes
+
+
+def lagrange(x, a, b, c):
+    """With the moments 1/a, 1/a, 1/b, and the weight times the distance of the centre c."""
+    m, p, w = x[:3], x[3:], (a * x[0], a * x[1], b * x[2])
+    return (*np.add(np.cross(m, w), np.cross(p, (0, 0, c))), *np.cross(p, w))
+
+
+def kirchhoff(x, a, b, c, d):
+    m, p = x[:3], x[3:]
+    w, u = (a * m[0], a * m[1], b * m[2]), (c * p[0], c * p[1], d * p[2])
+    return (*np.add(np.cross(m, w), np.cross(p, u)), *np.cross(p, w))
+
+
+def clebsch(x, a, b, c):
+    m, p = x[:3], x[3:]
+    return (*np.cross(p, (a * p[0], b * p[1], c * p[2])), *np.cross(p, m))
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("f", "written", "degrees"),
+    [(kirchhoff, 2, [8, 8]), (lagrange, 2, [6, 8]), (clebsch, 1, [6, 8, 10])],
+)
+def test_bodies_in_six_variables(f, written, degrees):
+    """The other integrals are too long: they are given by their bases."""
+    names, rng = f.__code__.co_varnames[1 : f.__code__.co_argcount], random.Random(3)
+    found = report(Field(f, 6, **dict.fromkeys(names, 1)), letters=" ".join(names), degree=2)
+    assert [integral.degree for integral in found.implicit] == degrees
+    assert [F.basis for F in found.integrals] == ["identity"] * written
+    for _ in range(10):
+        numbers, eps = values_of(names, rng), Fraction(rng.randint(1, 40), 16)
+        map = kahan(Field(f, 6, **{n: float(a) for n, a in numbers.items()}), eps)
+        x = point_of(6, rng)
+        for F in found.integrals:
+            at_numbers = F.subs(eps=eps, **numbers)
+            assert at_numbers(map(x)) == at_numbers(x) == F(x, eps=eps, **numbers)
+
+
+def test_the_other_functions_take_letters():
+    top, rng = Field(euler, 3, a=1, b=1, c=1), random.Random(5)
+    basis = hk_bases(top, 2, letters="a b c")
+    assert (basis.dimension, basis.independent, basis.complete) == (2, 2, True)
+    found = darboux_polynomials(top, 2, letters="a b c")
+    assert found[0].context().names() == ("eps", "a", "b", "c", "x1", "x2", "x3")
+    numbers, eps = values_of("abc", rng), Fraction(3, 8)
+    map = kahan(Field(euler, 3, **{n: float(a) for n, a in numbers.items()}), eps)
+    x = point_of(3, rng)
+    y = map(x)
+    assert all(F(x, eps=eps, **numbers) == F(y, eps=eps, **numbers) for F in basis)
+    rational = [flint.fmpq(a.numerator, a.denominator) for a in (eps, *numbers.values())]
+    points = [[*rational, *(flint.fmpq(a.numerator, a.denominator) for a in at)] for at in (x, y)]
+    over_q = flint.fmpq_mpoly_ctx.get(found[0].context().names())
+    (q, *others) = ([over_q.from_dict(P.to_dict())(*at) for at in points] for P in found)
+    assert all(p[0] * q[1] == p[1] * q[0] for p in others)  # they have one cofactor
+    assert str(cofactors(top, 1, letters="a")[0]) == "1"
+
+
+def test_degrees_are_those_of_general_letters():
+    """x2' / x1 (x2 + a): the map of Lyness has degrees of its own where a = b."""
+    map = rational_map(lambda x, a, b: (x[1], (x[1] + a) / (x[0] + b)), 2, letter="a b")
+    general = degrees(map, 8)
+    assert general == degrees(map.subs(a=7, b=3), 8)
+    assert general != degrees(map.subs(a=5, b=0), 8)
+    with pytest.raises(ValueError, match="subs"):
+        planar_entropy(map)
+
+
+def test_a_report_with_letters_ends_when_progress_says_so():
+    calls = []
+
+    def until(done, parts):
+        calls.append(done)
+        return len(calls) < 60
+
+    found = report(Suslov3D(4, 1, -0.5, -0.25), letters=BODY, progress=until)
+    assert len(calls) == 60
+    assert not found.finished
+    assert found.relations == 1
+    assert max(calls) < 30  # the others came while a formula was interpolated
 
 
 def test_interpolation_of_random_functions():

@@ -19,7 +19,7 @@ from PIL import Image
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
 SCRIPTS = {path.stem: path for path in sorted((DOCS / "examples").glob("*.py"))}
-_PAGES = "equations runs stability crossings diagrams families first_ode events piecewise"
+_PAGES = "equations runs stability crossings diagrams families first_ode events piecewise maps"
 PAGES = {name: DOCS / "howto" / f"{name}.md" for name in _PAGES.split()}
 PAGES["index"] = DOCS / "index.md"
 DPI = 200  # pages show figures at half their size: sharp on dense screens

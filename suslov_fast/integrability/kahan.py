@@ -345,6 +345,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if not isinstance(field, Body):
         received = f"{kind_of(field)}"
         raise wrong("field", "a Field or a body", received, TypeError)
+    _ = field.has_eps or field.field()  # which raises
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy

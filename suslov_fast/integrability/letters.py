@@ -1,4 +1,4 @@
-"""Maps with letters: named parameters of a field or a body that stay symbols, beside eps."""
+"""Exact maps of systems, with letters: named parameters that stay symbols, beside eps."""
 
 from __future__ import annotations
 
@@ -11,26 +11,35 @@ import numpy as np
 from ..bodies.fields import coefficients
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
+from ..bodies.fields.map import Map
 from ..checks import wrong
 from .arithmetic import as_written
 from .functions import RationalFunction, factored
 from .interpolation import MOST
 from .kahan import InLetters, KahanMap, exact_body, kahan
-from .maps import RationalMap, check_map
+from .maps import RationalMap, check_map, rational_map
 from .polynomials import ring_with_letters
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
-    """Return a map, or the Kahan map of a field or a body with a symbolic eps, after a check.
+    """Return a map, or that of a system, after a check: of a field it is Kahan's for any eps.
 
-    Letters are names of parameters of the field or body that stay symbols, too.
+    Letters are names of parameters of the system that stay symbols, too.
     """
-    if letters is not None:
-        checked: Any = kahan_with_letters(map, letters)
-    else:
-        checked = kahan(map) if isinstance(map, Body) else map
+    is_given = letters is None and not isinstance(map, Body)
+    checked: Any = map if is_given else exact_map(map, None, letters)
     check_map(checked)
     return checked
+
+
+def exact_map(system: Any, eps: Any, letters: Any, decimals: bool = True) -> RationalMap:
+    """Return a `Map` as a rational map, or the Kahan map of a field or a body."""
+    if isinstance(system, Map):
+        names = () if letters is None else _checked_letters(system, letters)
+        return rational_map(system, letter=" ".join(names), decimals=decimals)
+    if letters is None:
+        return kahan(system, eps, decimals=decimals)
+    return kahan_with_letters(system, letters, decimals)
 
 
 def kahan_with_letters(system: Any, letters: Any, decimals: bool = True) -> KahanMap:
@@ -77,7 +86,7 @@ def _function(a: Any) -> RationalFunction:
 
 
 def _checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
-    """Return names of parameters of a field or a body that are letters."""
+    """Return names of parameters of a system that are letters."""
     if not isinstance(system, Body):
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:

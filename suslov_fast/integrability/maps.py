@@ -16,6 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
+from ..bodies.fields.map import Map
 from ..bodies.fields.names import labels
 from ..checks import integer, wrong
 from ..keywords import public
@@ -31,6 +32,7 @@ from .functions import (
     traced,
 )
 from .interpolation import MOST
+from .own_map import function_of
 from .polynomials import (
     cleared,
     coprime,
@@ -62,7 +64,7 @@ class RationalMap(WithLetters):
     """
 
     letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
-    names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
+    names: tuple[str, ...] | None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
@@ -70,12 +72,16 @@ class RationalMap(WithLetters):
     modified_energy: Any = None  # the integral of such a map, if it is not constant
 
     def __init__(
-        self, forms: Sequence[Any], inverse: RationalMap | None = None, letters: Sequence[str] = ()
+        self,
+        forms: Sequence[Any],
+        inverse: RationalMap | None = None,
+        letters: Sequence[str] = (),
+        names: tuple[str, ...] | None = None,
     ) -> None:
         if callable(forms):
-            raise TypeError("RationalMap: a function f of x makes a map by rational_map(f, n)")
+            raise TypeError("RationalMap: a function f of x makes a map by Map(f, names)")
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
-        self.letters = tuple(letters)
+        self.letters, self.names = tuple(letters), names
 
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
@@ -97,7 +103,7 @@ class RationalMap(WithLetters):
         return hash(self.dimension)  # cheap: points are cached by map
 
     def __reduce__(self) -> Any:
-        return RationalMap, (self.forms, self.inverse, self.letters)
+        return RationalMap, (self.forms, self.inverse, self.letters, self.names)
 
     def _with(self, numbers: Mapping[str, Fraction]) -> RationalMap:
         values = [arithmetic.fmpq(a) for a in self._all_numbers(numbers)]
@@ -105,7 +111,8 @@ class RationalMap(WithLetters):
         if not any(forms) or forms[-1] == 0:
             where = ", ".join(f"{name} = {a}" for name, a in numbers.items())
             raise ArithmeticError(f"{self} is no map at {where}")
-        return RationalMap(coprime(forms), self.inverse and self.inverse._with(numbers))
+        inverse = self.inverse and self.inverse._with(numbers)
+        return RationalMap(coprime(forms), inverse, names=self.names)
 
     def at_eps(self, values: Values) -> RationalMap:
         """Return the map for numbers in place of letters, or the map itself if it has none."""
@@ -378,30 +385,35 @@ class RationalMap(WithLetters):
 
 @public
 def rational_map(
-    f: Callable[..., Any],
-    dimension: int,
-    inverse: Callable[..., Any] | None = None,
+    f: Map | Callable[..., Any],
+    dimension: int | None = None,
+    inverse: Map | Callable[..., Any] | None = None,
     *,
     letter: str = "",
+    decimals: bool = True,
 ) -> RationalMap:
-    """Return the birational map of a function, for the same searches as Kahan maps.
+    """Return a birational map with its inverse, or with letters, for the functions of this module.
+
+    They take a :class:`suslov_fast.Map` itself, too, which has no inverse.
 
     Parameters
     ----------
-    f : callable
-        It maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``, ``*``, ``/``
-        and integer powers. It is called with symbols; its integers and fractions remain exact, and
-        floats are what was written: 0.1 is 1/10.
+    f : Map or callable
+        A callable maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``,
+        ``*``, ``/`` and integer powers. It is called with symbols; its integers and fractions
+        remain exact, and floats are what was written: 0.1 is 1/10.
     dimension : int
-        The number D of variables.
-    inverse : callable, optional
+        The number D of variables, left out beside a `Map`.
+    inverse : Map or callable, optional
         The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at
         three random points modulo a prime of 62 bits. Without it the map may not be birational, and
         `RationalMap.inverse` is None.
     letter : str, optional
-        The name of an argument of f and of `inverse` after x: it stays symbolic, as eps does in
-        `kahan`. What is found then holds for general values, and `subs` sets one. There may be
-        several names, ``"a b"``.
+        The name of an argument of f and of `inverse` after x, or of a parameter of the `Map`: it
+        stays symbolic, as eps does in `kahan`. What is found then holds for general values, and
+        `subs` sets one. There may be several names, ``"a b"``.
+    decimals : bool, optional
+        As in :func:`report`, for a `Map`.
 
     Returns
     -------
@@ -412,13 +424,21 @@ def rational_map(
     --------
     The map of Lyness:
 
+    >>> from suslov_fast import Map
     >>> from suslov_fast.integrability import degrees, rational_map, report
-    >>> map = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
-    >>> degrees(map, 10)
+    >>> lyness = Map(lambda x: (x[1], (x[1] + 3) / x[0]), "x y")
+    >>> degrees(lyness, 10)
     [2, 2, 3, 4, 5, 7, 9, 11, 14, 16]
-    >>> report(map).integrals
-    ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
+    >>> report(lyness).integrals
+    ((x + 1)*(y + 1)*(x + y + 3)/(x*y),)
+    >>> back = Map(lambda x: ((x[0] + 3) / x[1], x[0]), "x y")
+    >>> [str(a) for a in rational_map(lyness, inverse=back).inverse([2, 5])]
+    ['1', '2']
     """
+    names = None
+    if isinstance(f, Map):
+        names, dimension = f.names if f.names != labels(f.dimension) else None, f.dimension
+    f, inverse = (function_of(a, decimals) if isinstance(a, Map) else a for a in (f, inverse))
     n = integer("dimension", dimension, 1)
     letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
     for name in letters:
@@ -427,12 +447,11 @@ def rational_map(
         raise wrong("letter", f"at most {MOST} names", len(letters))
 
     forms = traced("f", f, n, letters)
+    map = RationalMap(forms, None, letters, names)
     if inverse is None:
-        return RationalMap(forms, None, letters)
-    back = RationalMap(
-        traced("inverse", inverse, n, letters), RationalMap(forms, None, letters), letters
-    )
-    map = RationalMap(forms, back, letters)
+        return map
+    back = RationalMap(traced("inverse", inverse, n, letters), map, letters, names)
+    map = RationalMap(forms, back, letters, names)
     if not _takes_images_back(map):
         raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map
@@ -461,7 +480,7 @@ def check_one_letter(map: RationalMap) -> None:
 def check_map(map: Any) -> None:
     """Raise an error for anything but a map, and for equations that define none."""
     if not isinstance(map, RationalMap):
-        how = "pass a Field, kahan(field, eps) or rational_map(f, dimension)"
+        how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse=g)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")
     at_number = map.at_eps(EPS)
     try:

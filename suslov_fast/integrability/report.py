@@ -10,14 +10,15 @@ from typing import Any
 
 from ..bodies.fields.base import Body
 from ..bodies.fields.field import Field
+from ..bodies.fields.map import Map
 from ..checks import integer, is_false, kind_of, wrong
 from ..keywords import public
 from .darboux import check_unknowns
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .interpolation import watch
-from .kahan import KahanMap, kahan
-from .letters import kahan_with_letters
+from .kahan import KahanMap
+from .letters import exact_map
 from .maps import RationalMap, check_map
 from .planar import PlanarEntropy
 from .polynomials import exponents_up_to
@@ -271,16 +272,16 @@ def report(
 
     Parameters
     ----------
-    system : Field, body, KahanMap or RationalMap
+    system : Field, Map, body, KahanMap or RationalMap
         A single one.
     degree : int, optional
         Largest degree of polynomials, by default 3.
     eps : int, Fraction, float or str, optional
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     letters : str or sequence of str, optional
-        Names of parameters of a field or a body that stay symbols, ``"a b"``, beside eps. Formulas
-        hold for all their values, and so do degrees and numbers of integrals, except at special
-        values. If the values in `system` are such, a note tells how many integrals they have.
+        Names of parameters of a system that stay symbols, ``"a b"``, beside eps. Formulas hold for
+        all their values, and so do degrees and numbers of integrals, except at special values. If
+        the values in `system` are such, a note tells how many integrals they have.
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
@@ -372,7 +373,7 @@ def _special_values(system: Any, facts: Search, decimals: bool) -> list[str]:
     degree = facts.queue.finished().get("relations", 0)
     exponents = exponents_up_to(degree, facts.map.dimension)
     try:
-        special = count_relations(kahan(system, decimals=decimals), exponents).integrals
+        special = count_relations(exact_map(system, None, None, decimals), exponents).integrals
     except ArithmeticError:  # there is no map at these values
         return []
     if special <= (facts.relations or 0):
@@ -387,16 +388,17 @@ def _special_values(system: Any, facts: Search, decimals: bool) -> list[str]:
 
 def _map_of(field: Any, eps: Any, decimals: bool, letters: Any) -> tuple[RationalMap, list[str]]:
     """Return the map of the arguments of a report, and notes on them."""
-    if letters is not None:
-        return kahan_with_letters(field, letters, decimals), []
-    if isinstance(field, RationalMap):
-        if eps is not None:
-            raise wrong("eps", "left out, because a map has its own", eps)
+    if isinstance(field, RationalMap | Map) and eps is not None:
+        raise wrong("eps", "left out, because a map has its own", eps)
+    if letters is None and isinstance(field, RationalMap):
         return field, [] if field.inverse else [_NO_INVERSE]
+    if letters is not None or isinstance(field, Map):
+        no_inverse = [_NO_INVERSE] * isinstance(field, Map)
+        return exact_map(field, eps, letters, decimals), no_inverse
     if callable(field) and not isinstance(field, Body):
-        how = "Field(f, names) of equations, or rational_map(f, n) of a map"
+        how = "Field(f, names) of equations, or Map(f, names) of a map"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
-    map, notes = kahan(field, eps, decimals=decimals), []
+    map, notes = exact_map(field, eps, None, decimals), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
     return map, notes

@@ -128,7 +128,7 @@ ROWS = [
     ("integrability.singularities", "planar_entropy"),
     ("integrability.restrict | from suslov_fast.integrability import restrict", "on_level"),
     ("integrability.reversing_symmetries", r"report\(field\)\.symmetries"),
-    ("integrability.RationalMap(lambda x: x, 'x y')", r"rational_map\(f, n\)"),
+    ("integrability.RationalMap(lambda x: x, 'x y')", r"Map\(f, names\)"),
 ]  # fmt: skip
 
 

@@ -438,7 +438,9 @@ def rational_map(
     names = None
     if isinstance(f, Map):
         names, dimension = f.names if f.names != labels(f.dimension) else None, f.dimension
-    f, inverse = (function_of(a, decimals) if isinstance(a, Map) else a for a in (f, inverse))
+        f = function_of(f, decimals)
+    if isinstance(inverse, Map):
+        inverse = function_of(inverse, decimals)
     n = integer("dimension", dimension, 1)
     letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
     for name in letters:

@@ -23,7 +23,7 @@ from .errors import LARGER_RATIO
 from .lengths import AFTER_REFUSED
 from .rows import OF_CHANGES, State
 from .rules import NEARLY, rule
-from .scope import weighted
+from .scope import Lines, weighted
 
 # The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
 # its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
@@ -115,6 +115,20 @@ def WITH_SIGN(value, x, keeps):
     return {"value": (keeps > 0.0).select(signed, value)}
 
 
+def add_between(text, half, name, for_each):
+    """Add the function void between(arguments), which saves states at times within a step.
+
+    It is a function of its own, because LLVM's time grows faster than the length of a function.
+    """
+    with text.function(f"{name}_between", ("arguments",)):
+        lines = Lines(text, half, name, for_each)
+        _find_nodes(lines)
+        for now in text.rounds(Carried()):
+            _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
+            save(lines, _passed(lines, Value.__gt__).bits(), lines.work.start)
+            now.goes_on = _passed(lines, Value.__gt__).any()
+
+
 def save_states(lines):
     """Save the states at times that the step has passed, or reached aside."""
     text, work = lines.text, lines.work
@@ -123,11 +137,7 @@ def save_states(lines):
         save(lines, served.bits(), work.new)
         if not lines.half.is_implicit:
             with text.when(_passed(lines, Value.__gt__).any()):
-                _find_nodes(lines)
-                for now in text.rounds(Carried()):
-                    _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
-                    save(lines, _passed(lines, Value.__gt__).bits(), work.start)
-                    now.goes_on = _passed(lines, Value.__gt__).any()
+                text.invoke(f"{lines.name}_between", lines.arguments)
         if not lines.half.changes:
             save(lines, _passed(lines, Value.equals).bits(), work.new)
 

@@ -18,6 +18,7 @@ from .changes import add_change
 from .choosing import add_choices
 from .explicit import ExplicitColumns
 from .implicit import ImplicitColumns
+from .inside import add_between
 from .lengths import choose_length
 from .scope import Lines
 from .step import take_step
@@ -41,6 +42,8 @@ def text_of_half(half, name, W, for_each):
         add_choices(text, half, name, for_each)
     if half.changes:
         add_change(text, half, name, for_each)
+    if not half.is_implicit:
+        add_between(text, half, name, for_each)
     text.begin(name, "arguments")
     lines = Lines(text, half, name, for_each)
     taken = lines.work.taken

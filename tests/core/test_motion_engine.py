@@ -423,10 +423,11 @@ def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, c
 _NEW = itertools.count(0.125, 0.125)
 
 
-def test_equal_times_of_changes_are_counted():
+def test_equal_times_of_changes_act_all():
     times = np.sort(np.random.default_rng(0).integers(0, 9, (30, 14)).astype(float), axis=1)
     times[:, 11:] = np.inf
-    most = [max(len([*each]) for _, each in itertools.groupby(row[:11])) for row in times.tolist()]
-    for k, wanted in enumerate(most):
-        assert engine.Stops(times[k : k + 1], np.zeros((1, 14))).array[1] == wanted
-    assert engine.Stops(times, np.zeros((30, 14))).array[1] == max(most)
+    still, more = Field(lambda x: (0 * x[0],), "x"), lambda x: (x[0] + 1,)
+    for own, shape in ((times, (30, 1)), (times[0], (1,))):
+        motion = flow(still, np.zeros(shape), time=9.0, events=sf.Event(times=own, to=more))
+        assert (motion.final == 11.0).all()
+        assert (motion.events.count == 11).all()

@@ -52,6 +52,8 @@ class Records(NamedTuple):
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the change; `before` where none acts
+    of_columns: Any = None  # (K, C + 2 D), tau of C columns, f before and after, if there are any
+    derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
 
 
 class Found(NamedTuple):
@@ -192,8 +194,8 @@ def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Recor
         # Several in a step may be in another order. It takes many times as long.
         rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
     trajectory, which = rows[:, :2].view(np.int64).T.copy()
-    before, states = rows[:, 3 : 3 + D].copy(), rows[:, 3 + D :].copy()
-    return Records(trajectory, which, sign * rows[:, 2], before, states)
+    before, states, others = (a.copy() for a in np.split(rows[:, 3:], (D, 2 * D), axis=1))
+    return Records(trajectory, which, sign * rows[:, 2], before, states, others)
 
 
 def status_of(state: Any) -> NDArray[np.int8]:

@@ -78,6 +78,22 @@ class Columns:
         columns = columns.swapaxes(2, 3) / self.scales[:, np.newaxis]
         return np.ascontiguousarray(states[..., : self.D]), columns
 
+    def of_records(self, records: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return derivatives of the times of events (K, C), and of states before and after.
+
+        An event of a solution dx away comes tau earlier, dt = -tau, and the state at it moves by
+        v - f tau for the column v; states have the shape (K, D, C).
+        """
+        D, C, K = self.D, self.count, len(records.time)
+        scales = self.scales[records.trajectory]
+        others = records.of_columns if K else np.empty((0, C + 2 * D))
+        tau, *rates = np.split(others, (C, C + D), axis=1)
+        states = []
+        for x, f in zip((records.before, records.states), rates, strict=True):
+            columns = x[:, D:].reshape(K, C, D) - tau[..., np.newaxis] * f[:, np.newaxis]
+            states.append((columns / scales[..., np.newaxis]).swapaxes(1, 2))
+        return (0.0 - tau) / scales, states[0], states[1]
+
 
 def _power_of_2(values: FloatArray) -> FloatArray:
     """Return powers of 2 near values, 1 for 0 and NaN."""

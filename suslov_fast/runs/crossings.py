@@ -143,7 +143,7 @@ _of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 
 def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
     """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
-    trajectory, which, time, _, states = found.records
+    trajectory, which, time, _, states = found.records[:5]
     count = np.bincount(trajectory, minlength=len(x))
     first = np.cumsum(count) - count
     own: Any = slice(None)

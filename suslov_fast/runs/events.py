@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,25 @@ from .results import Result
 
 if TYPE_CHECKING:
     import xarray
+
+
+class Derivatives(dict[str, Any]):
+    """Derivatives by the name of what they are with respect to."""
+
+    def __missing__(self, name: str) -> Any:
+        raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},) to flow")
+
+
+class EventDerivatives(NamedTuple):
+    """Derivatives of the times of K events, and of the states before and after them.
+
+    By a parameter their shapes are (K,), (K, D), (K, D); by "x0" there is one more axis, (K, D),
+    (K, D, D), (K, D, D).
+    """
+
+    time: FloatArray
+    before: FloatArray
+    states: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,9 +71,13 @@ class Events(Result):
         As in :class:`Motion`; of :func:`crossings`, `final` is the state at the last time, or at
         the crossing number `most`.
 
+    derivatives : dict of EventDerivatives
+        For each name in `derivatives` of :func:`flow`, the derivatives of `time`, `before` and
+        `states` (dt/dp, and dx/dp at the event): by the saltation matrix, to the tolerance.
+
     Notes
     -----
-    Files of a motion have its events.
+    Files of a motion have its events, without their derivatives.
 
     Examples
     --------
@@ -65,6 +89,10 @@ class Events(Result):
     Events(states: (2, 1), time: 6.93147 to 13.8629, count: 2)
     >>> events.given
     (Event('mass - 2', to=('mass/2',)),)
+    >>> growth = Field(lambda x, r: (r * x[0],), "mass", r=0.1)
+    >>> events = flow(growth, [1.0], time=20.0, events=division, derivatives="r").events
+    >>> events.derivatives["r"].time.round(4)  # -log(2) / r**2, twice that
+    array([ -69.3147, -138.6294])
     """
 
     called = "events"
@@ -81,12 +109,18 @@ class Events(Result):
     end: FloatArray
     final: FloatArray
     _given: tuple[Event, ...] = field(default=(), compare=False)
+    _derivatives: Any = field(default=None, compare=False)
 
     @property
     def given(self) -> tuple[Event, ...]:
         """The events, with equations as text."""
         own = field_of(self.body)
         return tuple(event.of(own) for event in self._given)
+
+    @property
+    def derivatives(self) -> dict[str, EventDerivatives]:
+        """The derivatives of times and states, by what they are with respect to."""
+        return Derivatives(self._derivatives or {})
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Events:
@@ -117,6 +151,10 @@ class Events(Result):
         own = self.trajectory == np.ravel_multi_index(index, self._batch)
         for column in OF_EVENTS:
             attributes[column.name] = attributes[column.name][own]
+        attributes["_derivatives"] = {
+            name: EventDerivatives(*(a[own] for a in each))
+            for name, each in self.derivatives.items()
+        }
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
     def _at_events(self, values: Any, axes: int = 0) -> Any:
@@ -267,6 +305,16 @@ def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> E
         "states": records.states[:, :D],
     }
     return events_of(columns, events, motion)
+
+
+def derivatives_of(records: Any, names: Sequence[str], D: int) -> dict[str, EventDerivatives]:
+    """Return the derivatives in `Records` by name; the columns by x0 are the first D."""
+    found, first = {}, D * ("x0" in names)
+    for name in names:
+        at: Any = slice(D) if name == "x0" else first
+        first += name != "x0"
+        found[name] = EventDerivatives(*(a[..., at].copy() for a in records.derivatives))
+    return found
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:

@@ -38,6 +38,7 @@ from .events import (
     acts_of,
     batch_of,
     checked_events,
+    derivatives_of,
     events_of_records,
     stops_of,
     warn_of_times_that_never_come,
@@ -191,7 +192,10 @@ def flow(
         }
     )
     if acting:
-        vars(motion)["events"] = events_of_records(found.records, acting, motion)
+        events = events_of_records(found.records, acting, motion)
+        if names and found.records.derivatives is not None:
+            vars(events)["_derivatives"] = derivatives_of(found.records, names, body.dimension)
+        vars(motion)["events"] = events
     return motion
 
 
@@ -234,6 +238,9 @@ def _with_derivatives(
     columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings, groups)
     asked = asked._replace(settings=columns.settings)
     found = to_tolerance(columns.field, columns.starts, batch, asked)
+    if acts:
+        of_records = columns.of_records(found.records)
+        found = found._replace(records=found.records._replace(derivatives=of_records))
     states, derivatives = columns.parted(found.states)
     shape = len(asked.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)

@@ -13,15 +13,8 @@ from ..checks import FloatArray, short, wrong
 from ..engine.status import ended_in_words
 from .columns import OF_EVENTS
 from .event import Event
-from .events import Events, events_of
+from .events import Derivatives, Events, events_of
 from .results import OfMotion, States
-
-
-class Derivatives(dict[str, FloatArray]):
-    """Derivatives by the name of what they are with respect to."""
-
-    def __missing__(self, name: str) -> FloatArray:
-        raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},) to flow")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

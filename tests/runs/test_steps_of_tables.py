@@ -41,7 +41,7 @@ def test_zero_order_hold_of_random_tables(count, rng):
     right = np.array([relaxed(1.0, 0.3 + 1e-30j, 0.0, t, xp, fp) for t in times])
     np.testing.assert_allclose(motion["x"], right.real, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(motion.derivatives["k"][:, 0], right.imag / 1e-30, atol=1e-8)
-    assert motion.steps < count + 80
+    assert motion.steps < 1.05 * count + 80
 
 
 @pytest.mark.parametrize("sign", [1, -1])

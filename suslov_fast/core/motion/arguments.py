@@ -21,7 +21,7 @@ class Arguments(NamedTuple):
     state_bytes: int = 0  # of one time
     stops: int = 0  # address of times and numbers of changes (count or 1, n + 1, 2)
     stop_bytes: int = 0  # from trajectory to trajectory
-    records: int = 0  # address of records of changes (-, 3 + 2 D)
+    records: int = 0  # address of records of changes (-, `records.size_of`)
     recorded: int = 0  # how many there are; the code changes it
     full: int = 0  # the number of records after which the code returns
 

@@ -356,7 +356,7 @@ def _cross(lines, k, is_there, by_motion):
         for n, value in enumerate((up.select(1.0, -1.0), found["near"], own["rate"])):
             work.fired.choose(fires, 3 * k + n, value)
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
-        _act(lines, k, fires, given["by_motion"])
+        _act(lines, k, fires, by_motion)
         if half.changes.components[k]:
             _look(lines)
             after = _at_surface(lines, k) | {"near": found["near"]}
@@ -374,7 +374,8 @@ def _note(lines, k, truth, crosses, by_motion):
     counts = truth & (t > lines.number("since")) & ~slides
     line.acted.choose(crosses, 2 * k, t)
     with lines.text.when(counts.any()):
-        record(lines, counts, k, line.t, work.new, work.new)
+        _take_columns(lines, k, counts, by_motion, work.new, work.f_new, False)
+        record(lines, counts, k, line.t, work.new, work.new, *_of_columns(lines, work.f_new))
         of.recorded[0] = recorded = of.recorded[0] + counts.select(1.0, 0.0)
         line.tries.choose(counts, 0, 0.0)
         line.state.choose(counts & (recorded >= lines.number("enough")), 0, float(State.STOPPED))
@@ -397,9 +398,9 @@ def _act(lines, k, truth, by_motion=None):
         if half.f.conditions:
             choosing.choose_all(lines, truth)
         lines.call("f", work.new, lines.table, work.f_new)
-        if half.block is not half.f:
-            _change_columns(lines, k, truth, by_motion)
-            lines.call("f", work.new, lines.table, work.f_new)
+    _take_columns(lines, k, truth, by_motion, work.before, work.f_before, bool(own))
+    if own and half.block is not half.f:
+        lines.call("f", work.new, lines.table, work.f_new)
     counts = lines.line.counts[k] + truth.select(1.0, 0.0)
     lines.line.counts[k] = counts
     actions = lines.of_changes.actions
@@ -407,26 +408,35 @@ def _act(lines, k, truth, by_motion=None):
     if half.changes.most[k] < np.inf:
         is_over = truth & (counts >= float(half.changes.most[k]))
         lines.line.state.choose(is_over, 0, float(State.STOPPED))
-    record(lines, truth, k, lines.line.t, work.before, work.new)
+    record(lines, truth, k, lines.line.t, work.before, work.new, *_of_columns(lines, work.f_before))
 
 
-def _change_columns(lines, k, truth, by_motion):
-    """Change the columns of a `Variational` with the state."""
+def _of_columns(lines, f_before):
+    """Return what a record of a `Variational` has: tau of each column, f before and after."""
+    if lines.half.block is lines.f:
+        return ()
+    work, D = lines.work, lines.half.block.D
+    return (work.tau, lines.f.columns), (f_before, D), (work.f_new, D)
+
+
+def _take_columns(lines, k, truth, by_motion, before, f_before, is_changed):
+    """Find tau of the columns of a `Variational`, and change them if the state is changed."""
     text, work, f, D = lines.text, lines.work, lines.f, lines.half.block.D
-    parts = work.before, None, work.f_before, work.f_new
+    if lines.half.block is f:
+        return
     for c in range(f.columns):
-        q = c - (f.columns - f.q)
-        end, column = f"_{q}" if q >= 0 else "", D * (1 + c)
+        q, column = c - (f.columns - f.q), D * (1 + c)
+        end, parts = f"_{q}" if q >= 0 else "", (before, before.after(column), f_before, work.f_new)
         for n, part in enumerate(parts):
-            source = work.before.after(column) if part is None else part
-            text.copy(source, work.pair.after(n * D), D)
+            text.copy(part, work.pair.after(n * D), D)
         if by_motion is not None:
             lines.call(f"tau{k}{end}", work.pair, lines.table, work.changed)
-            work.tau.choose(truth & (by_motion > 0.0), c, work.changed[0])
-        work.pair[4 * D] = work.tau[c]
-        lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
-        for i in text.each(D):
-            work.new.after(column).choose(truth, i, work.changed[i])
+            work.tau.choose(truth & by_motion, c, work.changed[0])
+        if is_changed:
+            work.pair[4 * D] = work.tau[c]
+            lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
+            for i in text.each(D):
+                work.new.after(column).choose(truth, i, work.changed[i])
 
 
 def _next_stop(lines, bits):

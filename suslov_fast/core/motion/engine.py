@@ -16,6 +16,7 @@ from .arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
 from .changes import MOST_AT_ONCE
 from .half import Half
 from .lengths import MOST_STEPS, first_part, limit_of
+from .records import size_of
 from .rows import BEGINS, OF_CHANGES, Cause, State
 from .text import text_of_half
 
@@ -168,7 +169,7 @@ def add_starts(f, starts, states, records):
     states[..., clocks] += starts
     for rows in records:
         own = starts[rows[:, 0].view(np.int64)]
-        for first in range(3, rows.shape[1], f.D):
+        for first in (3, 3 + f.D):
             rows[:, first + clocks] += own
 
 
@@ -358,7 +359,7 @@ class Taker:
         """Let them point to the times of changes; `records` is the list that arrays come to."""
         f, arguments, self.records = self.half.f, self.arguments, records
         at_once, count = records_at_once(f.changes, equal) * self.W, arguments[SLOT.count]
-        self.buffer = np.empty((4 * (at_once + count), 3 + 2 * f.D))
+        self.buffer = np.empty((4 * (at_once + count), size_of(f)))
         arguments[SLOT.stops] = address_of(stops)
         arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
         arguments[SLOT.records] = address_of(self.buffer)

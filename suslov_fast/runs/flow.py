@@ -192,10 +192,10 @@ def flow(
         }
     )
     if acting:
-        events = events_of_records(found.records, acting, motion)
+        met = events_of_records(found.records, acting, motion)
         if names and found.records.derivatives is not None:
-            vars(events)["_derivatives"] = derivatives_of(found.records, names, body.dimension)
-        vars(motion)["events"] = events
+            vars(met)["_derivatives"] = derivatives_of(found.records, names, body.dimension)
+        vars(motion)["events"] = met
     return motion
 
 

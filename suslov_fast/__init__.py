@@ -45,7 +45,7 @@ _MODULES = ("compiled", "integrability", "kahan")
 
 def _imported(name: str) -> ModuleType:
     """Import a module of the package; Ctrl-C waits until then."""
-    interrupts = import_module(".core.compiling.interrupts", __name__)
+    interrupts = import_module(".core.numba.interrupts", __name__)
     with interrupts.uninterrupted():
         return import_module(name, __name__)
 

@@ -19,7 +19,7 @@ from typing import Any, Protocol, SupportsFloat, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .core.compiling.interrupts import uninterrupted
+from .core.numba.interrupts import uninterrupted
 
 FloatArray = NDArray[np.float64]
 

@@ -157,8 +157,8 @@ def plot(options: argparse.Namespace) -> None:
     """Draw a file of a run."""
     target = options.output or options.file.with_suffix(".png")
     _check_writable([target], (".png", ".svg", ".pdf"), options.force)
-    from .runs.drawing import plt
-    from .runs.results import load
+    from .results.figures import plt
+    from .results.result import load
 
     figure = load(options.file).plot(*options.components).figure
     figure.savefig(target, dpi=150)
@@ -172,7 +172,7 @@ def figures(options: argparse.Namespace) -> None:
     if folder.suffix or (folder.exists() and not folder.is_dir()):
         raise ValueError(f"-o {folder} must be a folder, of figure1.png to figure4.png")
     from .bodies.rigid import FIGURES
-    from .runs.drawing import plt
+    from .results.figures import plt
 
     paths = [folder / f"figure{number}.png" for number in FIGURES]
     folder.mkdir(parents=True, exist_ok=True)
@@ -238,7 +238,7 @@ def _system(options: argparse.Namespace) -> tuple[Any, Any]:
 # ---------------------------------------------------------------------------------- options
 def _fraction(text: str) -> Fraction:
     """Return the number in a text such as 0.1, 1/3 or 1e6, exactly."""
-    from .bodies.fields.polynomials import from_text
+    from .fields.exact_numbers import from_text
 
     try:
         return from_text(text.strip())

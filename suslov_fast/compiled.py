@@ -28,15 +28,15 @@ import numpy as np
 from numba import types
 from numba.extending import overload, typeof_impl
 
-from .bodies.fields.base import Body
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
-from .core.compiling.arrays import uncounted
-from .core.compiling.numba import for_users, of_kind
-from .core.fields.map_system import MapSystem
-from .core.fields.system import FieldSystem
+from .core.maps.map_system import MapSystem
+from .core.maps.step_system import FieldSystem
+from .core.numba.arrays import uncounted
+from .core.numba.decorators import for_users, of_kind
 from .core.suslov.map import one_step
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .core.suslov.system import BodySystem
+from .fields.base import Body
 from .keywords import public
 from .maps import eps_of, map_of
 

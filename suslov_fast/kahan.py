@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .bodies.classes import BodyOrField
-from .bodies.fields.terms import Terms, slopes_at, sums_at
+from .bodies.systems import BodyOrField
 from .checks import FloatArray, Reals, first_index, spell
-from .engine.evaluation import evaluate
-from .engine.problem import Problem, check
+from .fields.terms import Terms, slopes_at, sums_at
 from .keywords import public
 from .maps import Method, map_of
+from .maps.evaluation import evaluate
+from .maps.problem import Problem, check
 
 __all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]
 # Tolerance of fixed points: the modulus of a component of f over the sum of those of its terms.

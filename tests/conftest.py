@@ -22,7 +22,7 @@ def pytest_collection():
     gc.disable()
     try:
         result = yield
-        code = sys.modules.get("suslov_fast.core.code.compiler")
+        code = sys.modules.get("suslov_fast.core.llvm.compiler")
         assert not (code and code.known_codes), "a test file compiles while it is collected"
         return result
     finally:

@@ -12,7 +12,7 @@ from numba import config
 from samples import quantity, random_bodies
 
 import suslov_fast as sf
-from suslov_fast.bodies.fields.field import INDICES
+from suslov_fast.fields.field import INDICES
 from suslov_fast.maps import MAPS
 
 SHARED = (INDICES,)  # parts that all members of a family of fields share

@@ -4,7 +4,7 @@ import numpy as np
 
 from suslov_fast import Field, Map, Suslov3D, SuslovND, kahan
 from suslov_fast.maps import MAPS
-from suslov_fast.maps.methods import COMPOSITIONS
+from suslov_fast.maps.orders import COMPOSITIONS
 
 
 def random_3d(rng, shape):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from suslov_fast.core.motion.columns import EXPLICIT, IMPLICIT, weights
+from suslov_fast.core.flow.weights import EXPLICIT, IMPLICIT, weights
 
 
 def explicit_end(f, x, s, N, sets):

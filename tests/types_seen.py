@@ -18,7 +18,7 @@ from suslov_fast import (
     flow,
     iterate,
 )
-from suslov_fast.runs.results import States
+from suslov_fast.results.result import States
 
 Floats = NDArray[np.float64]
 run = iterate(Field.from_terms([[[1.0]]]), [1.0], 0.1, 5)

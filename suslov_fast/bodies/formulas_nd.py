@@ -8,13 +8,13 @@ import numpy as np
 
 from ..checks import FloatArray, first_index, spell
 from ..core.suslov import quantities
-from ..engine.evaluation import Formula
-from ..engine.problem import Problem
-from ..engine.stretches import states_after
 from ..errors import SuslovError
+from ..maps.batch import states_after
+from ..maps.evaluation import Formula
 from ..maps.formulas import KAHAN, values_by_constants
+from ..maps.problem import Problem
+from .body import whole_states
 from .rigid import IN_3D, Suslov3D
-from .suslov import whole_states
 
 
 class NotIntegrableError(SuslovError, ValueError):

@@ -18,16 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..checks import FloatArray, Reals, wrong
 from ..core.suslov import quantities
-from ..engine.evaluation import Formula, mask_and_warn
-from ..engine.problem import Problem, check
+from ..fields.field import Field
+from ..fields.terms import collected
 from ..keywords import public, public_class
 from ..maps import MAPS, Discretization, map_of
+from ..maps.evaluation import Formula, mask_and_warn
 from ..maps.formulas import KAHAN, formulas_named, values_by_rows
-from ..maps.methods import STEPS_3D
-from .adapted import in_adapted_basis
-from .fields.field import Field
-from .fields.terms import collected
-from .suslov import Suslov, whole_states
+from ..maps.orders import STEPS_3D
+from ..maps.problem import Problem, check
+from .adapted_basis import in_adapted_basis
+from .body import Suslov, whole_states
 
 
 def _exact(a: Any) -> Any:

@@ -9,23 +9,24 @@ on each result; they are the same ones each time. Extra `algebra`: python-flint.
 
 The files, in an order in which each uses only those before it:
 
-- `arithmetic`, `polynomials`, `functions`: exact numbers, polynomials and rational functions in
-  factors.
+- `arithmetic`, `polynomials`, `rational_functions`: exact numbers, polynomials and rational
+  functions in factors.
 - `interpolation`: rational functions of letters from their values modulo primes.
-- `maps`, `kahan`: birational maps, and the Kahan maps of fields. `letters`: Kahan maps with
-  parameters as letters. `zoo`: examples.
-- `growth`: degrees of iterates. `reducible`: reducible polynomials of a pencil. `contracted`,
-  `orbits`, `planar`: the entropy of maps of the plane, from the curves that they contract, and of
-  monomial maps. `surfaces`: maps on levels of integrals, which may be maps of the plane.
-- `relations`: linear relations along orbits, and integrals by them.
+- `birational_maps`, `kahan_maps`: birational maps, and the Kahan maps of fields. `letters`: Kahan
+  maps with parameters as letters. `zoo`: examples.
+- `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
+  `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
+  curves that they contract, and of monomial maps. `level_maps`: maps on levels of integrals, which
+  may be maps of the plane.
+- `linear_relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
-- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `report`: the results in one
-  object. `levels`: the function of levels.
+- `search`: all of this, task by task. `hirota_kimura`: Hirota-Kimura bases. `report`: the results
+  in one object. `levels`: the function of levels.
 """
 
-from ..bodies.fields.field import Field
 from ..checks import extra
+from ..fields.field import Field
 from ..keywords import missing_in
 
 try:
@@ -34,18 +35,18 @@ except ImportError:
     extra("flint", "algebra")  # raises in the words of all extras
     raise
 
-from .bases import HKBasis, hk_bases
+from .birational_maps import RationalMap, rational_map
 from .darboux import cofactors
-from .functions import RationalFunction
-from .generators import darboux_polynomials
-from .growth import Growth, degrees, growth
-from .kahan import KahanMap, kahan
+from .darboux_generators import darboux_polynomials
+from .degrees_of_iterates import Growth, degrees, growth
+from .entropy import Contraction, PlanarEntropy, planar_entropy
+from .hirota_kimura import HKBasis, hk_bases
+from .kahan_maps import KahanMap, kahan
+from .level_maps import Level
 from .levels import on_level
-from .maps import RationalMap, rational_map
-from .planar import Contraction, PlanarEntropy, planar_entropy
-from .relations import ImplicitIntegral
+from .linear_relations import ImplicitIntegral
+from .rational_functions import RationalFunction
 from .report import Report, report
-from .surfaces import Level
 from .zoo import zoo
 
 __all__ = [

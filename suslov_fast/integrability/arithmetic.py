@@ -14,8 +14,8 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.fields.polynomials import exact as as_fraction, from_lists
 from ..checks import refuse, wrong
+from ..fields.exact_numbers import exact as as_fraction, from_lists
 
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime

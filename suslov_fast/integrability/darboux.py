@@ -15,15 +15,14 @@ from typing import Any, NamedTuple
 
 import flint
 
-from ..bodies.fields.base import Body
 from ..checks import integer, wrong
+from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, Residues, Values
-from .functions import RationalFunction, factored, product_of, rational_roots
+from .birational_maps import TERMS, RationalMap
 from .interpolation import over_rationals
 from .letters import checked_map
-from .maps import TERMS, RationalMap
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -35,6 +34,7 @@ from .polynomials import (
     polynomials_with,
     random_line,
 )
+from .rational_functions import RationalFunction, factored, product_of, rational_roots
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:

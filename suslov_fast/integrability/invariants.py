@@ -25,18 +25,10 @@ import flint
 
 from . import arithmetic
 from .arithmetic import EPS
+from .birational_maps import LONGEST, RationalMap
 from .darboux import space_of
-from .functions import (
-    IDENTITY,
-    MODULAR,
-    RationalFunction,
-    factored,
-    independent,
-    quotient_of,
-    without_constant,
-)
-from .kahan import KahanMap, kahan
-from .maps import LONGEST, RationalMap
+from .kahan_maps import KahanMap, kahan
+from .pencils import count_factors, reducible_members
 from .polynomials import (
     coefficient_of,
     degree_of,
@@ -52,7 +44,15 @@ from .polynomials import (
     with_independent_limits,
     without_content,
 )
-from .reducible import count_factors, reducible_members
+from .rational_functions import (
+    IDENTITY,
+    MODULAR,
+    RationalFunction,
+    factored,
+    independent,
+    quotient_of,
+    without_constant,
+)
 
 _TRIAL = 2**16  # prime factors of constants that are found; coprime rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields import coefficients
-from ..bodies.fields.base import Body
-from ..bodies.fields.field import Field
-from ..bodies.fields.map import Map
 from ..checks import wrong
+from ..fields import coefficients
+from ..fields.base import Body
+from ..fields.field import Field
+from ..fields.map import Map
 from .arithmetic import as_written
-from .functions import RationalFunction, factored
+from .birational_maps import RationalMap, check_map, rational_map
 from .interpolation import MOST
-from .kahan import InLetters, KahanMap, exact_body, kahan
-from .maps import RationalMap, check_map, rational_map
+from .kahan_maps import InLetters, KahanMap, exact_body, kahan
 from .polynomials import ring_with_letters
+from .rational_functions import RationalFunction, factored
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies.fields.base import Body
+from ..fields.base import Body
 from ..keywords import public
+from .birational_maps import RationalMap
 from .letters import checked_map
-from .maps import RationalMap
+from .level_maps import Level, level_of
 from .report import report
-from .surfaces import Level, level_of
 
 
 @public

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from ..bodies.fields.map import Map
 from ..checks import wrong
+from ..fields.map import Map
 from .arithmetic import as_written, constant
-from .functions import as_function
+from .rational_functions import as_function
 
 _RULES = {
     "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import flint
 
-from ..bodies.fields.names import labels
+from ..fields.names import labels
 from .arithmetic import EPS, Rows, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]

@@ -8,23 +8,23 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from ..bodies.fields.base import Body
-from ..bodies.fields.field import Field
-from ..bodies.fields.map import Map
 from ..checks import integer, is_false, kind_of, wrong
+from ..fields.base import Body
+from ..fields.field import Field
+from ..fields.map import Map
 from ..keywords import public
+from .birational_maps import RationalMap, check_map
 from .darboux import check_unknowns
-from .functions import IDENTITY, MODULAR, RationalFunction
-from .growth import Growth, growth
+from .degrees_of_iterates import Growth, growth
+from .entropy import PlanarEntropy
 from .interpolation import watch
-from .kahan import KahanMap
+from .kahan_maps import KahanMap
 from .letters import exact_map
-from .maps import RationalMap, check_map
-from .planar import PlanarEntropy
+from .level_maps import Level
+from .linear_relations import ImplicitIntegral, count_relations
 from .polynomials import exponents_up_to
-from .relations import ImplicitIntegral, count_relations
+from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
-from .surfaces import Level
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text

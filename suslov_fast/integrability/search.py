@@ -15,13 +15,21 @@ from itertools import islice
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from .birational_maps import LONGEST, RationalMap
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
-from .functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of, quotient_of
-from .growth import agreed_degrees, growth
+from .degrees_of_iterates import agreed_degrees, growth
+from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
 from .invariants import Invariants, NormalForms
-from .kahan import KahanMap
-from .maps import LONGEST, RationalMap
-from .planar import PlanarEntropy, planar_entropy, proved_by_integral
+from .kahan_maps import KahanMap
+from .level_maps import Level, level_of
+from .linear_relations import (
+    ImplicitIntegral,
+    count_relations,
+    implicit_integrals,
+    integrals_of_relations,
+    is_short,
+    written_out,
+)
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -30,21 +38,20 @@ from .polynomials import (
     sort_key,
     without_content,
 )
-from .relations import (
-    ImplicitIntegral,
-    count_relations,
-    implicit_integrals,
-    integrals_of_relations,
-    is_short,
-    written_out,
+from .rational_functions import (
+    IDENTITY,
+    MODULAR,
+    RationalFunction,
+    factored,
+    independent_of,
+    quotient_of,
 )
-from .surfaces import Level, level_of
 from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
-_TOO_LONG = 50_000  # degree times length: 43,000 take 0.14 s on an AMD EPYC, 256,000 take 2.3 s
+TOO_LONG = 50_000  # degree times length: 43,000 take 0.14 s on an AMD EPYC, 256,000 take 2.3 s
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
@@ -257,7 +264,7 @@ class Search:
     def _has_enough_degrees(self) -> bool:
         count, expected = len(self.degrees), self._expected_degree()
         cost = expected * self.map.length
-        if expected > _TOO_COSTLY or cost > _TOO_LONG or count == _MOST:
+        if expected > _TOO_COSTLY or cost > TOO_LONG or count == _MOST:
             return True
         may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP) or cost > _COSTLY
         by_degrees = growth(self.degrees, planar=self.map.is_planar)

@@ -19,12 +19,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.fields.names import labels
-from ..bodies.fields.polynomials import text_of
-from ..bodies.fields.terms import Terms
+from ..fields.exact_numbers import text_of
+from ..fields.names import labels
+from ..fields.terms import Terms
 from . import arithmetic
 from .arithmetic import Point, simplest_fraction
-from .kahan import KahanMap
+from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension

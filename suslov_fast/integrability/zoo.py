@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.fields.field import Field
 from ..bodies.rigid import Suslov3D
+from ..fields.field import Field
 from ..keywords import public
-from .maps import RationalMap, rational_map
+from .birational_maps import RationalMap, rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:

@@ -1,7 +1,7 @@
-"""Maps: their records (`base`, `records`), steps (`methods`) and formulas."""
+"""Maps: their records (`map_records`, `kahan_records`), steps (`orders`) and formulas."""
 
-from . import records as records  # fills MAPS
-from .base import (
+from . import kahan_records as kahan_records  # fills MAPS
+from .map_records import (
     MAPS as MAPS,
     Discretization as Discretization,
     Method as Method,

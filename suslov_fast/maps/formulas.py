@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, kind_of
-from ..core.compiling.numba import Universal
-from ..core.fields import quantities as quantities_field
+from ..core.maps import field_quantities as quantities_field
+from ..core.numba.decorators import Universal
 from ..core.suslov import quantities
-from ..engine.derivatives import density, jacobian
-from ..engine.evaluation import Formula
-from ..engine.problem import Problem
-from ..engine.stretches import states_after
+from .batch import states_after
+from .derivatives import density, jacobian
+from .evaluation import Formula
+from .problem import Problem
 
 
 def values_by_constants(formula: Universal, problem: Problem) -> Any:

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..bodies.classes import AnyBody, MapOrField
+from ..bodies.systems import AnyBody, MapOrField
 from ..checks import FloatArray
-from ..engine.status import Status
 from ..keywords import public
-from ..runs.flow import flow
-from ..runs.iterate import iterate
+from ..motions.flow import flow
+from ..orbits.iterate import iterate
+from ..status import Status
 
 _MOST = 20  # initial values with a slider
 _WIDTH = 290  # of sliders, in pixels

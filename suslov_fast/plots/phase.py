@@ -9,7 +9,7 @@ import numpy as np
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, kind_of, positive, short, wrong
 from ..keywords import public
-from ..runs.iterate import iterate
+from ..orbits.iterate import iterate
 
 # Least distance of t from 1, because at 1 a level is two lines, which have no phases.
 _NEAR_1 = 1e-6
@@ -139,7 +139,7 @@ def plot_phase(
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
     >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
     """
-    from ..runs.drawing import COLOURS, axes_for, spelled
+    from ..results.figures import COLOURS, axes_for, spelled
 
     given: dict[str, Any] = {"eps": eps, "extent": extent}
     for name, value in given.items():

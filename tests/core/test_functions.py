@@ -7,10 +7,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from suslov_fast.core.code import compiler as machine_code
-from suslov_fast.core.code.text import Code, Integers
-from suslov_fast.core.lists.functions import ELEMENTARY
-from suslov_fast.core.lists.step import FUNCTIONS, OF_LIBRARY
+from suslov_fast.core.expressions.elementary import ELEMENTARY
+from suslov_fast.core.expressions.kahan_step import FUNCTIONS, OF_LIBRARY
+from suslov_fast.core.llvm import compiler as machine_code
+from suslov_fast.core.llvm.text import Code, Integers
 
 SPECIAL = [
     0.0, 5e-324, 1e-310, 2.0**-1022, 1e-9, 0.5, 1.0 - 2.0**-53, 1.0, 1.5, 2.0, 3.0, 9.0, 44.0,

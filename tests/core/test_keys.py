@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents
-from suslov_fast.core.code.compiler import known_codes
+from suslov_fast.core.llvm.compiler import known_codes
 
 
 def test_surfaces_that_differ_by_a_number_in_place_of_a_variable():

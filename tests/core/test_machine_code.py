@@ -11,12 +11,12 @@ import pytest
 from llvmlite import binding
 
 import suslov_fast as sf
-from suslov_fast.core.code import compiler as machine_code
-from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.fields import careful, driver, few_orbits, steps as steps_field
-from suslov_fast.core.fields.stages import Stages
-from suslov_fast.core.lists import step as lists_step
-from suslov_fast.engine import derivatives, stretches
+from suslov_fast.core.expressions import kahan_step as lists_step
+from suslov_fast.core.llvm import compiler as machine_code
+from suslov_fast.core.maps import driver, few_orbits, kernel as steps_field, pivoting
+from suslov_fast.core.maps.stages import Stages
+from suslov_fast.core.numba import decorators as core_numba
+from suslov_fast.maps import batch, derivatives
 
 pytestmark = pytest.mark.compiled
 
@@ -158,7 +158,7 @@ def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
         return met
 
     usual = found()
-    monkeypatch.setattr("suslov_fast.core.lists.sizes.CODE", 0)
+    monkeypatch.setattr("suslov_fast.core.expressions.thresholds.CODE", 0)
     for one, other in zip(usual, found(), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -212,7 +212,7 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
         ("OF_DENSE", -1),
         ("OF_LATTICE", -1),
     ):
-        monkeypatch.setattr(f"suslov_fast.core.lists.sizes.{name}", size)
+        monkeypatch.setattr(f"suslov_fast.core.expressions.thresholds.{name}", size)
     forget(monkeypatch)
     field = sf.Field(of_a, 3, a=1)
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
@@ -243,7 +243,7 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
     monkeypatch.setattr(machine_code, "MOST_TEXT", 3 * machine_code.LEAST_TEXT)
-    monkeypatch.setattr(stretches, "STRETCH", 1)
+    monkeypatch.setattr(batch, "STRETCH", 1)
     monkeypatch.setattr(derivatives, "STRETCH", 1)
     last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).states == run.states).all()
@@ -298,7 +298,7 @@ def test_what_machine_code_is_given_stays_alive():
     lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
     one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
-    code = careful.careful.address
+    code = pivoting.careful.address
     for arguments, kept, *owners in (
         (*lines._driver_arguments(0, 10, saved, 4, 1, code), lines, saved, code),
         (np.array(one[1]), one[-1]),

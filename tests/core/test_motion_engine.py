@@ -11,14 +11,21 @@ from systems import SPRING, rates_of_henon_heiles, robertson
 
 import suslov_fast as sf
 from suslov_fast import Field, flow
-from suslov_fast.core.code import compiler
-from suslov_fast.core.lists.dense import DenseRightHandSide, dense_parameters
-from suslov_fast.core.lists.numbers import Number
-from suslov_fast.core.lists.right_hand_side import Expressions, RightHandSide
-from suslov_fast.core.lists.variational import variational
-from suslov_fast.core.motion import columns, engine, few, functions, half, stepping
-from suslov_fast.core.motion.rows import State
-from suslov_fast.engine import motions
+from suslov_fast.core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
+from suslov_fast.core.expressions.right_hand_side import Expressions, RightHandSide
+from suslov_fast.core.expressions.values import Number
+from suslov_fast.core.expressions.variational import variational
+from suslov_fast.core.flow import (
+    integrator,
+    integrator_parts as half,
+    single_steps,
+    small_batches,
+    vector_functions,
+    weights,
+)
+from suslov_fast.core.flow.memory import State
+from suslov_fast.core.llvm import compiler
+from suslov_fast.motions import integration
 
 
 def right_hand_side(f, D):
@@ -110,11 +117,11 @@ TEXTS = """
 import hashlib
 import numpy as np
 import suslov_fast as sf
-from suslov_fast.core.motion import engine, text
+from suslov_fast.core.flow import integrator, step_loop
 field = sf.Field(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
 for is_implicit in (False, True):
-    half = engine.half_of(field.right_hand_sides[0].f, is_implicit, True)
-    print(hashlib.sha256(text.text_of_half(half, "f", 8, True).encode()).hexdigest())
+    half = integrator.half_of(field.right_hand_sides[0].f, is_implicit, True)
+    print(hashlib.sha256(step_loop.text_of_half(half, "f", 8, True).encode()).hexdigest())
 """
 
 
@@ -126,8 +133,11 @@ def test_texts_are_those_of_every_process():
 
 def motion(f, x0, times, rtol=1e-6, *, table=(), sign=1.0, **settings):
     """Return the states, and what is known of trajectories at their end."""
-    states, settings = np.full((len(times), *x0.shape), np.nan), engine.Settings(rtol, **settings)
-    found = engine.Motion(f, np.array(table), x0, np.array(times), sign, settings, states)
+    states, settings = (
+        np.full((len(times), *x0.shape), np.nan),
+        integrator.Settings(rtol, **settings),
+    )
+    found = integrator.Motion(f, np.array(table), x0, np.array(times), sign, settings, states)
     found.run()
     return states, found.t, found.steps, found.state
 
@@ -137,9 +147,9 @@ def assert_equal(first, second):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize(("lengths", "p"), [(columns.EXPLICIT, 2), (columns.IMPLICIT, 1)])
+@pytest.mark.parametrize(("lengths", "p"), [(weights.EXPLICIT, 2), (weights.IMPLICIT, 1)])
 def test_weights_cancel_the_powers_of_the_length(lengths, p):
-    of_errors, own = columns.weights_of_errors(lengths, p), columns.weights(lengths, p)
+    of_errors, own = weights.weights_of_errors(lengths, p), weights.weights(lengths, p)
     assert sum(own) == pytest.approx(1.0, abs=1e-12)
     for k in range(1, len(lengths)):
         assert sum(w * n ** (-p * k) for w, n in zip(own, lengths, strict=True)) == pytest.approx(
@@ -157,10 +167,10 @@ def test_steps_are_those_of_the_formulas(case, stiff):
     function, x0, last = CASES[case]
     f, table = right_hand_side(function, x0.shape[1]), np.zeros(0)
     by_formulas, compared = implicit_step if stiff else explicit_step, 0
-    ways = [lambda x: f.jacobian(x, table)] if stiff else [engine.half_of(f, False, False).sets]
+    ways = [lambda x: f.jacobian(x, table)] if stiff else [integrator.half_of(f, False, False).sets]
     ways += [None] * (case == "thin_layer" and not stiff)  # where it is rough
     for x in x0[np.isfinite(x0).all(axis=1)]:
-        tried = stepping.attempts(f, table, x, last, engine.Settings(1e-6, stiff=stiff))
+        tried = single_steps.attempts(f, table, x, last, integrator.Settings(1e-6, stiff=stiff))
         for (t, _, before), (later, _, after) in itertools.islice(itertools.pairwise(tried), 16):
             if later > t:
                 given = (lambda x: f.value(x, table)), before, later - t
@@ -184,7 +194,7 @@ def test_runs_have_the_bits_of_straight_line_code(case, monkeypatch):
     function, x0, last = CASES[case]
     f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
     usual = motion(f, x0, [0.3 * last, last])
-    monkeypatch.setattr(functions, "LONGEST", -1)
+    monkeypatch.setattr(vector_functions, "LONGEST", -1)
     again.__dict__["key"] = f"runs of {case}"
     assert_equal(usual, motion(again, x0, [0.3 * last, last]))
 
@@ -196,7 +206,7 @@ def test_choices_reach_the_numbers_of_runs(system, monkeypatch):
     if system.shape == ():
         alone = sf.flow(system, [0.5, 0.0], time=[0.3, 3.0])
         assert_equal([alone.states, alone.steps], [usual.states[:, 0], usual.steps[0]])
-    monkeypatch.setattr(functions, "LONGEST", -1)
+    monkeypatch.setattr(vector_functions, "LONGEST", -1)
     again = system.with_parameters()
     f = again.right_hand_sides[0][1]
     monkeypatch.setitem(f.__dict__, "key", f"runs of {f.key}")
@@ -226,7 +236,7 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     for k in range(len(x0)):
         alone = motion(f, start[k : k + 1], run[1], stiff=is_stiff)
         np.testing.assert_array_equal(alone[0][:, 0], usual[0][:, k])
-    monkeypatch.setattr(functions, "LONGEST", -1)
+    monkeypatch.setattr(vector_functions, "LONGEST", -1)
     by_runs.key = f"runs of variational {case}"
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
     if is_stiff:
@@ -274,12 +284,12 @@ def test_few_trajectories_have_the_bits_of_a_batch(case):
     for own in [*([k] for k in range(len(x0))), [0, 1], slice(None, None, -1), slice(None)] * 2:
         found = states[:, own], *(array[own] for array in of_batch)
         assert_equal(motion(f, x0[own], times), found)
-        given = f, np.zeros(0), x0[own], np.array(times), 1.0, engine.Settings(1e-6)
-        states_of_few, steps_of_few, _, begun = few.take_few(*given)
+        given = f, np.zeros(0), x0[own], np.array(times), 1.0, integrator.Settings(1e-6)
+        states_of_few, steps_of_few, _, begun = small_batches.take_few(*given)
         if begun is None:
             assert_equal((states_of_few, steps_of_few), (found[0], found[2]))
             continue
-        rest = engine.Motion(*given, states_of_few)
+        rest = integrator.Motion(*given, states_of_few)
         rest.run(begun=begun)
         assert_equal((rest.states, rest.t, rest.steps, rest.state), found)
 
@@ -304,8 +314,8 @@ def test_calls_of_several_threads_have_memory_of_their_own():
     f, starts = right_hand_side(van_der_pol, 2), np.linspace(1.0, 2.0, 48).reshape(12, 2, 2)
 
     def call(x0):
-        settings = engine.Settings(1e-9, stiff=False)
-        return few.take_few(f, np.zeros(0), x0, np.array([9.0]), 1.0, settings)[:2]
+        settings = integrator.Settings(1e-9, stiff=False)
+        return small_batches.take_few(f, np.zeros(0), x0, np.array([9.0]), 1.0, settings)[:2]
 
     with ThreadPoolExecutor(6) as pool:
         found = [*pool.map(call, starts)]
@@ -334,7 +344,7 @@ def test_dense_fields():
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
 
-class Counting(engine.Motion):
+class Counting(integrator.Motion):
     """A motion that counts the steps of the implicit half."""
 
     implicit_steps = 0
@@ -355,7 +365,7 @@ def test_orbits_that_are_not_stiff_stay_explicit():
     x0[:, 2] += 25.0
     for rtol, most in ((1e-3, 0.03), (1e-6, 0.001), (1e-9, 0.001)):
         states = np.empty((1, *x0.shape))
-        settings = engine.Settings(rtol)
+        settings = integrator.Settings(rtol)
         found = Counting(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
         found.run()
         assert found.implicit_steps <= most * found.steps.sum()
@@ -380,10 +390,10 @@ def test_stiff_problems(function, x0, last, right, steps):
 @pytest.mark.parametrize("name", CASES)
 def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     f, x0, T = CASES[name]
-    f, settings = right_hand_side(f, x0.shape[1]), engine.Settings(1e-6)
+    f, settings = right_hand_side(f, x0.shape[1]), integrator.Settings(1e-6)
     states, *others = motion(f, x0, [T])
     for k, x in enumerate(x0):
-        *_, (t, steps, end) = stepping.attempts(f, np.zeros(0), x, T, settings)
+        *_, (t, steps, end) = single_steps.attempts(f, np.zeros(0), x, T, settings)
         assert (t, steps) == (others[0][k], others[1][k])
         if others[2][k] == State.DONE:
             np.testing.assert_array_equal(end, states[0, k])
@@ -410,7 +420,7 @@ def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, c
         monkeypatch.setattr(module, attribute, noted)
 
     noting("code", compiler, "_compile")
-    noting("states", motions, "nothing_found")
+    noting("states", integration, "nothing_found")
     x0 = np.random.default_rng(1).normal(size=(count, 2))
     assert flow(field, x0, time=np.linspace(0.0, 1.0, 90), derivatives=derivatives).ok.all()
     assert order[0] == "code"

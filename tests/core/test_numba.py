@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.compiling import cache, numba as core_numba
+from suslov_fast.core.numba import cache, decorators as core_numba
 from suslov_fast.core.suslov import (
     steps as steps_3d,
 )

@@ -11,8 +11,8 @@ import pytest
 from numba import config
 
 import suslov_fast as sf
-from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.fields import careful
+from suslov_fast.core.maps import pivoting
+from suslov_fast.core.numba import decorators as core_numba
 from suslov_fast.core.suslov.steps import steps
 
 pytestmark = [
@@ -136,9 +136,9 @@ def test_the_kernel_takes_batches_for_which_numpy_lacks_memory(as_in_an_empty_pr
 def of_careful(as_in_an_empty_process, monkeypatch):
     """Return a function that replaces what Python does where a step of a field needs pivots."""
     as_in_an_empty_process()
-    monkeypatch.delitem(vars(careful.careful), "_callback", raising=False)
+    monkeypatch.delitem(vars(pivoting.careful), "_callback", raising=False)
     yield lambda replaced: monkeypatch.setattr(core_numba, "as_python", lambda _: replaced)
-    vars(careful.careful).pop("_callback", None)
+    vars(pivoting.careful).pop("_callback", None)
 
 
 def test_errors_in_python_that_machine_code_calls(of_careful):

@@ -5,11 +5,11 @@ import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from suslov_fast.core.code.compiler import call, compiled
-from suslov_fast.core.code.sparse_code import add_factors, add_solution
-from suslov_fast.core.code.text import Code, Integers
-from suslov_fast.core.lists.planned_elimination import elimination_order, filled, work_of
-from suslov_fast.core.lists.sparse import Sparse
+from suslov_fast.core.expressions.sparse_elimination import Sparse
+from suslov_fast.core.expressions.symbolic_elimination import elimination_order, filled, work_of
+from suslov_fast.core.llvm.compiler import call, compiled
+from suslov_fast.core.llvm.sparse_solver import add_factors, add_solution
+from suslov_fast.core.llvm.text import Code, Integers
 
 
 def lattice(n, m, fields):

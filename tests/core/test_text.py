@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from suslov_fast.core.code.compiler import call, compiled
-from suslov_fast.core.code.text import MANY, Array, Carried, Code, Integers, Shared
+from suslov_fast.core.llvm.compiler import call, compiled
+from suslov_fast.core.llvm.text import MANY, Array, Carried, Code, Integers, Shared
 
 WIDTHS = pytest.mark.parametrize("W", [1, 2, 8])
 NUMBERS = np.random.default_rng(1).normal(size=(7, 8))

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.compiling import threads as core_threads
-from suslov_fast.core.motion import engine
-from suslov_fast.engine import stretches, threads
+from suslov_fast.core.flow import integrator
+from suslov_fast.core.numba import threads as core_threads
+from suslov_fast.maps import batch, kernel_calls as threads
 
 AT_ONCE = """
 import sys
@@ -232,7 +232,7 @@ def test_motions_take_the_threads_asked_for(monkeypatch):
         return start(*arguments)
 
     monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
-    monkeypatch.setattr(engine, "in_parts", counted)
+    monkeypatch.setattr(integrator, "in_parts", counted)
     field = sf.Field(lambda x: (x[1], -np.sin(x[0])), "x v")
     x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
     for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):
@@ -356,7 +356,7 @@ def test_calls_take_few_steps_of_large_fields(monkeypatch):
         begin, end = some or (0, len(states))
         operations.append((end - begin) * (stop - start) * D**3)
 
-    monkeypatch.setattr(stretches, "call_kernel", count)
+    monkeypatch.setattr(batch, "call_kernel", count)
     sf.iterate(sf.Field.from_terms(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
     assert sum(operations) == 12_000 * 5 * D**3
     assert max(operations) < 2**28
@@ -365,7 +365,7 @@ def test_calls_take_few_steps_of_large_fields(monkeypatch):
 @pytest.mark.compiled
 def test_progress(body, capsys, monkeypatch):
     for name in ("STRETCH", "TURNING"):
-        monkeypatch.setattr(stretches, name, 2**8)
+        monkeypatch.setattr(batch, name, 2**8)
     seen, omega = [], np.ones((70, 2))
     sf.iterate(body, omega, 0.2, 300, progress=lambda *n: seen.append(n))
     assert len(seen) > 1
@@ -374,10 +374,10 @@ def test_progress(body, capsys, monkeypatch):
     assert seen[-1] == (10, 10)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
-    call = stretches.call_kernel
+    call = batch.call_kernel
     calls = iter([call, call])
     monkeypatch.setattr(
-        stretches, "call_kernel", lambda *given, **options: next(calls)(*given, **options)
+        batch, "call_kernel", lambda *given, **options: next(calls)(*given, **options)
     )
     with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
         sf.iterate(body, omega, 0.2, 700, progress=True)

@@ -5,8 +5,8 @@ import pytest
 from systems import rates_of_henon_heiles
 
 from suslov_fast import Field, flow
-from suslov_fast.core.lists.two_sets import sets_of
-from suslov_fast.core.motion import engine, few, half
+from suslov_fast.core.expressions.partitioned import sets_of
+from suslov_fast.core.flow import integrator, integrator_parts, small_batches
 
 
 def sets(field):
@@ -130,12 +130,12 @@ def columns_of_gragg(monkeypatch):
     """A function after whose call all motions have the columns of Gragg's rule."""
 
     def only():
-        monkeypatch.setattr(half, "sets_of", lambda f: None)
+        monkeypatch.setattr(integrator_parts, "sets_of", lambda f: None)
         forget()
 
     def forget():
-        engine.half_of.cache_clear()
-        few.memories.cache_clear()
+        integrator.half_of.cache_clear()
+        small_batches.memories.cache_clear()
 
     yield only
     forget()

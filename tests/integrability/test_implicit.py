@@ -18,14 +18,14 @@ pytest.importorskip("flint")
 import flint
 
 from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, report, zoo
-from suslov_fast.integrability.functions import independent_of
-from suslov_fast.integrability.polynomials import exponents_up_to
-from suslov_fast.integrability.relations import (
+from suslov_fast.integrability.linear_relations import (
     count_relations,
     implicit_integrals,
     is_short,
     written_out,
 )
+from suslov_fast.integrability.polynomials import exponents_up_to
+from suslov_fast.integrability.rational_functions import independent_of
 
 ZOO = zoo()
 PAIRS = [(i, j) for i in range(4) for j in range(i + 1, 4)]

@@ -31,14 +31,14 @@ from suslov_fast.integrability import (
     growth as growth_of,
     hk_bases,
     kahan,
+    pencils,
     polynomials,
     rational_map,
-    reducible,
     report,
     zoo,
 )
-from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants, NormalForms
+from suslov_fast.integrability.rational_functions import MODULAR
 from suslov_fast.integrability.search import Search
 
 
@@ -824,7 +824,7 @@ def test_members_with_more_than_two_factors():
     eps, x, y = polynomials.polynomial_ring(2, True).gens()
     lines = y * (2 * x + 3 * y) * (x - y) ** 2
     others = math.prod(eps * a + s for a in (3 * x + 2 * y, x - 6 * y) for s in (1, -1))
-    members = [*reducible.reducible_members([others + 2 * lines, 3 * others - lines])]
+    members = [*pencils.reducible_members([others + 2 * lines, 3 * others - lines])]
     for expected in (lines, others):
         assert expected in members or -expected in members
 

@@ -15,20 +15,20 @@ from suslov_fast import Field
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
-    contracted,
+    contracted_curves,
     degrees,
+    entropy as planar,
     growth,
     kahan,
-    orbits,
-    planar,
     planar_entropy,
     rational_map,
     report,
+    singular_orbits,
     zoo,
 )
-from suslov_fast.integrability.contracted import Passage, Plane
-from suslov_fast.integrability.growth import agreed_degrees
-from suslov_fast.integrability.orbits import has_no_zero
+from suslov_fast.integrability.contracted_curves import Passage, Plane
+from suslov_fast.integrability.degrees_of_iterates import agreed_degrees
+from suslov_fast.integrability.singular_orbits import has_no_zero
 
 field_of = Field
 THIRD = F(1, 3)
@@ -130,8 +130,8 @@ def test_orbits_that_come_to_points_without_an_image_again_and_again(field, entr
     assert [*found.degrees[:10]] == degrees(map, min(10, len(found.degrees)))
     if "again and again" in found.based_on:
         assert not found.proved
-        monkeypatch.setattr(contracted, "rational_series", lambda terms: None)
-        monkeypatch.setattr(contracted, "common_series", lambda sequences: None)
+        monkeypatch.setattr(contracted_curves, "rational_series", lambda terms: None)
+        monkeypatch.setattr(contracted_curves, "common_series", lambda sequences: None)
         assert "without a rule" in planar_entropy(map).reason
 
 
@@ -159,7 +159,7 @@ def test_orbits_that_no_small_prime_decides(monkeypatch):
     translation = planar_entropy(kahan(three_lines(-1, F(3, 2)), THIRD))
     assert (translation.proved, translation.based_on.count("Moebius")) == (True, 1)
     assert translation.lengths.count(None) == 2
-    monkeypatch.setattr(orbits, "SMALL_PRIMES", ())
+    monkeypatch.setattr(singular_orbits, "SMALL_PRIMES", ())
     lyness = rational_map(
         lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2, lambda x: ((x[0] + 1) / (x[1] - 1), x[0])
     )
@@ -196,25 +196,25 @@ def test_a_wrong_passage_is_no_proof():
     plane = Plane(map)
     passages = planar.passages_across(plane, 80)
     for number, right in enumerate(passages):
-        assert contracted.is_proved(plane, number, right)
+        assert contracted_curves.is_proved(plane, number, right)
         longer = Passage(
             (0, *right.common_orders), (right.curve_orders[0], *right.curve_orders), right.steps + 1
         )
         *before, last = right.curve_orders
         tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
         for wrong in (longer, tangent, right._replace(steps=None)):
-            assert not contracted.is_proved(plane, number, wrong)
-        assert orbits.why_never(plane, number, longer) == ""
+            assert not contracted_curves.is_proved(plane, number, wrong)
+        assert singular_orbits.why_never(plane, number, longer) == ""
 
 
 def test_a_wrong_order_is_no_proof():
     """Orders along a conic, which are multiplicities at its one base point."""
     plane = Plane(kahan(*ZOO["Suslov body"]))
     right = planar.passages_across(plane, 80)[1]
-    assert contracted.is_proved(plane, 1, right)
+    assert contracted_curves.is_proved(plane, 1, right)
     first, (order, other) = right.curve_orders
     wrong = right._replace(curve_orders=(first, (order + 1, other)))
-    assert not contracted.is_proved(plane, 1, wrong)
+    assert not contracted_curves.is_proved(plane, 1, wrong)
 
 
 # Maps whose contracted curves come to points without an image again and again, or may do so.

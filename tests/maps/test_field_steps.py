@@ -15,11 +15,11 @@ from systems import lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
-from suslov_fast.core.compiling import codes
-from suslov_fast.core.fields import steps as steps_field
-from suslov_fast.core.fields.careful import careful
-from suslov_fast.core.lists import step as plans
-from suslov_fast.maps.methods import COMPOSITIONS
+from suslov_fast.core.expressions import kahan_step as plans
+from suslov_fast.core.maps import kernel as steps_field
+from suslov_fast.core.maps.pivoting import careful
+from suslov_fast.core.numba import status as codes
+from suslov_fast.maps.orders import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")

@@ -11,8 +11,7 @@ from systems import FLOWS, HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast import IntegrationWarning, Status, compiled
-from suslov_fast.engine import threads
-from suslov_fast.maps import map_of
+from suslov_fast.maps import kernel_calls, map_of
 
 # As published, up to the middle one: Suzuki (1990); Sofroniou and Spaletta (2005), with 32 digits.
 # The others follow by symmetry, the middle one from the sum, which is 1.
@@ -188,7 +187,7 @@ def test_a_pole_in_a_sub_step(method):
 @pytest.mark.parametrize("method", ["auto", *METHODS])
 def test_one_thread_of_numba(method, monkeypatch):
     """A call that Numba is told to make with one thread has no pool to wait for."""
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     try:

@@ -10,8 +10,8 @@ from numba import config
 from promises import same
 
 import suslov_fast as sf
-from suslov_fast.core.compiling import numba as core_numba
-from suslov_fast.core.compiling.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
+from suslov_fast.core.numba import decorators as core_numba
+from suslov_fast.core.numba.status import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from suslov_fast.core.suslov import map as map_3d, steps as steps_3d
 
 

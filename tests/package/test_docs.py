@@ -21,8 +21,8 @@ from PIL import Image
 
 import suslov_fast
 from suslov_fast.command import main
-from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
+from suslov_fast.maps import kernel_calls
 
 DOCS = Path(__file__).parents[2] / "docs"
 README = DOCS.parent / "README.md"
@@ -114,7 +114,7 @@ def test_the_readme(tmp_path, monkeypatch):
     """
     matplotlib.use("Agg")
     plt.close("all")
-    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     for kind, code in all_blocks(README):
         if kind == "python":
@@ -157,7 +157,7 @@ def test_page(path, folder, tmp_path, monkeypatch):
     """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""
     matplotlib.use("Agg")
     plt.close("all")
-    monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)  # parallel loops take long to compile
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):

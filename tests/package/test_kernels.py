@@ -2,7 +2,7 @@
 
     steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-A kernel is decorated with `core.compiling.numba.kernel`.
+A kernel is decorated with `core.numba.decorators.kernel`.
 It neither validates nor raises, and allocates nothing inside loops over steps.
 
 1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once for a
@@ -10,7 +10,7 @@ It neither validates nor raises, and allocates nothing inside loops over steps.
    ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
 2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
    begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
-   `parts`; `core.compiling.numba.share` returns its trajectories.
+   `parts`; `core.numba.decorators.share` returns its trajectories.
 3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is NaN,
    as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
 4. A run can be cut into calls anywhere, in time and in the batch, and all cuts give the same bits:
@@ -37,7 +37,7 @@ import pytest
 from promises import KINDS, RECORDS, hard
 
 import suslov_fast as sf
-from suslov_fast.engine.problem import check
+from suslov_fast.maps.problem import check
 
 STEPS, GUARD = 6, -99
 # Runs from these states have the bits of a run from state 0; they pass state 64, and a round number

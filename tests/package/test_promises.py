@@ -30,11 +30,10 @@ from samples import POLES
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast.bodies import solution
-from suslov_fast.core.compiling import numba as compiling
-from suslov_fast.engine import stretches, threads
-from suslov_fast.maps import MAPS
-from suslov_fast.maps.base import Method
+from suslov_fast.bodies import exact
+from suslov_fast.core.numba import decorators as compiling
+from suslov_fast.maps import MAPS, batch as stretches, kernel_calls
+from suslov_fast.maps.map_records import Method
 
 
 def cases(threaded=False):
@@ -84,10 +83,10 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
 def test_threads_and_stretches(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
     monkeypatch.setattr(compiling, "PATIENCE", -1.0)  # kernels, not NumPy
     same(alone, row.values(*problem, threads=TWO_THREADS))
-    for module, name in ((stretches, "STRETCH"), (stretches, "TURNING"), (solution, "SLICE")):
+    for module, name in ((stretches, "STRETCH"), (stretches, "TURNING"), (exact, "SLICE")):
         monkeypatch.setattr(module, name, 2**6)
     same(alone, row.values(*problem))
 

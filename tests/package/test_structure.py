@@ -15,7 +15,7 @@ import children
 import pytest
 
 import suslov_fast
-from suslov_fast.bodies.fields.names import check_for_map, clash
+from suslov_fast.fields.names import check_for_map, clash
 
 PACKAGE = Path(suslov_fast.__file__).parent
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
@@ -82,29 +82,31 @@ ARROWS = {
     "keywords": "words",
     "errors": "",
     "versions": "keywords",
-    "bodies.fields": "core words checks keywords",
-    "engine": "core checks bodies.fields",
-    "maps": "core checks bodies.fields engine",
-    "bodies": "core checks keywords errors bodies.fields engine maps",
-    "kahan": "checks keywords bodies.fields engine maps bodies",
-    "quantities": "checks core keywords bodies.fields engine bodies",
-    "runs": "core words checks keywords errors bodies.fields engine maps bodies kahan",
-    "plots": "checks keywords engine bodies runs",
-    "integrability": "checks keywords bodies.fields bodies",
-    "compiled": "core checks keywords bodies.fields maps",
-    "command": "words bodies.fields bodies runs plots integrability",
+    "status": "core checks",
+    "fields": "core words checks keywords",
+    "maps": "core checks status fields",
+    "bodies": "core checks keywords errors status fields maps",
+    "kahan": "checks keywords fields maps bodies",
+    "results": "core words checks keywords errors status fields maps bodies",
+    "orbits": "core checks keywords status maps bodies kahan results",
+    "motions": "core checks keywords errors status fields maps bodies results",
+    "ensembles": "checks keywords status fields maps orbits motions",
+    "plots": "checks keywords status bodies results orbits motions",
+    "integrability": "checks keywords fields bodies",
+    "compiled": "core checks keywords fields maps",
+    "command": "words fields bodies results orbits motions plots integrability",
     "__main__": "command",
 }
 
 
 # The same for the rooms of the core.
 IN_CORE = {
-    "lists": "",
-    "compiling": "lists",
-    "suslov": "compiling",
-    "code": "lists compiling",
-    "fields": "lists compiling code",
-    "motion": "lists compiling code fields",
+    "expressions": "",
+    "numba": "expressions",
+    "suslov": "numba",
+    "llvm": "expressions numba",
+    "maps": "expressions numba llvm",
+    "flow": "expressions numba llvm maps",
 }
 
 
@@ -121,8 +123,7 @@ def test_imports_follow_the_arrows_without_cycles(place, table):
     inside = f"{PACKAGE.name}{place}."
 
     def room(name):
-        name = name.removeprefix(inside)
-        return "bodies.fields" if name.startswith("bodies.fields") else name.split(".")[0]
+        return name.removeprefix(inside).split(".")[0]
 
     arrows = {name: set() for name in table}
     for name in (name for name in ours if name.startswith(inside)):
@@ -187,22 +188,22 @@ def test_names_in_ticks_are_there():
 
 
 COMPILING = [
-    PACKAGE / "core/code/compiler.py",
+    PACKAGE / "core/llvm/compiler.py",
     *(
-        PACKAGE / f"core/compiling/{name}.py"
-        for name in ("numba", "threads", "interrupts", "cache", "arrays", "llvm")
+        PACKAGE / f"core/numba/{name}.py"
+        for name in ("decorators", "threads", "interrupts", "cache", "arrays", "intrinsics")
     ),
 ]
 
 
 def test_numba_is_chosen_in_one_file():
-    """Only core/compiling/numba.py names options; arrays, llvm and the compiler speak LLVM."""
+    """Only core/numba/decorators.py names options; four others speak LLVM."""
     words = re.compile(r"njit\(|numba\.(gu)?vectorize|error_model|nogil|llvmlite|numba\.core\b")
     for path, text in TEXTS.items():
         if path not in [*COMPILING, PACKAGE / "versions.py"]:
             assert not words.search(text), path
     loops = [path for path, text in TEXTS.items() if "prange(" in text]
-    assert [path.name for path in loops] == ["numba.py"]
+    assert [path.name for path in loops] == ["decorators.py"]
 
 
 # What the core takes of the standard library: nothing that reads, writes or waits.
@@ -315,7 +316,7 @@ def test_the_reference_imports_nothing_from_the_package():
 
 WITH_EXAMPLES = [name for name, path in FILES.items() if ">>>" in TEXTS[path]]
 # A long report, and loops of users that take long to compile.
-LONG = "suslov_fast.compiled", "suslov_fast.integrability.relations"
+LONG = "suslov_fast.compiled", "suslov_fast.integrability.linear_relations"
 
 
 @pytest.mark.sampled(10)

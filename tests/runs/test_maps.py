@@ -14,8 +14,8 @@ from scipy.linalg import qr
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Map, Status, iterate, lyapunov_exponents
-from suslov_fast.core.lists import map_step
-from suslov_fast.engine import threads
+from suslov_fast.core.expressions import map_step
+from suslov_fast.maps import kernel_calls
 
 LN2 = math.log(2)
 
@@ -197,7 +197,7 @@ def test_choices_of_constants_do_not_hide_a_missing_state():
 
 def test_threads_and_families(monkeypatch):
     """The bits of a member are those of the map alone, on any number of threads."""
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
     x, a = np.random.default_rng(1).uniform(-0.1, 0.1, (700, 2)), np.linspace(1.0, 1.4, 700)
     family = HENON.with_parameters(a=a)
     run = iterate(family, x, 100, threads=1)

@@ -1,7 +1,7 @@
 """Copies of states from blocks of lanes to arrays, by whole cache lines if possible."""
 
-from ..compiling.llvm import LINE, lesser, stream_pairs
-from ..compiling.numba import STREAM_FROM, formula, function
+from ..numba.decorators import STREAM_FROM, formula, function
+from ..numba.intrinsics import LINE, lesser, stream_pairs
 
 
 @formula

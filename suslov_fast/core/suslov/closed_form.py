@@ -49,9 +49,9 @@ import math
 
 import numpy as np
 
-from ..compiling.arrays import block_of, flat, uncounted
-from ..compiling.llvm import lesser, select
-from ..compiling.numba import are_common, formula, kernel, pick, share, universal
+from ..numba.arrays import block_of, flat, uncounted
+from ..numba.decorators import are_common, formula, kernel, pick, share, universal
+from ..numba.intrinsics import lesser, select
 from .blocks import store_rows
 from .map import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import FIRST, LANES, NO

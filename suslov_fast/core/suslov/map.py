@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiling.llvm import select
-from ..compiling.numba import formula
+from ..numba.decorators import formula
+from ..numba.intrinsics import select
 
 ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
 NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow

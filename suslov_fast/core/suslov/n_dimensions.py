@@ -34,11 +34,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiling.arrays import keep, uncounted
-from ..compiling.codes import NONFINITE, OK, PASSED_POLE
-from ..compiling.elimination import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
-from ..compiling.llvm import lesser, select
-from ..compiling.numba import as_python, formula, function, inlined, kernel, share
+from ..numba.arrays import keep, uncounted
+from ..numba.decorators import as_python, formula, function, inlined, kernel, share
+from ..numba.gauss import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
+from ..numba.intrinsics import lesser, select
+from ..numba.status import NONFINITE, OK, PASSED_POLE
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d

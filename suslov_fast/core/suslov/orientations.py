@@ -13,8 +13,8 @@ Rounding errors of R^T R = 1 are removed at states with indices that are multipl
 
 import numpy as np
 
-from ..compiling.elimination import simd_max
-from ..compiling.numba import function, kernel, share
+from ..numba.decorators import function, kernel, share
+from ..numba.gauss import simd_max
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
 CLEAN_EVERY = 16

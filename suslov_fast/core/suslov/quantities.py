@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from ..compiling.llvm import select
-from ..compiling.numba import formula, universal
+from ..numba.decorators import formula, universal
+from ..numba.intrinsics import select
 from .closed_form import constants_of, coordinates, difference_of_squares, unit_of
 from .map import ZERO_TO_ROUNDING, frame_and_XY, frame_of, is_supercritical, length, step_in_frame
 

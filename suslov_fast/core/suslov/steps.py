@@ -5,10 +5,10 @@ The equations, and the plain and the general form of a state, are those of `susl
 
 import numpy as np
 
-from ..compiling.arrays import block_of, flat, uncounted
-from ..compiling.codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from ..compiling.llvm import lesser, select
-from ..compiling.numba import are_common, as_python, formula, kernel, pick, share
+from ..numba.arrays import block_of, flat, uncounted
+from ..numba.decorators import are_common, as_python, formula, kernel, pick, share
+from ..numba.intrinsics import lesser, select
+from ..numba.status import NONFINITE, SINGULAR, SUPERCRITICAL
 from .blocks import alignment, store_rows, write_pairs
 from .map import (
     LARGEST,

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiling.codes import NONFINITE, OK, SINGULAR
-from ..compiling.numba import function
+from ..numba.decorators import function
+from ..numba.status import NONFINITE, OK, SINGULAR
 from .map import one_step
 
 

@@ -1,0 +1,436 @@
+"""The base class of bodies of the Suslov problem: values at states, and the closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import checks
+from ..checks import FloatArray, Reals, real_number, wrong
+from ..core.suslov import closed_form
+from ..fields.base import Body, Parameters
+from ..keywords import public
+from ..maps import map_of
+from ..maps.evaluation import evaluate
+from ..maps.problem import Problem, check
+from .exact import states_at
+
+Kind = TypeVar("Kind", bound="Suslov")
+
+
+class Suslov(Body):
+    """A rigid body with a nonholonomic constraint, in three or in n dimensions."""
+
+    axes: ClassVar[dict[str, int]] = {"rotation": 2}
+    rotation: Any
+
+    # ------------------------------------------------------------------------------ parts
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters by name."""
+        return Parameters({n: each for n, each in self.parts.items() if n != "rotation"})
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        """The parameters by name, as arrays of floats."""
+        return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return tuple((name, a.shape, *a.ravel().tolist()) for name, a in self.arrays.items())
+
+    def _rotated(self: Kind, rotation: Any) -> Kind:
+        """Return the body with the rotation from the basis of its tensor."""
+        return self.with_parts({**self.parts, "rotation": rotation})
+
+    @classmethod
+    @public
+    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+        """Return the body in a dictionary, as :meth:`Field.from_dict` does."""
+        checks.instance("parameters", parameters, Mapping)
+        given = dict(parameters)
+        rotation = given.pop("rotation", None)
+        body = cls._from_dict(given)
+        if rotation is None:
+            return body
+        return body._rotated(checks.rotations("rotation", rotation, body.dimension + 1))
+
+    # ------------------------------------------------------------------------------ values
+    if TYPE_CHECKING:
+
+        @property
+        def is_solved(self) -> Any: ...
+
+        def _in_plane(
+            self, problem: Problem
+        ) -> tuple[Problem, Callable[[FloatArray], FloatArray]]: ...
+
+        def _check_solved(self, function: str) -> None: ...
+
+    def _value(self, name: str, omega: Any, eps: Any = 0.0) -> Any:
+        """Return the value of a formula of the map."""
+        map = map_of(self)
+        return evaluate(map.formulas[name], map, self, omega, eps)
+
+    def _problem(
+        self, omega: Any, eps: Any = 0.0, threads: int | None = None, name: str = "omega0"
+    ) -> Problem:
+        """Return the checked problem of states and step sizes."""
+        return check(map_of(self), self, omega, eps, threads, name=name)
+
+    @public
+    def __call__(self, omega: ArrayLike, /) -> FloatArray:
+        """Return the time derivative of the angular velocity, by the equations of motion.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D))
+            Unit: omega**2.
+
+        Notes
+        -----
+        Equations (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
+        >>> body([1.0, 0.5])
+        array([ 0.078125, -0.625   ])
+        """
+        values: FloatArray = self._value("vector_field", omega)
+        return values
+
+    @public
+    def jacobian(self, omega: ArrayLike, /) -> FloatArray:
+        """Return the derivative of the equations of motion by the angular velocity.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i with respect to component j at [..., i, j]; unit: omega.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).jacobian([1.0, 0.5])
+        array([[ 0.0625,  0.1875],
+               [-1.125 , -0.25  ]])
+        """
+        return self.field().jacobian(omega)
+
+    @public
+    def energy(self, omega: ArrayLike, /) -> FloatArray:
+        """Return the energy, half the sum of J_i Omega_i**2; in three dimensions J = (I1, I2).
+
+        The motion conserves it. Along orbits of the map it varies by O(eps**2), because the map
+        conserves :func:`kahan.modified_energy`.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities. NaN gives NaN.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+            Unit: inertia * omega**2.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> body.energy([[1.0, 0.5], [0.0, 2.0]])
+        array([2.125, 2.   ])
+        """
+        values: FloatArray = self._value("energy", omega)
+        return values
+
+    @public
+    def first_integral(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
+        """Return the first integral F of the map, which is constant along its orbits.
+
+        In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 l**2), with
+        l = I13 Omega1 + I23 Omega2 + k. In n dimensions F is that of the two coordinates to which
+        :meth:`SuslovND.reduced` takes the body, or the energy over 2 a b where I = 0, with the
+        first two different J.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities. NaN gives NaN.
+        eps : array_like(float, shape=(...))
+            Step size in time; 0 is the continuous motion.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+            Unit: omega**2 / inertia.
+
+        Raises
+        ------
+        NotIntegrableError
+            If no F is known for a body in n dimensions. Its :func:`kahan.modified_energy` is
+            nearly conserved.
+
+        Notes
+        -----
+        Lemma 1 of Dragovic and Gajic, arXiv:0807.2966.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=10_000).states
+        >>> F = body.first_integral(orbit, eps=0.2)
+        >>> float(F[0].round(9)), bool(abs(F / F[0] - 1).max() < 1e-12)
+        (0.26534473, True)
+        """
+        values: FloatArray = self._value("first_integral", omega, eps)
+        return values
+
+    @public
+    def criticality(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
+        """Return the criticality t, which decides whether an orbit of the map follows the motion.
+
+        Keep ``|t| < 1``: otherwise the orbit can jump across the line of steady states and meet a
+        pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is
+        I13**2 I2 + I23**2 I1 times the :meth:`first_integral`.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities. NaN gives NaN.
+        eps : array_like(float, shape=(...))
+            Step size in time.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+            t, dimensionless, with the sign of eps.
+
+        Raises
+        ------
+        NotIntegrableError
+            If the body has no :meth:`first_integral`.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2)
+        >>> body.criticality([[1, 2], [-40, -250]], eps=1).round(4)
+        array([0.1049, 1.2281])
+        """
+        values: FloatArray = self._value("criticality", omega, eps)
+        return values
+
+    @public
+    def reaction(self, omega: ArrayLike, /, eps: Reals | None = None) -> FloatArray:
+        """Return the torque of the constraint, the multiplier lambda that keeps Omega3 at 0.
+
+        With x = I13 Omega1 + I23 Omega2, the third equation of motion is
+        ``x' = lambda + (I1 - I2) Omega1 Omega2``, and its discretization is
+        (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities. NaN gives NaN.
+        eps : array_like(float, shape=(...)), optional
+            With a step size, lambda between each state and the next one; without, that of the
+            continuous motion.
+
+        Returns
+        -------
+        ndarray(float, shape=(...) or (..., n - 1, n - 1))
+            Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With
+            eps, NaN and one :class:`IntegrationWarning` for a state on a pole of the map.
+
+        Notes
+        -----
+        Equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> float(body.reaction([1.0, 0.5], eps=0.01).round(6))
+        -1.336328
+        """
+        values: FloatArray = self._value("reaction", omega, 0.0 if eps is None else eps)
+        return values
+
+    @public
+    def momentum(
+        self,
+        omega: ArrayLike,
+        /,
+        *,
+        rotation: ArrayLike | None = None,
+        attitude: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the angular momentum M, in the body or in space.
+
+        M = I Omega in three dimensions (without I3, because Omega3 = 0), plus k e3 with a rotor;
+        M = I Omega + Omega I in n dimensions. It is not conserved in space: in three dimensions its
+        derivative is the :meth:`reaction` times the constrained axis.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities.
+        rotation : array_like(float, shape=(..., n, n)), optional
+            The `rotation` of a body that was made from a tensor. With it, the result is in the
+            basis of that tensor, not in the adapted basis.
+        attitude : array_like(float, shape=(..., n, n)), optional
+            Orientations of the body, such as ``run.attitude``. With them, the result is in space.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., 3) or (..., n, n))
+            A vector in three dimensions, an antisymmetric matrix in n. Unit: inertia * omega.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [1.0, 0.5], eps=0.2, steps=100, attitude=True)
+        >>> body.momentum(run.states, attitude=run.attitude)[[0, -1]].round(3)  # in space
+        array([[ 4.   ,  0.5  , -0.65 ],
+               [ 2.276, -1.408, -2.146]])
+        """
+        problem = self._problem(omega, name="omega")
+        with np.errstate(all="ignore"):
+            values = problem.map.formulas["momentum"].compute(problem)
+        value_axes, n = values.ndim - len(problem.batch), self.dimension + 1
+        if rotation is not None and attitude is not None:
+            raise ValueError("pass rotation or attitude, not both")
+        if rotation is not None:
+            R = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+        elif attitude is not None:
+            R = checks.square_matrices("attitude", attitude, n, allow_nan=True)
+        else:
+            return np.asarray(values)
+        checks.common_shape({"omega": problem.batch, "matrices": R.shape[:-2]})
+        if value_axes == 1:
+            return np.asarray((R @ values[..., np.newaxis])[..., 0])
+        return np.asarray(R @ values @ R.swapaxes(-2, -1))
+
+    # ------------------------------------------------------------------------- closed form
+    @public
+    def exact(
+        self, omega0: ArrayLike, /, eps: Reals, n: ArrayLike, *, threads: int | None = None
+    ) -> FloatArray:
+        """Return any state of an orbit of the map by its closed form, at the same cost for every n.
+
+        Parameters
+        ----------
+        omega0, eps
+            As in :func:`iterate`: numbers of any type, mpmath's too, are rounded to float64.
+        n : array_like(float, shape=() or (N,))
+            Numbers of the states, positive or negative. If ``t**2 - (e k)**2 < 1``, with the
+            :meth:`criticality` t, ``e = eps / (2 sqrt(I1 I2))`` and the momentum k of a rotor
+            (without one, if ``|t| < 1``), n may be any real number, which gives a curve through the
+            orbit.
+        threads
+            As in :func:`iterate`.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D) or (N, ..., D))
+            The states. For longer eps they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53``
+            and for n that is not an integer; and for any eps where the dimensionless X, Y or K
+            exceeds 1e8 (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate`
+            stops, the formula continues; only the state directly after the pole is NaN, with a
+            :class:`IntegrationWarning`.
+
+        Raises
+        ------
+        NotIntegrableError
+            If no closed form is known for this body in n dimensions.
+
+        Notes
+        -----
+        The formula is Theorem 1 of Dragovic and Gajic, arXiv:0807.2966, with two corrections
+        (:meth:`Suslov3D.closed_form`), extended to t >= 1 and to bodies with a rotor.
+
+        Examples
+        --------
+        Where is the body after 25 steps, and after 10**12 steps forwards and backwards?
+
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> body.exact([1.0, 0.5], eps=0.2, n=25).round(6)
+        array([ 0.873325, -1.093093])
+        >>> body.exact([1.0, 0.5], eps=0.2, n=[-(10**12), 10**12]).round(6)
+        array([[-0.791446,  1.319077],
+               [ 0.791446, -1.319077]])
+        """
+        if isinstance(n, float) and math.isinf(n):
+            raise wrong("n", "finite", f"{n!r}: limits returns the limits of an orbit")
+        numbers = np.asarray(real_number("n", n))
+        if numbers.ndim > 1:
+            raise wrong("n", "a number or a 1-D array", f"an array of shape {numbers.shape}")
+        self._check_solved("exact")
+        return states_at(self._problem(omega0, eps, threads), numbers, is_number=True)
+
+    @public
+    def limits(self, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
+        """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
+
+        Orbits go from one steady rotation to another (Proposition 2 of Dragovic and Gajic,
+        arXiv:0807.2966); without a rotor that is the opposite one.
+
+        Parameters
+        ----------
+        omega0, eps
+            As in :func:`iterate`, but eps = 0 stands for the continuous motion.
+
+        Returns
+        -------
+        omega_minus, omega_plus : ndarray(float, shape=(..., D))
+            Angular velocities: points of the line I13 Omega1 + I23 Omega2 = -k, opposite ones
+            without a rotor. Orbits continue beyond poles, and a fixed point is its own limit. NaN
+            for an orbit on a closed curve, which a rotor makes possible, for a state that contains
+            NaN, and for the one state of a body at which the map or its inverse is undefined.
+
+        Raises
+        ------
+        NotIntegrableError
+            If no closed form is known for this body in n dimensions.
+
+        Examples
+        --------
+        Which steady rotation does the body come from, and which does it approach?
+
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> before, after = body.limits([1.0, 0.5], eps=0.2)
+        >>> before.round(6), after.round(6)
+        (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
+        """
+        self._check_solved("limits")
+        plane, from_plane = self._in_plane(self._problem(omega0, eps))
+        minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
+        return from_plane(minus), from_plane(plus)
+
+
+# ------------------------------------------------------------------------------ momenta
+def whole_states(problem: Problem) -> FloatArray:
+    """Return the states (..., D + 1) of the whole batch with the constrained component, 0."""
+    free = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension))
+    return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)

@@ -1,0 +1,30 @@
+"""Classes of systems: unions for type hints, and classes by the name that files contain."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, get_args
+
+from ..checks import short
+from ..fields.field import Field
+from ..fields.map import Map
+from .n_dimensions import SuslovND
+from .rigid import Suslov3D
+
+AnyBody = Suslov3D | SuslovND
+BodyOrField = AnyBody | Field
+MapOrField = BodyOrField | Map  # what `iterate` takes
+System = MapOrField | Callable[..., Any]  # with functions of the state in place of fields
+
+_NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(MapOrField)}
+
+
+def class_named(name: Any) -> type[Any]:
+    """Return the class of bodies with this name."""
+    if not isinstance(name, str) or name not in _NAMED:
+        raise ValueError(f"body: there is no class {short(name)}, only {', '.join(_NAMED)}")
+    return _NAMED[name]
+
+
+def body_from_dict(parameters: Mapping[str, Any]) -> MapOrField:
+    """Return the body or field that a dictionary from `to_dict` describes."""
+    body: MapOrField = class_named(parameters["body"]).from_dict(parameters)
+    return body

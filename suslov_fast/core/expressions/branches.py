@@ -1,0 +1,303 @@
+"""Right-hand sides that choose: the same ones with choices that are fixed along a step.
+
+A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
+`floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which a choice
+changes: the difference of the numbers that are compared, or the argument of `floor`. The kinks of
+`abs`, `minimum` and `maximum` are such choices, too; because f does not jump there, steps make them
+anew by themselves. Of a table the choice is an interval between knots, whose ends, height and slope
+become parameters: f has the straight line through this interval, and two surfaces.
+"""
+
+import functools
+import itertools
+
+from .double_crossings import hidden_of
+from .event_formulas import GAP, changes_of
+from .explicit_time import Elapsed
+from .function_records import same
+from .kahan_step import Values
+from .right_hand_side import (
+    Expressions,
+    List,
+    RightHandSide,
+    depending,
+    emitted,
+    needed_for,
+    renamed,
+)
+from .step_to_surface import aim_of
+from .tables import LARGEST, Table, is_table
+from .values import larger, operand_of, smaller
+
+_COMPARISONS = "olt", "ogt", "oge", "oeq"
+_EXTREMES = {"max": "ogt", "min": "olt"}
+
+
+class Conditions:
+    """The choices of a right-hand side: those of jumps, and then those of kinks.
+
+    kinds          of the surfaces: comparisons, "floor", and `Table`s
+    jumps, kinks   numbers of their choices
+    P              number of parameters before them
+    shifts         numbers of tables whose arguments are sums, of which one part is the shift
+    """
+
+    def __init__(self, kinds, jumps, P, shifts):
+        """Take the kinds, those of `jumps` first."""
+        self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
+        self.jumps, self.kinks = (
+            sum(map(choices_of, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
+        )
+
+
+def choices_of(kind):
+    """Return the number of choices of a surface."""
+    return Table.ROWS if is_table(kind) else 1
+
+
+def watch_of(f, kinds, jumps):
+    """Return the `List` that finds where a straight line from x to y crosses surfaces of f first.
+
+    Values are those of the surfaces at x, those at y, and those of the table, where the choices
+    stand after the parameters. Results are the part of the line before a surface, which is 1 where
+    none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
+    at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
+    surfaces where f jumps.
+
+    The last surfaces are those of changes, whose sides and levels, see `Rows`, follow y.
+    """
+    choice_number, count = f.D + f.P - sum(map(choices_of, kinds)), len(f.watched.results)
+    side, of_changes = 2 * count, f.changes.surfaces if f.changes else 0
+    first = side + 2 * of_changes
+    of_table = {number: first + place for number, place in f.places.items()}
+    values = Values(first + len(f.table), ())
+    ends = [[values.number(begin + k) for k in range(count)] for begin in (0, count)]
+    changes, now, part, gaps = [], [], 1.0, [*f.changes.gaps] if f.changes else []
+    for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
+        if kind == "side":
+            above, level = (values.number(side + k) for k in (0, 1))
+            a, b, side = a - level, b - level, side + 2
+            change = (b >= 0.0) ^ (above > 0.5)
+            own = larger(smaller(a / (a - b), 1.0), 0.0)
+            if gaps.pop(0):
+                was_known, is_known = ~above.equals(GAP), b.equals(b)
+                change = (change & was_known & is_known) | (was_known ^ is_known)
+                own = (was_known & is_known).select(own, 0.5)
+            part = smaller(change.select(own, 1.0), part)
+            changes.append(change)
+            continue
+        choice = values.number(of_table[choice_number])
+        if is_table(kind):
+            low, high = choice, values.number(of_table[choice_number + 1])
+            is_above = b >= high
+            change = (b < low) | is_above
+            now.append(b.number)
+            level = is_above.select(high, low)
+            a, b = a - level, b - level
+        elif kind == "floor":
+            change = ~b.then("floor").equals(choice)
+            level = choice + (b >= choice + 1.0).select(1.0, 0.0)
+            a, b = a - level, b - level
+        else:
+            truth = b >= 0.0 if kind == "oge" else b.equals(0.0) if kind == "oeq" else b > 0.0
+            change = truth ^ (choice > 0.5)
+            now.append(truth.select(1.0, 0.0).number)
+        own = larger(smaller(a / (a - b), 1.0), 0.0)
+        part = smaller(change.select(own, 1.0), part)
+        changes.append(change)
+        choice_number += choices_of(kind)
+
+    def some(truths):
+        if not truths:
+            return 0.0
+        return functools.reduce(lambda a, b: a | b, truths).select(1.0, 0.0).number
+
+    of_kinks = now[len(now) - (len(kinds) - jumps) :]
+    results = [operand_of(part), some(changes), some(changes[:jumps]), *of_kinks]
+    return List(needed_for(values.operations, results), results)
+
+
+def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
+    """Return the `RightHandSide` whose choices are its last parameters, after the P others.
+
+    Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
+    differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
+    the order of `Changes`.
+    """
+    elapsed, D = Elapsed(values, results, P, acts), len(results)
+    values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
+    offsets, own = elapsed.offsets, elapsed.shifts.items()
+    # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
+    # derivative.
+    rigid = values.fixed - depending(values.operations, by)
+    shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
+    changes = changes_of(acts, D, P, by, twice) if acts else None
+    on_surfaces = [act for act in acts if act.surface is not None]
+    on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
+    operations = needed_for(values.operations, [*results, *on_surfaces])
+    of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
+    jumps, kinks = _choosing(values, operations, of_clocks)
+    kinds = jumps | kinks
+    if not kinds:
+        kept = range(D, D + P) if acts or offsets else ()
+        f = RightHandSide(values, results, P, by, on_surfaces, kept=kept)
+        f.changes, f.offsets = changes, offsets
+        if on_surfaces:
+            _watch(f, [], 0, [])
+        return f
+    first = D + P
+    counts = [choices_of(kind) for kind in kinds.values()]
+    places = [first, *(first + count for count in itertools.accumulate(counts))]
+    choices, given = dict(zip(kinds, places, strict=False)), places[-1]
+    counts_of_jumps = places[len(jumps)] - first
+    fixed = Expressions(given, range(D, first + counts_of_jumps))
+    tests = Expressions(given, values.fixed)  # the choices themselves
+    new, surfaces, truths, shifts = _with_choices(
+        operations, fixed, tests, first, (kinds, kinks, choices), shifted
+    )
+    fixed.take_written(values, new)
+    surfaces = [*surfaces, *(new[a] for a in on_surfaces), *shifts.values()]
+    given_to = {"surfaces": surfaces, "jumps": len(jumps), "kept": range(D, given)}
+    f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
+    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
+    f.steady, f.clocks = plain.steady, plain.clocks
+    places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
+    f.changes, f.offsets = changes, offsets
+    _watch(f, found, len(jumps), [*choices.values()])
+    f.choices = _choices(tests, found, len(jumps), truths, first)
+    f.derived = _derived(f, range(first, first + counts_of_jumps))
+    f.conditions = Conditions(found, len(jumps), P, places)
+    return f
+
+
+def _with_choices(operations, fixed, tests, first, chosen, shifted):
+    """Add operations to `fixed`, with choices in place of conditions, and to `tests` as they are.
+
+    `chosen` are the kinds of all conditions by number, those of kinks, and the numbers of choices.
+    Return the new numbers of values in `fixed`, the surfaces there, their operands in `tests`, and
+    shifts of tables by number, see `Elapsed`.
+    """
+    (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
+    new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
+    for name, number, operands in operations:
+        of, others = renamed(operands, new), renamed(operands, old)
+        old[number] = tests.emit(name, *others)
+        if number not in kinds:
+            new[number] = fixed.emit(name, *of)
+            continue
+        kind, choice = kinds[number], choices[number]
+        if is_table(kind):
+            if number in shifted:  # of choices rows `low` and `high` are less by q
+                p, q = shifted[number]
+                of, others = [new.get(p, p)], [old.get(p, p)]
+                shifts[number] = new.get(q, q)
+            surfaces[number] = a = _finite(fixed, *of)
+            truths[number] = _finite(tests, *others)
+            low, _, height, slope = range(choice, choice + Table.ROWS)
+            rise = fixed.emit("fmul", slope, fixed.emit("fsub", a, low))
+            new[number] = fixed.emit("fadd", rise, height)
+            continue
+        a, b = of if len(of) > 1 else (of[0], 0.0)
+        surfaces[number] = fixed.emit("fsub", *((b, a) if kind == "olt" else (a, b)))
+        truths[number] = old[number]
+        if number in kinks:
+            truths[number] = tests.emit(kind, *(others if len(of) > 1 else (others[0], 0.0)))
+        if kind == "floor":
+            surfaces[number], new[number] = a, choice
+            continue
+        truth = fixed.emit("ogt", choice, 0.5)
+        new[number] = truth
+        if number in kinks:
+            b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
+            new[number] = fixed.emit("select", truth, a, b)
+    return new, [surfaces[a] for a in kinds], [truths[a] for a in kinds], shifts
+
+
+def _choosing(values, operations, of_clocks):
+    """Return the kinds of the values by number where f may jump, and of those where it bends.
+
+    Tables that jump, but are functions `of_clocks` alone, are passed as kinks: nothing slides along
+    their knots.
+    """
+    varying = [
+        each
+        for each in operations
+        if any(type(a) is int and a not in values.fixed for a in each[2])
+    ]
+    tables = {number: name for name, number, _ in varying if is_table(name)}
+    steady = {a for a, name in tables.items() if name.is_continuous or a in of_clocks}
+    jumps = {
+        number: name
+        for name, number, operands in varying
+        if name == "floor"
+        or (name in _COMPARISONS and not same(*operands))  # whether it is NaN
+        or (is_table(name) and number not in steady)
+    }
+    kinks = {
+        number: name if is_table(name) else _EXTREMES.get(name, "ogt")
+        for name, number, operands in varying
+        if name in _EXTREMES
+        or (name == "fabs" and not _is_0_times(values, *operands))
+        or number in steady
+    }
+    return jumps, kinks
+
+
+def _watch(f, kinds, jumps, choices):
+    """Add to f what finds crossings of its surfaces: those of `kinds`, and those of changes."""
+    results = f.surfaces.results[: len(kinds) + (f.changes.surfaces if f.changes else 0)]
+    f.watched = List(needed_for(f.surfaces.operations, results), results)
+    f.watch, f.hidden = watch_of(f, kinds, jumps), hidden_of(f, kinds, jumps, choices)
+    f.aim = tuple(aim_of(f, kinds, choices, is_implicit) for is_implicit in (False, True))
+
+
+def _derived(f, choices):
+    """Return the `List` of the numbers of the table of f that depend on these choices."""
+    of = depending(f.fixed, choices).difference(choices)
+    results = [a for a in f.table if a in of]
+    return List(needed_for(f.fixed, results), results)
+
+
+def _choices(tests, kinds, jumps, found, first):
+    """Return the `List` of the choices of a state, after what tells whether they are others.
+
+    Choices that there are have the numbers from `first` on. Results are the number of a surface of
+    the first `jumps` where f jumps, -1 if it does not; 1 if any choice is another one, else 0; and
+    the choices: 1 or 0, of `floor` its value, of tables their argument.
+    """
+    results, surface, some = [], -1.0, 0.0
+    places = [first, *(first + n for n in itertools.accumulate(map(choices_of, kinds)))]
+    for k, kind in reversed([*enumerate(kinds)]):
+        now, a = tests.number(places[k]), found[k]
+        if is_table(kind):
+            x, high = tests.number(a), tests.number(places[k] + 1)
+            differs = (x < now) | (x >= high)
+        else:
+            a = a if kind == "floor" else tests.emit("select", a, 1.0, 0.0)
+            differs = tests.number(a).equals(now) ^ now.equals(now)
+        results.append(a)
+        some = differs.select(1.0, some)
+        if k < jumps:
+            surface = differs.select(float(k), surface)
+    results = [operand_of(surface), operand_of(some), *reversed(results)]
+    return List(needed_for(tests.operations, results), results)
+
+
+def _finite(values, argument):
+    """Return the argument of a table, within the range of finite numbers; NaN stays NaN."""
+    return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
+
+
+def _of_clocks(operations, fixed, clocks):
+    """Return the numbers of values that depend on clocks and parameters alone."""
+    found = {*clocks, *fixed}
+    for _, number, operands in operations:
+        if all(isinstance(a, float) or a in found for a in operands):
+            found.add(number)
+    return found
+
+
+def _is_0_times(values, operand):
+    """Return whether a value is a product with 0, which tells of NaN alone."""
+    name, of = values.of.get(operand, ("", ()))
+    return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

@@ -1,0 +1,92 @@
+"""Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
+
+from .function_records import FUNCTIONS, RECORDS, same
+from .kahan_step import OF_TRUTH_VALUES
+from .tables import is_table
+
+
+def gradients(values, operations, results, D, by=()):
+    """Return the derivative of each result: a dict {component of the state: operand}.
+
+    `by` are numbers of parameters to differentiate by, too. The operations are added to `values`.
+    Components that are missing have the derivative 0.
+    """
+    rows = {i: {i: 1.0} for i in (*range(D), *by)}
+    for instruction, number, operands in operations:
+        if (by or number not in values.fixed) and instruction not in OF_TRUTH_VALUES:
+            rows[number] = _row_of(values, instruction, number, operands, rows)
+    return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
+
+
+def _row_of(values, instruction, number, operands, rows):
+    """Return the derivative of a value: of a power a**c, which products compute, c a**(c - 1)."""
+    name, of, *_ = values.written.get(number, ("", ()))
+    if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
+        base, exponent = of
+        factor = values.emit(
+            "fmul", exponent, FUNCTIONS["power"].rule(values, base, exponent - 1.0)
+        )
+        return _sum(values.emit, [(factor, rows.get(base, {}))])
+    return _row(values.emit, instruction, number, operands, rows)
+
+
+def _row(emit, instruction, number, operands, rows):
+    """Return the derivative of the value of an operation."""
+    of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
+    if instruction in ("select", "max", "min"):  # the derivative of what is taken
+        truth = operands[0]
+        if instruction != "select":
+            if not (of[0] or of[1]):
+                return {}
+            truth = emit("ogt" if instruction == "max" else "olt", *operands)
+        first, second = of[-2:]
+        return {
+            j: _chosen(emit, truth, first.get(j, 0.0), second.get(j, 0.0))
+            for j in sorted({*first, *second})
+        }
+    if not any(of):
+        return {}
+    if instruction in ("fadd", "fsub"):
+        return _sum(emit, [(1.0, of[0]), (1.0 if instruction == "fadd" else -1.0, of[1])])
+    if instruction == "fmul":
+        a, b = operands
+        return _sum(emit, [(b, of[0]), (a, of[1])])
+    if instruction == "fdiv":  # (a' - (a / b) b') / b
+        row = _sum(emit, [(1.0, of[0]), (_negative(emit, number), of[1])])
+        return {j: emit("fdiv", slope, operands[1]) for j, slope in row.items()}
+    if instruction == "fabs":
+        (a,) = operands
+        sign = emit("select", emit("olt", a, 0.0), -1.0, 0.0)
+        return _sum(emit, [(emit("select", emit("ogt", a, 0.0), 1.0, sign), of[0])])
+    if is_table(instruction):
+        partials = (emit(instruction.derivative, *operands),)
+    else:
+        partials = RECORDS[instruction].partials(emit, *operands, number)
+    return _sum(emit, zip(partials, of, strict=True))
+
+
+def _chosen(emit, truth, a, b):
+    return a if same(a, b) else emit("select", truth, a, b)
+
+
+def _negative(emit, a):
+    return emit("fmul", -1.0, a)
+
+
+def _sum(emit, parts):
+    """Return the sum of factors times derivatives."""
+    total = {}
+    for factor, row in parts:
+        sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None
+        if sign == 0.0 or not row:
+            continue
+        if sign == 1.0 and not total:
+            total = dict(row)
+            continue
+        for j, slope in row.items():
+            part = emit("fmul", factor, slope) if sign is None else slope
+            if j in total:
+                total[j] = emit("fsub" if sign == -1.0 else "fadd", total[j], part)
+            else:
+                total[j] = _negative(emit, part) if sign == -1.0 else part
+    return total

@@ -1,0 +1,297 @@
+"""Surfaces that a step may cross twice: what values at its points tell of them.
+
+s_0 ... s_4 are the values of a surface at the beginning of a step and at POINTS of it, with the
+sign of the last one. Where the first has this sign, too, the surface is crossed twice or not at
+all. With e, 16 times the error at the middle point of the cubic through the others, and m, the
+least of the three values inside and of the quartic through all five points,
+
+- m < -e tells that it is crossed twice;
+- |m| <= e tells nothing, and the step must be shorter, by the fourth root of e / |m|;
+- m > e tells that it is not crossed.
+
+A state is known within its tolerance, so that a distance of a part rtol of the numbers that are
+compared tells nothing, either: no step becomes shorter for less. Beyond a kink, where f bends, it
+is rtol**(3/4): there a motion is for a part that is the root of it, and misses less than rtol.
+Within ROUNDING of the numbers nothing is crossed, as where a temperature comes to that of a room.
+
+Values do not show a hump between points of a function that is no polynomial, such as a bell, but
+rates do: in the part that holds its top ds/dt changes its sign. Where rates at both ends of that
+part do not lead on to the next one by a straight line, the step must be shorter.
+
+Waves, functions of sin, cos and tan, need points close to each other: between two of them the phase
+of an argument is less than a quarter of a turn. Phases of factors add up, and those of what is no
+polynomial of waves count twice.
+"""
+
+import functools
+from itertools import pairwise, zip_longest
+from math import inf, pi, prod
+from operator import add
+from typing import NamedTuple
+
+from .derivative import gradients
+from .kahan_step import Values
+from .right_hand_side import Expressions, List, depending, emitted, needed_for
+from .tables import LARGEST, interval, is_table
+from .values import larger, operand_of, smaller
+
+POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a step would hide
+ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
+_ENDS = 0.0, *POINTS
+MIDDLE = 2
+# Parts of divided differences. The fourth one vanishes here and there; then the third one tells.
+OF_FOURTH = 16.0 * prod(abs(_ENDS[MIDDLE] - u) for u in _ENDS if u != _ENDS[MIDDLE])
+OF_THIRD = 2.0**-10
+WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
+# Of rates: how far those beside a hump may be from a straight line, beside their change in its
+# part, and what is 0 beside the sum of their terms, and beside states in addition to rtol.
+STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
+_OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
+
+
+class Hidden(NamedTuple):
+    """What tells whether a step hides crossings.
+
+    told         the `List` of what values tell, None if no surface may be crossed twice, see below
+    phases       the `List` of arguments of waves, of a state, or None
+    rates        the `List` of rates of surfaces that may have humps, or None, see `_rates_of`
+    of_clocks    whether some surfaces depend on clocks alone
+    of_states    whether some depend on states
+
+    Values of `told` are those of the surfaces at five points, phases and rates there, the state at
+    the middle one, rtol, and those of the table. Results are the largest e / |m|, at most MOST,
+    which it is where parabolas or rates alone tell of two crossings; 1 where the points do, else 0;
+    and how much longer the step is than waves allow.
+    """
+
+    told: List | None = None
+    phases: List | None = None
+    rates: List | None = None
+    of_clocks: bool = False
+    of_states: bool = False
+
+    @property
+    def inside(self):
+        """The numbers of phases and of rates at a point."""
+        return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
+
+
+def hidden_of(f, kinds, jumps, choices):
+    """Return the `Hidden` of f.
+
+    `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
+    surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
+    clocks.
+    """
+    results, degrees = f.watched.results, _degrees(f)
+    by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
+    kinks = {*results[jumps : len(kinds)]} & by_states
+    own = [*enumerate(zip_longest(results, kinds, choices))]
+    own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
+    own = [each for each in own if each[2] != "oeq"]  # which holds at the surface alone
+    if not own:
+        return Hidden()
+    operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
+    arguments = [operands[0] for name, _, operands in operations if name in WAVES]
+    phases = List(needed_for(operations, arguments), arguments) if arguments else None
+    humps = _humps(f, operations)
+    humps = [*dict.fromkeys(a for _, a, *_ in own if a in humps)]
+    of_clocks = [each for each in own if each[1] not in by_states]
+    found = Hidden(None, phases, _rates_of(f, humps), bool(of_clocks), len(of_clocks) < len(own))
+    return found._replace(told=_list_of(f, own, by_states, kinks, humps, found.inside))
+
+
+def _humps(f, operations):
+    """Return the numbers of values that are no polynomials of states and of waves."""
+    found, varying = set(), depending(operations, range(f.D))
+    for name, number, operands in operations:
+        of = [a for a in operands if not isinstance(a, float)]
+        is_quotient = name == "fdiv" and (of[-1] is not operands[1] or of[-1] not in varying)
+        is_polynomial = name in _OF_POLYNOMIALS or is_quotient
+        if number in varying and (not is_polynomial or not found.isdisjoint(of)):
+            found.add(number)
+    return found
+
+
+def _rates_of(f, humps):
+    """Return the `List` of rates of these surfaces, each with what counts as 0 beside it.
+
+    Values are the state, its change in a step at the present rate, rtol, and those of the table.
+    """
+    if not humps:
+        return None
+    D = f.D
+    values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
+    new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
+    own = emitted(values, List(needed_for(f.watched.operations, humps), humps), new)
+    results, of_states = [], values.number(2 * D) + OF_STATES
+    for row in gradients(values, [*values.operations], own, D):
+        rate = zero = 0.0
+        for j, slope in row.items():
+            term = values.number(slope) * values.number(D + j)
+            rate, zero = rate + term, zero + abs(term) * OF_TERMS
+            zero = zero + abs(values.number(slope) * values.number(j)) * of_states
+        results += [operand_of(rate), operand_of(zero)]
+    return List(needed_for(values.operations, results), results)
+
+
+def _list_of(f, own, by_states, kinks, humps, inside):
+    """Return the `List` of what values of surfaces tell, see `Hidden`."""
+    count, of_phases, of_rates = len(f.watched.results), *inside
+    first_phase = len(_ENDS) * count
+    first_rate = first_phase + len(_ENDS) * of_phases
+    middle = first_rate + len(_ENDS) * of_rates
+    rtol = middle + f.D
+    of_table = {number: rtol + 1 + place for number, place in f.places.items()}
+    values = Values(rtol + 1 + len(f.table), ())
+    state = {i: middle + i for i in range(f.D)} | of_table
+
+    def at_points(first, count, k):
+        return [values.number(first + n * count + k) for n in range(len(_ENDS))]
+
+    operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
+    turns = [at_points(first_phase, of_phases, k) for k in range(of_phases)]
+    turns = _turns(operations, turns)
+    waves = [each for _, a, *_ in own for each in turns.get(a, ())]
+    waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
+    emitted(values, f.watched, state)
+    sizes, largest, some = sizes_of(values, f.watched.operations, state), 0.0, 0.0
+    for k, a, kind, choice in own:
+        points, rates = at_points(0, count, k), None
+        if a in humps:
+            rates = [at_points(first_rate, of_rates, 2 * humps.index(a) + n) for n in (0, 1)]
+        surfaces = [(points, rates)]
+        if kind == "floor" or is_table(kind):
+            low, high = interval(kind, values.number, choice, of_table)
+            surfaces = [([s - low for s in points], rates)]
+            rates = rates and [[-r for r in rates[0]], rates[1]]
+            surfaces.append(([high - s for s in points], rates))
+        rounding = ROUNDING * sizes[a]
+        tells_nothing = rounding
+        if a in by_states:
+            root = values.number(rtol).sqrt()
+            tells_nothing = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
+        for each in surfaces:
+            ratio, twice = _told(*each, rounding, tells_nothing)
+            largest, some = larger(ratio, largest), larger(twice, some)
+    results = [*map(operand_of, (largest, some, waves))]
+    return List(needed_for(values.operations, results), results)
+
+
+def _turns(operations, arguments):
+    """Return the phases of values in each part of a step, of waves with these arguments."""
+    found, arguments = {}, iter(arguments)
+    for name, number, operands in operations:
+        of = [found[a] for a in operands if not isinstance(a, float) and a in found]
+        if name in WAVES:
+            own = [abs(b - a) for a, b in pairwise(next(arguments))]
+            of.append(own)
+            found[number] = [sum(each[1:], each[0]) for each in zip(*of, strict=True)]
+        elif of:
+            how = add if name in ("fmul", "fdiv") else larger
+            own = [functools.reduce(how, each) for each in zip(*of, strict=True)]
+            is_plain = name in _OF_POLYNOMIALS or (name == "fdiv" and len(of) == 1)
+            found[number] = own if is_plain else [2.0 * each for each in own]
+    return found
+
+
+def _told(points, rates, rounding, tells_nothing):
+    """Return e / |m| of one surface, and 1 where the points tell that it is crossed twice."""
+    agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
+    sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
+    points = [sign * s for s in points]
+    sides = smaller(points[1], points[3])
+    inside = smaller(points[2], sides)
+    place = (points[1] < points[3]).select(_ENDS[1], _ENDS[3])
+    place = (points[2] < sides).select(_ENDS[2], place)
+    end = (points[0] < points[4]).select(_ENDS[0], _ENDS[4])
+    coefficients = _divided(points)
+    least = smaller(_least_near(coefficients, place), inside)
+    least = smaller(_least_near(coefficients, end), least)
+    error = larger(OF_FOURTH * abs(coefficients[4]), OF_THIRD * abs(coefficients[3]))
+    error = (error < inf).select(error, 0.0)
+    below = -(error + rounding)
+    ratio = smaller(error / larger(larger(abs(least), tells_nothing), TINY), MOST)
+    ratio = (inside < below).select(0.0, (least < below).select(MOST, ratio))
+    twice = (inside < below).select(1.0, 0.0)
+    if rates:
+        ratio = _is_steep([sign * rate for rate in rates[0]], rates[1]).select(MOST, ratio)
+    return (agree | (inside >= 0.0)).select(ratio, 0.0), agree.select(twice, 0.0)
+
+
+def _divided(points):
+    """Return the divided differences of five points, the coefficients of Newton's polynomial."""
+    found = []
+    while points:
+        found.append(points[0])
+        n, pairs = len(found), enumerate(pairwise(points))
+        points = [(b - a) * (1.0 / (_ENDS[k + n] - _ENDS[k])) for k, (a, b) in pairs]
+    return found
+
+
+def _least_near(coefficients, place):
+    """Return the least value near a place of a quartic with these coefficients, or infinity."""
+    _, slope, bend = _of_quartic(coefficients, place)
+    least = place - (slope / (bend + bend)).within(-0.25, 0.25)
+    is_inside = (bend > 0.0) & (least > 0.0) & (least < 1.0)
+    return is_inside.select(_of_quartic(coefficients, least)[0], inf)
+
+
+def _of_quartic(coefficients, u):
+    """Return the value, the slope and half the bend of a quartic at a part u of the step."""
+    value, slope, bend = coefficients[-1], 0.0, 0.0
+    for end, c in zip(reversed(_ENDS[:-1]), reversed(coefficients[:-1]), strict=True):
+        x = u - end
+        value, slope, bend = value * x + c, slope * x + value, bend * x + slope
+    return value, slope, bend
+
+
+def _is_steep(rates, zeros):
+    """Return whether a hump towards 0 has its top in a part beside which rates are others."""
+    found = None
+    for k, (u, v) in enumerate(pairwise(_ENDS)):
+        change = rates[k + 1] - rates[k]
+        apart = 0.0
+        for j in (k - 1, k + 2):
+            if 0 <= j < len(_ENDS):
+                line = rates[k] + change * ((_ENDS[j] - u) / (v - u))
+                apart = larger(abs(line - rates[j]), apart)
+        own = (rates[k] < -zeros[k]) & (rates[k + 1] > zeros[k + 1]) & (apart > STRAIGHT * change)
+        found = own if found is None else found | own
+    return found
+
+
+def sizes_of(values, operations, state):
+    """Return what values are the sums of, by modulus, at a state; of others their moduli."""
+    sizes = {a: abs(values.number(number)) for a, number in state.items()}
+    for name, number, operands in operations:
+        a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])
+        if name in ("fadd", "fsub"):
+            sizes[number] = a + b
+        elif name == "fmul":
+            sizes[number] = a * b
+        elif name == "fdiv" and not isinstance(operands[1], float):
+            sizes[number] = a / abs(values.number(state[operands[1]]))
+        elif name == "fdiv":
+            sizes[number] = a / b
+        elif name == "fabs":
+            sizes[number] = a
+    return sizes
+
+
+def _degrees(f):
+    """Return the degrees, 0 or 1, of values that are linear in clocks."""
+    degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
+    for name, number, operands in f.watched.operations:
+        of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]
+        if name == "fmul":
+            degree = sum(of)
+        elif name in ("max", "min") and operands[0] in (-LARGEST, LARGEST):
+            degree = of[1]  # the argument of a table
+        elif name in ("fadd", "fsub") or (name == "fdiv" and not of[1]):
+            degree = max(of)
+        else:
+            degree = 2 * max(of)
+        if degree < 2:
+            degrees[number] = degree
+    return degrees

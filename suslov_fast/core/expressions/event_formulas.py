@@ -1,0 +1,257 @@
+"""Changes of the state, as lists of operations on a state and parameters.
+
+A change acts on a surface, where a function s of the state is 0, or at given times; it may make a
+new state to(x), and it may end the trajectory.
+
+A solution that starts dx away reaches the surface a time tau dx earlier, and a column v, the
+derivative of the state by a parameter p or by the start, becomes
+
+to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / (grad s . f_before).
+
+At given times tau is 0; a change that another one has caused at the same instant has its tau.
+"""
+
+from functools import cached_property
+from math import inf
+from typing import NamedTuple
+
+from .derivative import gradients
+from .double_crossings import sizes_of
+from .kahan_step import dot
+from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
+from .tables import is_table
+from .values import operand_of
+
+# A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
+OF_SURFACE = 5
+_JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
+_CHOICES = "select", "max", "min", "fabs", "floor"  # with tables, what may be 0 all around a state
+# Those that have no value everywhere, and the side where a surface has none, see `Rows.side`.
+_LOGARITHMS = "log", "log2", "log10", "log1p"
+_WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
+GAP = 0.75
+# Operations whose constants `with_parameters` takes; lists are shorter with some numbers.
+_OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"
+_PLAIN = 0.0, 1.0, -1.0
+
+
+class KeyedList(List):
+    """A `List` that is a key, by its text: 1 is a value's number, 1.0 a constant, and 0 has a sign.
+
+    Tuples of these are equal where texts are not, because 1 == 1.0 and 0.0 == -0.0.
+    """
+
+    @cached_property
+    def _text(self):
+        return repr((self.operations, self.results))
+
+    def __eq__(self, other):
+        return self._text == other._text
+
+    def __hash__(self):
+        return hash(self._text)
+
+
+class Act(NamedTuple):
+    """The action of a change. The first values of its lists are x (D), then the parameters (P).
+
+    surface    `KeyedList` of the function that is 0 where it acts, or None if it acts at times
+    to         `KeyedList` of the new state, or None if the state stays
+    direction  1 or -1, in which the surface is crossed along the motion, or 0
+    most       how often it acts before it ends the trajectory, infinity if it does not
+    """
+
+    surface: List | None
+    to: List | None
+    direction: int
+    most: float
+
+    def read(self):
+        """Return the numbers of the first values on which the surface and new values depend."""
+        found = set() if self.surface is None else read_by(self.surface, self.surface.results)
+        if self.to is not None:
+            new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
+            found |= read_by(self.to, new)
+        return found
+
+    @staticmethod
+    def list_of(values, results):
+        """Return the `KeyedList` of operands that are values of `Expressions`."""
+        return KeyedList(tuple(needed_for(values.operations, results)), tuple(results))
+
+
+def with_parameters(acts, first):
+    """Return acts whose constants are parameters, of the numbers from `first` on, and their values.
+
+    Events that differ by numbers alone have the same lists then, and so the same code.
+    """
+    lists = [list_ for act in acts for list_ in act[:2] if list_ is not None]
+    found = [a for list_ in lists for a in _constants(list_) if a == a and a not in _PLAIN]
+    constants = {a: first + k for k, a in enumerate(dict.fromkeys(found))}
+
+    def new(operands, are_parameters=True):
+        known = constants if are_parameters else {}
+        later = (a if type(a) is float or a < first else a + len(constants) for a in operands)
+        return tuple(known.get(a, a) if type(a) is float else a for a in later)
+
+    def of(list_):
+        operations = (
+            (name, *new([number]), new(operands, name in _OF_PARAMETERS))
+            for name, number, operands in list_.operations
+        )
+        return KeyedList(tuple(operations), new(list_.results))
+
+    own = [[list_ and of(list_) for list_ in act[:2]] for act in acts]
+    acts = tuple(Act(*pair, *act[2:]) for act, pair in zip(acts, own, strict=True))
+    return acts, tuple(constants)
+
+
+def _constants(list_):
+    """Return the constants of a list that may be parameters."""
+    of = [a for name, _, operands in list_.operations if name in _OF_PARAMETERS for a in operands]
+    return [a for a in (*of, *list_.results) if type(a) is float]
+
+
+def read_by(list_, results):
+    """Return the numbers of all values that are read for results, and of these."""
+    read = [a for each in list_.operations for a in each[2]]
+    return {a for a in (*read, *results) if type(a) is int}
+
+
+class Part(NamedTuple):
+    """A `List` whose first values are so many rows, then the parameters, then scales of columns."""
+
+    list_: List
+    rows: int
+
+
+class Changes(NamedTuple):
+    """Changes as code takes them: those that act on surfaces, and those at times.
+
+    directions   of the changes on surfaces
+    jumps, gaps, flats  whether the function of each jumps somewhere, or may have no value, or may
+                 be 0 all around a state
+    most         of all changes
+    parts        `Part`s by name, see below
+    components   the numbers of these components, for each change
+    P            number of parameters
+
+    The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
+    the state and f there: `OF_SURFACE` of each surface; and for columns, where they are wanted,
+    `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
+    tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
+    `column{k}_{q}`, which read the scale of the column, too.
+    """
+
+    directions: tuple
+    jumps: tuple
+    gaps: tuple
+    flats: tuple
+    most: tuple
+    parts: dict
+    components: tuple
+    P: int
+
+    surfaces = property(lambda self: len(self.directions))
+    count = property(lambda self: len(self.most))
+    at_times = property(lambda self: self.count - self.surfaces)
+
+    def only_records(self, k):
+        """Return whether change k leaves the state as it is, and goes on."""
+        return not self.components[k] and self.most[k] == inf
+
+
+def in_order_of_code(acts):
+    """Return the numbers of changes in the order of `Changes`."""
+    return sorted(range(len(acts)), key=lambda k: acts[k].surface is None)
+
+
+def components_of(act):
+    """Return the numbers of the components that a change may give another value."""
+    results = () if act.to is None else act.to.results
+    return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
+
+
+def changes_of(acts, D, P, by=(), with_columns=False):
+    """Return the `Changes` of acts in the order of code.
+
+    `by` are numbers of parameters, by which last columns are derivatives.
+    """
+    parts, components = {}, []
+    for k, act in enumerate(acts):
+        own = components_of(act)
+        components.append(own)
+        if own:
+            results = [act.to.results[i] for i in own]
+            parts[f"to{k}"] = Part(List(needed_for(act.to.operations, results), results), D)
+        if with_columns:
+            for q in (None, *range(len(by))):
+                parts |= _of_columns(k, act, D, P, by, q)
+    on_surfaces = [act for act in acts if act.surface is not None]
+    if on_surfaces:
+        parts["toward"] = _toward(on_surfaces, D, P)
+    directions = tuple(act.direction for act in on_surfaces)
+    most = tuple(act.most for act in acts)
+    names = [{name for name, *_ in act.surface.operations} for act in on_surfaces]
+    jumps, gaps, flats = (
+        tuple(not each.isdisjoint(kind) for each in names)
+        for kind in (_JUMPS, _WITH_GAPS, {*_CHOICES, *filter(is_table, set().union(*names))})
+    )
+    return Changes(directions, jumps, gaps, flats, most, parts, tuple(components), P)
+
+
+def _toward(acts, D, P):
+    """Return the `Part` of `OF_SURFACE` of all surfaces, one after the other."""
+    values = Expressions(D + P, range(D, D + P))
+    known = [{i: i for i in range(D + P)} for _ in acts]
+    of_surfaces = [
+        a for act, own in zip(acts, known, strict=True) for a in emitted(values, act.surface, own)
+    ]
+    slopes = gradients(values, [*values.operations], of_surfaces, D)
+    rates, results = [values.given() for _ in range(D)], []
+    moduli = {j: operand_of(abs(values.number(a))) for j, a in enumerate(rates)}
+    for act, own, a, row in zip(acts, known, of_surfaces, slopes, strict=True):
+        [s] = act.surface.results
+        size = sizes_of(values, act.surface.operations, own)[s]
+        steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
+        results += [a, _product(values.emit, row, dict(enumerate(rates)))]
+        results += [operand_of(size), _product(values.emit, steep, moduli)]
+        results.append(_product(values.emit, steep, dict.fromkeys(steep, 1.0)))
+    given = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
+    given |= {a: D + j for j, a in enumerate(rates)}
+    return Part(renumbered(List(needed_for(values.operations, results), results), given), 2 * D)
+
+
+def _of_columns(k, act, D, P, by, q):
+    """Return the `Part`s for columns by the starts, or by parameter q of `by`."""
+    values = Expressions(D + P, range(D, D + P))
+    results = [*range(D)] if act.to is None else emitted(values, act.to)
+    results += [] if act.surface is None else emitted(values, act.surface)
+    rows = gradients(values, [*values.operations], results, D, by)
+    v, before, after = ([values.given() for _ in range(D)] for _ in range(3))
+    tau, scale, emit = values.given(), values.given(), values.emit
+    place = {D + p: 4 * D + 1 + p for p in range(P)} | {i: i for i in range(D)}
+    place |= {a: D + j for j, a in enumerate([*v, *before, *after, tau])}
+    place[scale] = 4 * D + 1 + P + (q or 0)
+    directions = dict(enumerate(v)) | ({} if q is None else {by[q]: scale})
+    end, found = "" if q is None else f"_{q}", {}
+
+    def add(name, results):
+        own = List(needed_for(values.operations, results), results)
+        found[f"{name}{k}{end}"] = Part(renumbered(own, place), 4 * D + 1)
+
+    if act.surface is not None:
+        reach = _product(emit, rows[D], directions)
+        add("tau", [emit("fdiv", reach, _product(emit, rows[D], dict(enumerate(before))))])
+    columns = []
+    for row, rate in zip(rows[:D], after, strict=True):
+        jump = emit("fsub", rate, _product(emit, row, dict(enumerate(before))))
+        columns.append(emit("fadd", _product(emit, row, directions), emit("fmul", jump, tau)))
+    add("column", columns)
+    return found
+
+
+def _product(emit, row, vector):
+    """Return the sum of the entries of a row times those of a vector, both dicts of operands."""
+    total = dot(emit, [(slope, vector[j]) for j, slope in row.items() if j in vector])
+    return 0.0 if total is None else total

@@ -1,0 +1,155 @@
+"""Right-hand sides whose clocks count from the start: the start of each is one more parameter.
+
+A clock is c = c0 + e with the elapsed e. At c0 = 1.7e9, a date in seconds, c is rounded to 2e-7,
+and f(c) would be a staircase. So sums of clocks and of what does not change along a step are kept
+as pairs p + q, where p is 0 at e = 0 and q does not change: t - t1 is e + (c0 - t1), which has all
+its digits, t >= t1 is e >= t1 - c0, and knots of tables are shifted by c0. Large phases q lose
+whole turns.
+"""
+
+import math
+from typing import NamedTuple
+
+from .event_formulas import components_of
+from .kahan_step import OF_TRUTH_VALUES
+from .right_hand_side import Expressions, List, emitted, needed_for
+from .tables import is_table
+
+_LARGE = 2.0**20  # phase, beyond which whole turns are taken away
+_COMPARISONS = "olt", "ogt", "oge", "oeq"
+
+
+class _Pair(NamedTuple):
+    """A value p + q; `whole` is its operand where the value itself has more digits, else None."""
+
+    p: object
+    q: object
+    whole: object = None
+
+
+class Elapsed:
+    """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
+
+    acts     changes of the state, whose functions read clocks that none of them changes
+    shifts   (p, q) by the numbers of the operands of tables that are sums
+    """
+
+    def __init__(self, values, results, P, acts=()):
+        self.values, self.results, self.P, self.acts = values, results, P, acts
+        self.offsets, self.shifts = {}, {}
+        changed = {i for act in acts for i in components_of(act)}
+        rates = [a != 0.0 if isinstance(a, float) else a in values.fixed for a in results]
+        clocks = [i for i, is_rate in enumerate(rates) if is_rate and i not in changed]
+        if not clocks:
+            return
+        of_acts = [[each and emitted(values, each) for each in act[:2]] for act in acts]
+        wanted = [*results, *(a for pair in of_acts for own in pair for a in own or ())]
+        operations = needed_for(values.operations, wanted)
+        read = [a for *_, operands in operations for a in operands] + wanted[len(results) :]
+        if clocks := [*{*clocks}.intersection(a for a in read if type(a) is int)]:
+            self._shift(operations, clocks)
+            self.acts = [self._act(*each) for each in zip(acts, of_acts, strict=True)]
+
+    def _act(self, act, results):
+        """Return a change whose functions have these operands as results."""
+        surface, to = results
+        surface = surface and [self._whole(a) for a in surface]
+        to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
+        own = [of and List(needed_for(self.values.operations, of), of) for of in (surface, to)]
+        return act._replace(surface=own[0], to=own[1])
+
+    def _shift(self, operations, clocks):
+        """Write the operations for clocks that count from 0."""
+        D = len(self.results)
+        first, old = D + self.P, self.values
+        self.P += len(clocks)
+        self.values = new = Expressions(D + self.P, range(D, D + self.P))
+        self.offsets = {i: first + k for k, i in enumerate(clocks)}
+        self.known = {a: a for a in range(first)} | {
+            i: _Pair(i, offset) for i, offset in self.offsets.items()
+        }
+        # Values that do not change along a step: `floor` and truth values are choices.
+        self.rigid = {a for a in old.fixed if a < first}
+        for name, number, operands in operations:
+            is_choice = name == "floor" or name in OF_TRUTH_VALUES
+            if is_choice or all(self._is_rigid(a) for a in operands):
+                self.rigid.add(number)
+            self.known[number] = self._value(name, operands)
+        named = [a for _, operands, *_ in old.written.values() for a in operands] + [*old.written]
+        named = {a for a in named if type(a) is int and a in self.known and a not in self.offsets}
+        written = {a: self._whole(a) for a in named}
+        self.results = [self._whole(a) for a in self.results]
+        new.take_written(old, written)
+
+    def _is_rigid(self, a):
+        return isinstance(a, float) or a in self.rigid
+
+    def _pair(self, a):
+        """Return the value of an old operand as a pair, None where it is no sum with a clock."""
+        found = None if isinstance(a, float) else self.known[a]
+        if isinstance(found, _Pair):
+            return found
+        return _Pair(0.0, self._whole(a)) if self._is_rigid(a) else None
+
+    def _whole(self, a):
+        """Return the new operand of an old one."""
+        found = a if isinstance(a, float) else self.known[a]
+        if not isinstance(found, _Pair):
+            return found
+        if found.whole is not None:
+            return found.whole
+        return self.values.emit("fadd", found.q, found.p)
+
+    def _value(self, name, operands):
+        """Return the new operand or the pair of an operation."""
+        emit, wholes = self.values.emit, [self._whole(a) for a in operands]
+        is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
+        pairs = [self._pair(a) for a in operands]
+        if not is_sum:
+            return emit(name, *wholes)
+        if name in ("fadd", "fsub") and None not in pairs:
+            a, b = pairs
+            return _Pair(_joined(emit, name, a.p, b.p), emit(name, a.q, b.q))
+        if name in ("fmul", "fdiv") and None not in pairs and self._scales(name, operands):
+            a, b = pairs
+            p = [x.q if _is_0(x.p) else x.p for x in pairs]
+            offsets = self.offsets.values()
+            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if not _is_0(x.p))
+            whole = None if is_plain else emit(name, *wholes)
+            return _Pair(emit(name, *p), emit(name, a.q, b.q), whole)
+        if name in _COMPARISONS and None not in pairs:
+            a, b = pairs
+            if None is a.whole is b.whole:
+                if _is_0(a.p):
+                    return emit(name, emit("fsub", a.q, b.q), b.p)
+                return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
+        if name in ("sin", "cos", "tan") and pairs[0].whole is None:
+            return emit(name, emit("fadd", self._without_turns(pairs[0].q), pairs[0].p))
+        number = emit(name, *wholes)
+        if is_table(name) and pairs[0].whole is None:
+            self.shifts[number] = pairs[0][:2]
+        return number
+
+    def _scales(self, name, operands):
+        """Return whether one operand does not change: of a quotient the divisor."""
+        rigid = [self._is_rigid(a) for a in operands]
+        return rigid[1] if name == "fdiv" else any(rigid)
+
+    def _without_turns(self, q):
+        """Return a phase, less whole turns where it is large."""
+        q, turn = self.values.number(q), 2.0 * math.pi
+        rest = q - turn * (1.0 / turn * q).then("floor")
+        return (abs(q) > _LARGE).select(rest, q).number
+
+
+def _is_0(a):
+    return isinstance(a, float) and a == 0.0  # 0 is the first component
+
+
+def _joined(emit, name, a, b):
+    """Return the sum or difference of two parts, either of which may be 0."""
+    if _is_0(b):
+        return a
+    if _is_0(a):
+        return b if name == "fadd" else emit("fmul", -1.0, b)
+    return emit(name, a, b)

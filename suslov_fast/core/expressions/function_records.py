@@ -1,0 +1,245 @@
+"""The functions of right-hand sides: one record for each.
+
+A list names a function by its instruction, which `kahan_step` carries out in NumPy, and
+`llvm.compiler` in lanes; its derivative is a list, too. Other functions are made of these. From the
+records follow what a function of a user may call, how its equations are written and read, and what
+the pages say.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from .tables import of_line
+from .values import Number, operand_of
+
+
+class Function(NamedTuple):
+    """A function of numbers that f may contain.
+
+    name        NumPy's name for it, which is also its name in equations
+    operands    their number
+    instruction its name in lists; "" if it is made of others
+    formula     of one that is made: takes and returns a `Number` for each operand and the value
+    derivative  takes the operands and the value; returns the partial derivatives, one or several
+    is_0_at_0   whether it is 0 at 0, and smooth there
+    sign        its sign in equations
+    """
+
+    name: str
+    operands: int
+    instruction: str = ""
+    formula: Callable | None = None
+    derivative: Callable | None = None
+    is_0_at_0: bool = False
+    sign: str = ""
+
+    def rule(self, values, *operands):
+        """Return the operand that is the value at operands."""
+        if self.instruction:
+            return values.emit(self.instruction, *operands)
+        return operand_of(self.formula(*map(values.number, operands)))
+
+    def partials(self, emit, *operands_and_value):
+        """Return the operands that are the partial derivatives."""
+        found = self.derivative(*[Number(emit, a) for a in operands_and_value])
+        return [*map(operand_of, found if isinstance(found, tuple) else (found,))]
+
+
+def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
+    """Return the record of a function that a list names."""
+    return Function(name, operands, instruction or name, None, derivative, is_0_at_0)
+
+
+def _per_roots(a, b):
+    """Return 1 / sqrt(a b), whose digits do not go where one of both is near 0."""
+    return 1.0 / (a.sqrt() * b.sqrt())
+
+
+def _of_angle(y, x, _):
+    square = x * x + y * y
+    return x / square, -(y / square)
+
+
+def _of_power(a, b, y):
+    """Return the derivatives of a**b by a and b, which are 0 for b = 0 and for a = 0."""
+    lower = b * a.then("pow", b - 1.0)
+    return b.equals(0.0).select(0.0, lower), a.equals(0.0).select(0.0, y * a.then("log"))
+
+
+def _of_hypot(a, b, y):
+    """Return a / y and b / y, 0 at 0."""
+    is_0 = y.equals(0.0)
+    return is_0.select(0.0, a / y), is_0.select(0.0, b / y)
+
+
+def _of_logaddexp(a, b, y):
+    """Return the shares of exp(a) and exp(b) in their sum, also where both are infinite."""
+    way = a.equals(b).select(0.0, a - b)
+    return way.then("expit"), (-way).then("expit")
+
+
+_OF_LISTS = [
+    _listed("exp", 1, lambda a, y: y),
+    _listed("exp2", 1, lambda a, y: math.log(2.0) * y),
+    _listed("expm1", 1, lambda a, y: a.then("exp"), True),
+    _listed("log", 1, lambda a, y: 1.0 / a),
+    _listed("log2", 1, lambda a, y: (1 / math.log(2.0)) / a),
+    _listed("log10", 1, lambda a, y: (1 / math.log(10.0)) / a),
+    _listed("log1p", 1, lambda a, y: 1.0 / (1.0 + a), True),
+    _listed("sqrt", 1, lambda a, y: 0.5 / y),
+    _listed("cbrt", 1, lambda a, y: (1.0 / 3.0) / (y * y)),
+    _listed("sin", 1, lambda a, y: a.then("cos"), True),
+    _listed("cos", 1, lambda a, y: -a.then("sin")),
+    _listed("tan", 1, lambda a, y: 1.0 + y * y, True),
+    _listed("sinh", 1, lambda a, y: a.then("cosh"), True),
+    _listed("cosh", 1, lambda a, y: a.then("sinh")),
+    # It has more digits than 1 - y**2.
+    _listed("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True),
+    _listed("arcsin", 1, lambda a, y: _per_roots(1.0 - a, 1.0 + a), True, "asin"),
+    _listed("arccos", 1, lambda a, y: -_per_roots(1.0 - a, 1.0 + a), False, "acos"),
+    _listed("arctan", 1, lambda a, y: 1.0 / (1.0 + a * a), True, "atan"),
+    _listed("arcsinh", 1, lambda a, y: 1.0 / a.then("hypot", 1.0), True, "asinh"),
+    _listed("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
+    _listed("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
+    _listed("erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True),
+    # With 1 - y, which is the value at -a, with all digits.
+    _listed("expit", 1, lambda a, y: y * (-a).then("expit")),
+    _listed("floor", 1, lambda a, y: 0.0),
+    _listed("arctan2", 2, _of_angle, False, "atan2"),
+    _listed("hypot", 2, _of_hypot),
+    _listed("logaddexp", 2, _of_logaddexp),
+]
+_POWER = _listed("power", 2, _of_power, False, "pow")
+RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
+
+
+# ------------------------------------------------------------------ functions made of others
+def _power(a, exponent):
+    """Return a**exponent: products and roots where 2 exponent is an integer of at most 64."""
+    number = exponent.number
+    if not (isinstance(number, float) and 2.0 * number in range(-128, 129)):
+        return a.then("pow", exponent)
+    if number < 0.0:
+        return 1.0 / _power(a, Number(a.emit, -number))
+    whole = int(number)
+    result = a.sqrt() if number != whole else 1.0
+    square = a
+    while whole:
+        if whole & 1:
+            result = square * result
+        whole >>= 1
+        square = square * square if whole else square
+    return result
+
+
+def _extreme(name):
+    """Return a minimum or maximum, which is NaN where one of both is."""
+
+    def formula(a, b):
+        if isinstance(b.number, float):
+            a, b = b, a
+        result = a.then(name, b)  # b where one of both is NaN
+        return result if isinstance(a.number, float) else a.equals(a).select(result, a)
+
+    return formula
+
+
+_minimum, _maximum = _extreme("min"), _extreme("max")
+
+
+def _sign(a):
+    zero = abs(0.0 * a)  # or NaN
+    return (a > 0.0).select(1.0, (a < 0.0).select(-1.0, zero))
+
+
+def _heaviside(a, middle):
+    at_0 = a.equals(0.0).select(middle, 0.0 * a)  # NaN where a is
+    return (a > 0.0).select(1.0, (a < 0.0).select(0.0, at_0))
+
+
+def _ceil(a):
+    return -(-a).then("floor")
+
+
+def interp(values, x, knots, heights, left, right):
+    """Return what np.interp does: of a table with increasing knots, by the same arithmetic."""
+    emit = values.emit
+    result = emit(of_line(knots, heights), x)
+    for truth, knot, end, beyond in (
+        ("ogt", knots[-1], heights[-1], right),
+        ("olt", knots[0], heights[0], left),
+    ):
+        if not same(end, beyond):
+            result = emit("select", emit(truth, x, knot), beyond, result)
+    return result
+
+
+def same(a, b):
+    """Return whether two operands are the same number of a value, or the same constant."""
+    return type(a) is type(b) and (a == b if type(a) is int else repr(a) == repr(b))
+
+
+def _is_0(a):
+    return isinstance(a.number, float) and a.number == 0.0
+
+
+def _sum(a, b):
+    return b if _is_0(a) else a if _is_0(b) else a + b
+
+
+def _product(a, b):
+    """Return a b; 0 for a constant 0, such as most entries of a matrix."""
+    return 0.0 if _is_0(a) or _is_0(b) else a * b
+
+
+_MADE = [
+    Function("add", 2, "", _sum, sign="+"),
+    Function("subtract", 2, "", lambda a, b: a if _is_0(b) else a - b, sign="-"),
+    Function("multiply", 2, "", _product, sign="*"),
+    Function("divide", 2, "fdiv", sign="/"),
+    Function("power", 2, "", _power, sign="**"),
+    Function("floor_divide", 2, "", lambda a, b: (a / b).then("floor"), sign="//"),
+    Function("remainder", 2, "", lambda a, b: a - b * (a / b).then("floor"), sign="%"),
+    Function("positive", 1, "", lambda a: a),
+    Function("negative", 1, "", lambda a: -a),
+    Function("absolute", 1, "fabs"),
+    Function("deg2rad", 1, "", lambda a: math.pi / 180.0 * a),
+    Function("rad2deg", 1, "", lambda a: 180.0 / math.pi * a),
+    Function("sign", 1, "", _sign),
+    Function("heaviside", 2, "", _heaviside),
+    Function("minimum", 2, "", _minimum),
+    Function("maximum", 2, "", _maximum),
+    Function("clip", 3, "", lambda a, least, most: _minimum(_maximum(a, least), most)),
+    Function("ceil", 1, "", _ceil),
+    Function("trunc", 1, "", lambda a: (a < 0.0).select(_ceil(a), a.then("floor"))),
+    Function("where", 3, "select"),
+    Function("less", 2, "olt", sign="<"),
+    Function("greater", 2, "ogt", sign=">"),
+    Function("less_equal", 2, "", lambda a, b: b >= a, sign="<="),
+    Function("greater_equal", 2, "oge", sign=">="),
+    Function("equal", 2, "oeq", sign="=="),
+    Function("not_equal", 2, "", lambda a, b: ~a.equals(b), sign="!="),
+    Function("logical_and", 2, "and", sign="&"),
+    Function("logical_or", 2, "or", sign="|"),
+    Function("logical_xor", 2, "xor", sign="^"),
+    Function("logical_not", 1, "", lambda a: ~a, sign="~"),
+]
+FUNCTIONS = {record.name: record for record in [*_OF_LISTS, *_MADE]}
+# Other names of NumPy for the same functions.
+OTHER_NAMES = {
+    "abs": "absolute",
+    "fabs": "absolute",
+    "true_divide": "divide",
+    "float_power": "power",
+    "pow": "power",
+    "mod": "remainder",
+    "radians": "deg2rad",
+    "degrees": "rad2deg",
+    "conjugate": "positive",
+    "bitwise_and": "logical_and",
+    "bitwise_or": "logical_or",
+    "bitwise_xor": "logical_xor",
+    "invert": "logical_not",
+    "bitwise_not": "logical_not",
+}

@@ -1,0 +1,465 @@
+"""A step of a field as a list of operations on numbers, planned from its pattern of zeros.
+
+With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
+(theory, section 7). Where an increment cancels a component, digits are kept by the same matrix and
+
+(1 - N) x_next = x + h l x + 2 h c,
+
+with the linear and constant parts l and c of f. Elimination is planned once, because the terms of
+the field alone decide which entries of N are 0. For pivots k, in an order with little fill-in,
+
+pivot_k = 1 - N_kk,   m_ik = N_ik / pivot_k,   N_ij += m_ik N_kj,   g_i += m_ik g_k,
+
+for i and j that come later, where g = h f(x) at first; then, backwards,
+
+delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
+
+The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
+the tests that they keep their digits, are the same for all states. They form a list of operations
+(instruction, number, operands), each of which computes the value with this number. `stage_code`
+makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
+only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
+tests, two of them divisions; sums of products count as products and additions there.
+"""
+
+import functools
+import math
+from itertools import chain
+
+import numpy as np
+
+from . import thresholds as sizes
+from .elementary import ELEMENTARY, FAR, OF_ANGLES
+from .symbolic_elimination import (
+    Factors,
+    Matrix,
+    elimination_order,
+    filled,
+    places_of,
+    work_of,
+)
+from .values import Number, joined, larger
+
+# A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
+# components fall below LARGE_PART of theirs.
+SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
+
+
+def _of_library(function):
+    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
+
+    def of_number(*numbers):
+        try:
+            return function(*numbers)
+        except ValueError:
+            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
+            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
+
+    def of_arrays(*arrays):
+        columns = np.broadcast_arrays(*arrays)
+        rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+        values = [of_number(*row) for row in rows]
+        return np.array(values, np.float64).reshape(columns[0].shape)
+
+    return of_arrays
+
+
+def _of_bits(function):
+    """Return a function of the bits of doubles, which are integers without sign."""
+
+    def of_arrays(*arrays):
+        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
+        values = function(*integers).view(float)
+        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
+
+    return of_arrays
+
+
+def _sum(*operands):
+    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
+    odd = len(operands) % 2
+    products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
+    return sum(products, operands[0] if odd else next(products))
+
+
+def _of_list(name):
+    """Return an elementary function of arrays, which carries out its list."""
+
+    def of_arrays(*arrays):
+        operations, result = list_of(name)
+        values = dict(enumerate(arrays))
+        with np.errstate(all="ignore"):
+            evaluate(operations, values)
+        if name in OF_ANGLES and (is_far := np.abs(arrays[0]) >= FAR).any():
+            return np.where(is_far, _of_library(getattr(math, name))(arrays[0]), values[result])
+        return values[result]
+
+    return of_arrays
+
+
+# Functions of the C library, by their names there, which a lane calls alone.
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
+OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
+# Integer instructions, whose names in LLVM follow "bits_".
+OF_BITS = {
+    "bits_and": _of_bits(np.bitwise_and),
+    "bits_or": _of_bits(np.bitwise_or),
+    "bits_xor": _of_bits(np.bitwise_xor),
+    "bits_add": _of_bits(np.add),
+    "bits_sub": _of_bits(np.subtract),
+    "bits_shl": _of_bits(np.left_shift),
+    "bits_lshr": _of_bits(np.right_shift),
+}
+OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
+# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
+# second operand where one of them is NaN.
+OF_NUMBERS = {
+    "fadd": np.add,
+    "fsub": np.subtract,
+    "fmul": np.multiply,
+    "fdiv": np.divide,
+    "sum": _sum,
+    "fabs": np.absolute,
+    "sqrt": np.sqrt,
+    "floor": np.floor,
+    "copysign": np.copysign,
+    "select": np.where,
+    "max": lambda a, b: np.where(a > b, a, b),
+    "min": lambda a, b: np.where(a < b, a, b),
+    **OF_BITS,
+    **OF_LISTS,
+    **OF_LIBRARY,
+}
+OF_TRUTH_VALUES = {
+    "olt": np.less,
+    "ogt": np.greater,
+    "oge": np.greater_equal,
+    "oeq": np.equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "xor": np.logical_xor,
+}
+
+
+class _Functions(dict):
+    def __missing__(self, instruction):
+        return instruction  # a `Table`
+
+
+FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
+
+
+def evaluate(operations, values):
+    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
+    for instruction, number, operands in operations:
+        numbers = (a if isinstance(a, float) else values[a] for a in operands)
+        values[number] = FUNCTIONS[instruction](*numbers)
+
+
+def length_of(operations):
+    """Return the number of instructions of straight-line code, in which sums are several."""
+    return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
+
+
+class Values:
+    """Values by number, in the order in which they are computed, and the operations that do so.
+
+    The first `count` values need no operation. Operands are numbers of values, which are integers,
+    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
+    alone.
+    """
+
+    def __init__(self, count, fixed):
+        self.count, self.fixed, self.operations = count, set(fixed), []
+
+    def emit(self, instruction, *operands):
+        """Add an operation; return the number of its value."""
+        number = self.count
+        self.count += 1
+        self.operations.append((instruction, number, operands))
+        if instruction in OF_NUMBERS and all(map(self.is_fixed, operands)):
+            self.fixed.add(number)
+        return number
+
+    def is_fixed(self, operand):
+        """Return whether an operand depends on parameters alone."""
+        return isinstance(operand, float) or operand in self.fixed
+
+    def total(self, start, products):
+        """Return the value start + sum of a c over the pairs (a, c), in this order.
+
+        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
+        first factors depend on parameters alone, or none does; other products are values of fixed.
+        """
+        return self.total_of(start, [*chain.from_iterable(products)])
+
+    def total_of(self, start, factors):
+        """Return `total` of the pairs whose factors these are, one after the other."""
+        own, kind = [] if start is None else [start], None
+        if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
+            return self.emit("sum", *own, *factors)
+        for a, c in zip(factors[::2], factors[1::2], strict=True):
+            of_pair = self.is_fixed(a) + self.is_fixed(c)
+            if len(own) > 1 and of_pair != kind:
+                own = [self.emit("sum", *own)]
+            if of_pair == 2:
+                product = self.emit("fmul", a, c)
+                own = [self.emit("fadd", *own, product) if own else product]
+            else:
+                own += (c, a) if self.is_fixed(c) else (a, c)
+            kind = of_pair
+        if len(own) > 1:
+            return self.emit("sum", *own)
+        return own[0] if own else None
+
+    def number(self, operand):
+        """Return the `Number` of an operand."""
+        return Number(self.emit, operand)
+
+
+def dot(emit, pairs, total=None):
+    """Return the sum of a start and of products of pairs, each an operation; None without any."""
+    for a, b in pairs:
+        product = emit("fmul", a, b)
+        total = product if total is None else emit("fadd", total, product)
+    return total
+
+
+@functools.cache
+def list_of(name):
+    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    function, count = ELEMENTARY[name]
+    values = Values(count, ())
+    return values.operations, function(*map(values.number, range(count))).number
+
+
+def of_one_sign(indices):
+    """Return the components i that each term of f_i contains, so that x_i keeps its sign."""
+    i, j, k = indices
+    return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
+
+
+def _plan_of(indices, D):
+    """Return an order of elimination, what is filled, and the entries that depend on the state."""
+    pattern, varying = places_of(indices, D)
+    order = elimination_order(pattern, D)
+    return order, filled(pattern, order), varying
+
+
+class Step:
+    """The operations of a step of fields with terms at these indices (3, T).
+
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes
+    too many products, the lists are empty: loops take all steps (`maps.dense`), or SuperLU those
+    of large sparse fields (`maps.superlu`).
+
+    fixed       operations on parameters alone
+    table       the values of parameters alone that other operations need
+    usual       operations for all states
+    rare        operations for states where `good` is false
+    after       the next state
+    after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
+    good        true if `after` is accurate and all pivots are positive
+    accurate    true if `after_rare` is accurate; a value of `rare`
+    negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
+    changed     true if a component that keeps its sign along the motion does not; a value of
+                `rare`, None if there is no such component or `keeps_signs` is false
+    factors     `Factors` of 1 - N(x)
+    is_long     true if there are many operations, which LLVM does not optimise
+    is_sparse   true if elimination fills little of the matrix
+    of_one_sign   components that keep their signs along the motion
+    keeps_signs   true if the operations are a whole step, so that they test these signs
+    """
+
+    good = accurate = negative = changed = factors = None  # without a plan
+    of = None  # the function of a map, of which there is no field
+
+    def __init__(self, indices, D, keeps_signs=False):
+        self._begin(indices, D, keeps_signs)
+        order, fill, varying = _plan_of(indices, D)
+        work, of_state = work_of(order, fill, varying)
+        of_state += int((indices[2] < D).sum())
+        self.is_sparse = work < sizes.SPARSE * D**3
+        most = sizes.OF_LATTICE if self.is_sparse else sizes.OF_DENSE
+        if work - of_state > sizes.LONGEST_ONCE or of_state > most:
+            return
+        self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
+        self._separate_fixed()
+
+    def _begin(self, indices, D, keeps_signs):
+        self.indices, self.D, self.T = indices, D, indices.shape[1]
+        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
+        self.values = Values(D + self.T, range(D, D + self.T))
+        self.fixed, self.table, self.usual, self.rare = [], [], [], []
+        self.own_D = D  # components of x
+        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+
+    def _increments(self, indices, D, halves, order, fill):
+        """Add elimination and the next state; return half of each increment that is not 0."""
+        right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
+        self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
+        for k in reversed(order):
+            right[k] = self.factors.backward(k, right)
+        found = {k: half for k, half in sorted(right.items()) if half is not None}
+        for k, half in found.items():
+            self.after[k] = self.values.total(k, [(2.0, half)])
+        return found
+
+    @functools.cached_property
+    def key(self):
+        """What tells the operations of this step from others."""
+        return type(self), self.indices.tobytes(), self.D, self.keeps_signs
+
+    def with_columns(self, lengths=True):
+        """Return the step of x with columns; without operations if these are too many."""
+        return _tangent_of(self, lengths)
+
+    length = functools.cached_property(lambda self: length_of(self.usual))
+    is_long = property(lambda self: self.length > sizes.CODE)
+
+    def _add_tests(self, halves):
+        """Add the tests that increments do not cancel the state, and that pivots are not small.
+
+        `good` asks for more than `accurate`, because this takes fewer operations.
+        """
+        number = self.values.number
+        after = {k: number(self.after[k]) for k in {*halves, *self.of_one_sign}}
+        sizes = {k: abs(after[k]) for k in halves}
+        parts = {k: abs(number(half)) for k, half in halves.items()}
+        limits = {k: SMALL_PART * part for k, part in parts.items()}
+        common = [sizes[k] >= limits[k] for k in halves]
+        tests = [*common, self.factors.is_good()]
+        tested = sorted(self.of_one_sign) if self.keeps_signs else []
+        tests += [(number(k) < 0.0) ^ (after[k] >= 0.0) for k in tested]
+        if halves:
+            size, part = (joined("fadd", each.values()) for each in (sizes, parts))
+            tests.append(size < np.inf)
+            if len(halves) == self.D:
+                tests.append(size > LARGE_PART * part)
+        self.good = joined("and", tests).number
+        first_rare, tests = len(self.values.operations), []
+        self.after_rare = [*self.after]
+        if halves:
+            beyond = [sizes[k] - LARGE_PART * parts[k] for k in halves]
+            far = joined("fadd", [larger(0.0, excess) for excess in beyond])  # NaN stays NaN
+            common.append(far < np.inf)
+            if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
+                at_limit = [sizes[k].equals(limits[k]) for k in halves]
+                common.append(joined("or", [far > 0.0, *at_limit]))
+            keeps, following = joined("and", common), self._following()
+            for k in halves:
+                self.after_rare[k] = keeps.select(after[k], number(following[k])).number
+            tests.append(joined("fadd", [abs(number(following[k])) for k in halves]) < np.inf)
+        self.accurate = joined("and", [*tests, self.factors.is_accurate()]).number
+        negative = [number(pivot) < 0.0 for pivot in self.factors.pivot.values()]
+        self.negative = joined("xor", negative or [number(1.0) < 0.0]).number
+        changes = []
+        for k in tested:
+            x, following = number(k), number(self.after_rare[k])
+            changes.append((x < 0.0) & (following > SIGNIFICANT))
+            changes.append((x > 0.0) & (following < -SIGNIFICANT))
+        self.changed = joined("or", changes).number if changes else None
+        self.rare = self.values.operations[first_rare:]
+
+    def _following(self):
+        """Return x_next, in whose equations no increment cancels the state."""
+        values, matrix, right = self.values, self.matrix, {}
+        for k in self.factors.order:
+            right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
+        for k in reversed(self.factors.order):
+            right[k] = self.factors.backward(k, right)
+        return right
+
+    def _separate_fixed(self):
+        """Separate the operations on parameters alone, and list which of their values are used."""
+        fixed, table = self.values.fixed, {}
+        rare = {number for _, number, _ in self.rare}
+        self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
+        others = [operation for operation in self.values.operations if operation[1] not in fixed]
+        for _, _, operands in others:
+            table |= dict.fromkeys(a for a in operands if type(a) is int and a in fixed)
+        table |= dict.fromkeys(a for a in (*self.after, *self.after_rare) if a in fixed)
+        self.table = [*table]
+        self.places = {number: place for place, number in enumerate(self.table)}
+        self.usual = [operation for operation in others if operation[1] not in rare]
+        self.rare = [operation for operation in others if operation[1] in rare]
+
+    def table_of(self, halves):
+        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
+        values = dict(enumerate(halves, self.D))
+        with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
+            evaluate(self.fixed, values)
+        table = np.empty((len(self.table), *np.shape(halves)[1:]))
+        for k, number in enumerate(self.table):
+            table[k] = values[number]
+        return table
+
+
+class Tangent(Step):
+    """The operations of a step of x, of columns q of derivatives, and of their lengths.
+
+    Kahan's method is a Runge-Kutta method, so that the derivative of its map is its map of the
+    variational equations x' = f(x), q' = f'(x) q. All columns share the elimination of x,
+
+    q_next = (1 - N(x))**-1 (1 + N(x_next)) q.
+
+    With `lengths` they are orthonormalised in each step, by Gram and Schmidt, and the logarithms of
+    their lengths are added to D more values.
+    """
+
+    def __init__(self, indices, D, keeps_signs=False, lengths=True):
+        size = D * (1 + D) + D * lengths
+        self._begin(indices, size, keeps_signs)
+        order, fill, varying = _plan_of(indices, D)
+        self.own_D, halves = D, range(size, size + indices.shape[1])
+        if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
+            return
+        increments = self._increments(indices, D, halves, order, fill)
+        columns = self._columns(Matrix(indices, D, self.values, self.after[:D], halves), D)
+        if lengths:
+            columns = self._orthonormal(columns, D)
+        self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
+        self.D = D
+        self._add_tests(increments)
+        self.D = size
+        self.after_rare[D:] = self.after[D:]
+        self._separate_fixed()
+
+    def _columns(self, back, D):
+        """Return the next columns, with the entries of N(x_next) that `back` has."""
+        values, step, found = self.values, self.factors, []
+        entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
+        for c in range(D):
+            q, v = range(D * (1 + c), D * (2 + c)), {}
+            for k in step.order:
+                products = [(a, q[j]) for (i, j), a in entries.items() if i == k]
+                v[k] = values.total(q[k], products)
+                v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
+            for k in reversed(step.order):
+                v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
+                if k in step.inverse:
+                    v[k] = values.emit("fmul", step.inverse[k], v[k])
+            found.append([values.number(v[k]) for k in range(D)])
+        return found
+
+    def _orthonormal(self, columns, D):
+        """Return orthonormal columns; add the logarithms of the lengths that they had."""
+        found, first = [], D * (1 + D)
+        for c, q in enumerate(columns):
+            for p in found:
+                part = joined("fadd", [a * b for a, b in zip(p, q, strict=True)])
+                q = [b - part * a for a, b in zip(p, q, strict=True)]
+            length = joined("fadd", [a * a for a in q]).sqrt()
+            inverse = length.equals(0.0).select(0.0, 1.0 / length)
+            found.append([inverse * a for a in q])
+            self.after[first + c] = (self.values.number(first + c) + length.then("log")).number
+        return found
+
+
+MOST_COLUMNS, MOST_WORK = 16, 4000  # of lists; NumPy has others
+
+
+@functools.lru_cache(32)
+def _tangent_of(step, lengths):
+    return Tangent(step.indices, step.D, step.keeps_signs, lengths)

@@ -1,0 +1,96 @@
+"""A step of a map x -> f(x) as a list of operations, with columns of derivatives.
+
+For `maps.kernel` it is a step whose h v are the parameters of f. It has a value where all
+components of f(x) are finite; where they are not, no other operations help.
+"""
+
+import functools
+
+from .kahan_step import OF_TRUTH_VALUES, Tangent, Values
+from .right_hand_side import Expressions, List, emitted
+from .values import joined
+
+# NumPy takes longer lists, which LLVM would compile for seconds, and multiplies derivatives with
+# more products (measured on coupled lattices).
+LONGEST, MOST_WORK = 10_000, 4000
+_PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
+
+
+class MapStep(Tangent):
+    """The list of f, with D columns q_next = f'(x) q behind x if there are `columns`.
+
+    f        the `RightHandSide` with the lists of f and f'
+    lengths  whether columns are orthonormalised, with sums of logarithms, as in `Tangent`
+    """
+
+    def __init__(self, f, columns=False, lengths=False):
+        D, self.of = f.D, f
+        size = D * (1 + D * columns + lengths)
+        self.D, self.T, self.own_D, self.is_sparse = size, f.P, 0, True
+        self.of_one_sign, self.keeps_signs = set(), False
+        self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
+        self.values = values = Expressions(size + f.P, range(size, size + f.P))
+        work = D * (len(f.pattern) + 2 * D * D * lengths) * columns
+        if work > MOST_WORK or len(f.f.operations) > LONGEST:
+            return
+        known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
+        lists = (f.fixed, f.f.operations, f.derivative.operations)[: 2 + columns]
+        operations = {each[1]: each for list_ in lists for each in list_}
+        wanted = [*f.f.results, *(f.derivative.results if columns else ())]
+        found = emitted(values, List([operations[k] for k in sorted(operations)], wanted), known)
+        # Constants are values, too: the state is made of their numbers.
+        of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in found[:D])
+        self.after = [*of_x, *range(D, size)]
+        if columns:
+            self._add_columns(dict(zip(f.pattern, found[D:], strict=True)), D, lengths)
+        self._add_test(D)
+        self.after_rare = self.after
+        self._separate_fixed()
+
+    def with_columns(self, lengths=True):
+        return _with_columns(self.of, lengths)
+
+    def _add_columns(self, entries, D, lengths):
+        number, found = self.values.number, []
+        for c in range(D):
+            q = [number(D * (1 + c) + j) for j in range(D)]
+            rows = [[number(a) * q[j] for (k, j), a in entries.items() if k == i] for i in range(D)]
+            found.append([joined("fadd", row) if row else number(0.0) for row in rows])
+        if lengths:
+            found = self._orthonormal(found, D)
+        self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
+
+    def _add_test(self, D):
+        """Add `accurate`: f(x) is finite, and x not NaN; and `good`, also where x was NaN before.
+
+        Then lines with lanes that have ended take no longer than others.
+        """
+        number = self.values.number
+        tested, stays = [number(a) for a in self.after[:D]], self._stays_nan(D)
+        if not any(stays):  # as where f chooses between constants
+            tested += [0.0 * number(i) for i in range(D)]
+        accurate = abs(joined("fadd", tested)) < float("inf")
+        good = accurate | ~number(0).equals(number(0)) if all(stays) else accurate
+        self.accurate, self.good = accurate.number, good.number
+
+    def _stays_nan(self, D):
+        """Return of each component of f(x) whether it is NaN if all components of x are."""
+        found = {*range(D)}
+        for name, number, operands in self.values.operations:
+            of = operands[_PASSES_NAN_ON.get(name, slice(None))]
+            is_nan = [not isinstance(a, float) and a in found for a in of]
+            if name not in OF_TRUTH_VALUES and (all if name == "select" else any)(is_nan) and of:
+                found.add(number)
+        return [a in found for a in self.after[:D]]
+
+    @functools.cached_property
+    def key(self):
+        return repr((self.D, self.values.operations, self.after, self.table))
+
+
+@functools.lru_cache(64)
+def _with_columns(f, lengths):
+    return MapStep(f, True, lengths)
+
+
+map_step = functools.lru_cache(64)(MapStep)

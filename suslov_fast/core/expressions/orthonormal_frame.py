@@ -1,0 +1,67 @@
+"""The right-hand side of a motion with an orthonormal frame of tangent vectors, and its growth.
+
+The columns of Q are tangent vectors that stay orthonormal: with M = Q^T f' Q and the skew matrix S
+that has the entries of M below its diagonal,
+
+Q' = Q S,     l_i' = M_ii,
+
+where l_i are the logarithms of the diagonal of R in V = Q R, for V' = f' V. Columns of V decay each
+at its own rate, and lose their digits; Q follows the motion, as fast as that changes. Its entries
+count as 1 in the error, also small ones: variables are these plus SHIFT.
+"""
+
+import functools
+import itertools
+
+from .kahan_step import dot
+from .right_hand_side import Expressions, List, RightHandSide, emitted
+
+SHIFT = 2.0
+
+
+def _with_frame(f, moving):
+    """Return the `RightHandSide` of x, Q + SHIFT by rows, and l, for a f that does not choose.
+
+    `moving` are the components that tangent vectors have. Its parameters are the table of f, to
+    which the starts of clocks have been written.
+    """
+    D, n = f.D, len(moving)
+    first = D + n * n + n
+    values = Expressions(first + len(f.table), range(first, first + len(f.table)))
+    known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
+    operations = {each[1]: each for list_ in (f.f, f.derivative) for each in list_.operations}
+    both = [operations[number] for number in sorted(operations)]
+    found = emitted(values, List(both, [*f.f.results, *f.derivative.results]), known)
+    of_x, entries = found[:D], found[D:]
+    place = {i: k for k, i in enumerate(moving)}
+    slopes = {
+        (place[i], place[j]): a
+        for (i, j), a in zip(f.pattern, entries, strict=True)
+        if i in place and j in place
+    }
+    rows, emit = range(n), values.emit
+    Q = {(i, j): emit("fsub", D + i * n + j, SHIFT) for i in rows for j in rows}
+    turned = {(j, i): a for (i, j), a in Q.items()}
+    M = _product(emit, turned, _product(emit, slopes, Q, n), n)
+    S = {}
+    for (i, j), a in M.items():
+        if i > j:
+            S[i, j], S[j, i] = a, emit("fmul", -1.0, a)
+    of_Q = _product(emit, Q, S, n)
+    rates = [of_Q.get((i, j), 0.0) for i in rows for j in rows]
+    results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in rows)]
+    kept = range(first, first + len(f.table))
+    return RightHandSide(values, results, len(f.table), kept=kept)
+
+
+def _product(emit, a, b, n):
+    """Return the product of two matrices, dicts of operands without those that are 0."""
+    found = {}
+    for i, j in itertools.product(range(n), repeat=2):
+        pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]
+        if pairs:
+            found[i, j] = dot(emit, pairs)
+    return found
+
+
+with_frame = functools.lru_cache(64)(_with_frame)

@@ -1,0 +1,141 @@
+"""Right-hand sides whose variables fall into two sets, each with rates that read the other alone.
+
+So do those of every Hamiltonian T(p) + V(q). The graph of what rates read has two colours then.
+Variables of constant rate, such as clocks, may be in both sets.
+
+Columns over such sets see f at half as many points of a step (`flow.stormer`). So f must not have
+features that fall within a gap without a trace beside it: Gaussians, tanh, and whatever may
+be made of functions that decay as fast. Polynomials, their quotients and roots, sin, cos, and exp
+of affine functions have none. Rates in A are not seen near the ends of a step, where a quotient may
+change at once: these have no quotients and roots.
+"""
+
+import functools
+from typing import NamedTuple
+
+from .kahan_step import OF_LISTS
+from .right_hand_side import List, needed_for
+from .symbolic_elimination import bits_of
+
+_FUNCTION = 40  # operations that take the time of an elementary function
+
+
+class Sets(NamedTuple):
+    """Components in two sets A and B: rates in A read B alone, and those in B read A alone."""
+
+    A: list
+    B: list
+
+
+def sets_of(f):
+    """Return the `Sets` of a `RightHandSide`, None if there are none.
+
+    Of both sets A has the rates that take less time, if they may be in A.
+    """
+    if f.is_dense or f.conditions is not None:  # where f jumps, ends have to be smoothed
+        return None
+    moving = [i for i in range(f.D) if f.reads[i]]
+    still = sum(1 << i for i in range(f.D) if not f.reads[i])
+    colours = _colours({i: [*bits_of(f.reads[i] & ~still)] for i in moving})
+    if colours is None:
+        return None
+    sets = [[i for i in moving if colours[i] == colour] for colour in (False, True)]
+    if not all(sets) or (kinds := _kinds(f)) is None:
+        return None
+    A, B = sorted(sets, key=lambda own: (_has_quotient(f, own, kinds), _work(f, own)))
+    if _has_quotient(f, A, kinds):
+        return None
+    of_A, of_B = (functools.reduce(int.__or__, [f.reads[i] for i in own]) for own in (A, B))
+    return Sets(
+        sorted([*A, *bits_of(still & of_B)]), sorted([*B, *bits_of(still & (of_A | ~of_B))])
+    )
+
+
+def part_of(list_, numbers):
+    """Return the `List` of the results with these numbers; others are None."""
+    of = {*numbers}
+    own = [a if k in of else None for k, a in enumerate(list_.results)]
+    return List(needed_for(list_.operations, own), own)
+
+
+def _colours(reads):
+    """Return the colours, truth values, of components that read others; None if two do not do."""
+    beside = {i: [*of] for i, of in reads.items()}
+    for i, of in reads.items():
+        for j in of:
+            beside[j].append(i)
+    colours = {}
+    for first in beside:
+        stack = [(first, colours.get(first, False))]
+        while stack:
+            i, colour = stack.pop()
+            if i not in colours:
+                colours[i] = colour
+                stack += [(j, not colour) for j in beside[i]]
+            elif colours[i] != colour:
+                return None
+    return colours
+
+
+def _work(f, components):
+    """Return about how many operations the rates of components take."""
+    operations = needed_for(f.f.operations, [f.f.results[i] for i in components])
+    return sum(_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
+
+
+class _Kind(NamedTuple):
+    """The kind of a value, as a function of the state."""
+
+    degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
+    has_exp: bool = False
+    has_quotient: bool = False  # or a root
+
+
+_STILL = _Kind()
+_ROOTS = "sqrt", "log", "pow", "hypot"
+
+
+def _kinds(f):
+    """Return the `_Kind` of all values of f by their numbers, None if f may have thin features."""
+    kinds = {i: _Kind(1) for i in range(f.D)}
+    for name, number, operands in f.f.operations:
+        of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
+        kind = _kind_of(name, of)
+        if kind is None:
+            return None
+        kinds[number] = kind
+    return kinds
+
+
+def _kind_of(name, of):
+    """Return the `_Kind` of an operation on values of these kinds, None if it is none of them."""
+    degree, has_exp, has_quotient = map(max, zip(*of, strict=True))
+    bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
+    if degree == 0 or name in ("fadd", "fsub", "select", "fabs"):
+        pass
+    elif name == "fmul":
+        degree = 2 if bends else degree
+    elif name == "sum":
+        odd = len(of) % 2
+        if any(a.degree and b.degree for a, b in zip(of[odd::2], of[odd + 1 :: 2], strict=True)):
+            degree = 2
+    elif name in ("sin", "cos"):
+        if has_exp:
+            return None
+        degree = 2
+    elif name in ("exp", "sinh", "cosh"):
+        if degree > 1:
+            return None
+        degree, has_exp = 2, True
+    elif name == "fdiv" and not divisor.degree:
+        pass
+    elif (name == "fdiv" and not divisor.has_exp) or (name in _ROOTS and not has_exp):
+        degree, has_quotient = 2, True
+    else:
+        return None
+    return _Kind(degree, has_exp, has_quotient)
+
+
+def _has_quotient(f, components, kinds):
+    results = [f.f.results[i] for i in components]
+    return any(type(a) is int and kinds.get(a, _STILL).has_quotient for a in results)

@@ -1,0 +1,430 @@
+"""Right-hand sides of x' = f(x) as lists of operations, and what the motion asks of them."""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .derivative import gradients
+from .function_records import RECORDS, same
+from .kahan_step import FUNCTIONS, OF_TRUTH_VALUES, Values, evaluate
+from .numpy_evaluation import Groups
+
+# Lists of more operations are carried out in groups, at fewer than MANY states.
+_FEW, _MANY = 32, 1024
+
+
+class List(NamedTuple):
+    """Operations, and the operands that are their results: numbers of values, or constants."""
+
+    operations: list
+    results: list
+
+
+class Expressions(Values):
+    """Values of which equal ones are computed once, and those of constants at once.
+
+    `written` has the function and operands of values that a user wrote, and that operations take
+    apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
+    the numbers of truth values that depend on parameters alone.
+    """
+
+    def __init__(self, count, fixed=()):
+        super().__init__(count, fixed)
+        self._known, self.of, self.written, self.fixed_truths = {}, {}, {}, set()
+
+    def emit(self, instruction, *operands):
+        """Return the number of a value, or the constant that it is."""
+        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        key = instruction, *operands
+        if float in map(type, operands):
+            key = instruction, *(repr(a) if type(a) is float else a for a in operands)
+        if key not in self._known:
+            self._known[key] = self._new(instruction, operands)
+        return self._known[key]
+
+    def given(self):
+        """Return the number of a value that needs no operation, and does not depend on others."""
+        self.count += 1
+        return self.count - 1
+
+    def take_written(self, others, new):
+        """Note what a user wrote of other values, which have `new` numbers here."""
+        for number, (name, operands, *tables) in others.written.items():
+            of = [a if isinstance(a, float) else new.get(a) for a in operands]
+            place = new.get(number)
+            if isinstance(place, int) and None not in of:
+                self.written.setdefault(place, (name, (*of,), *tables))
+
+    def _new(self, instruction, operands):
+        is_constant = all(type(a) is float for a in operands)
+        if is_constant and instruction not in OF_TRUTH_VALUES:
+            with np.errstate(all="ignore"):
+                return float(FUNCTIONS[instruction](*operands))
+        simple = self._simpler(instruction, operands)
+        if simple is not None:
+            return simple
+        number = super().emit(instruction, *operands)
+        if all(self.is_fixed(a) or a in self.fixed_truths for a in operands):
+            is_truth = instruction in OF_TRUTH_VALUES
+            (self.fixed_truths if is_truth else self.fixed).add(number)
+        self.of[number] = instruction, operands
+        return number
+
+    def _parts_of(self, operand):
+        """Return the instruction and the operands of a value; nothing for a constant."""
+        return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
+
+    def _simpler(self, instruction, operands):
+        """Return an operand with the same value by fewer operations, or None."""
+        if instruction == "fdiv" and _is_power_of_2(operands[1]):
+            return self.emit("fmul", 1.0 / operands[1], operands[0])
+        if instruction == "fmul":
+            a, b = operands
+            if isinstance(b, float):
+                return self.emit("fmul", b, a)
+            if isinstance(a, float) and a == 1.0:
+                return b
+            inner, of = self._parts_of(b)
+            has_constants = isinstance(a, float) and of and isinstance(of[0], float)
+            if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
+                return self.emit("fmul", a * of[0], of[1])
+            if inner == "fsub" and isinstance(a, float) and a == -1.0:
+                return self.emit("fsub", *of[::-1])
+        if instruction in ("fadd", "fsub"):
+            inner, of = self._parts_of(operands[1])
+            if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
+                other = "fsub" if instruction == "fadd" else "fadd"
+                return self.emit(other, operands[0], of[1])
+        if instruction == "select" and same(*operands[1:]):
+            return operands[1]
+        return None
+
+
+def _is_power_of_2(operand):
+    """Return whether products with a constant have no rounding error within a wide range."""
+    if not isinstance(operand, float):
+        return False
+    fraction, exponent = math.frexp(operand)
+    return abs(fraction) == 0.5 and abs(exponent) < 100
+
+
+def in_order(values, results, more=0):
+    """Return `Expressions` of these results alone, in an order that they determine, and results.
+
+    So many `more` parameters follow the values that are given.
+    """
+    given = values.count - len(values.operations)
+    fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
+    ordered = Expressions(given + more, fixed)
+    new = {a: a for a in range(given)}
+    results = emitted(ordered, List([*_depth_first(values, results)], results), new)
+    ordered.take_written(values, new)
+    return ordered, results
+
+
+def _depth_first(values, results):
+    """Yield the operations on which results depend, each after those of its operands."""
+    done, stack = set(), [(a, False) for a in reversed(results)]
+    while stack:
+        number, is_ready = stack.pop()
+        if isinstance(number, float) or number in done or number not in values.of:
+            continue
+        instruction, operands = values.of[number]
+        if is_ready:
+            done.add(number)
+            yield instruction, number, operands
+        else:
+            stack.append((number, True))
+            stack.extend((a, False) for a in reversed(operands))
+
+
+class RightHandSide:
+    """The right-hand side f of D equations with P parameters.
+
+    Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone are
+    carried out once for a run, in NumPy; their values and parameters that f or f' needs stand in a
+    table.
+
+    f            `List` of f without operations on parameters alone; D results
+    fixed        operations on parameters alone
+    table        numbers of the values of parameters alone that f or f' needs
+    places       the place of each of these in the table
+    pattern      the places (i, j) of f' where an entry may differ from 0, in order
+    derivative   `List` of f' by itself; results are the entries of `pattern`
+    of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
+    reads        of each component those that its rate depends on, as the bits of an integer
+    steady       components of constant rate, not 0
+    clocks       those of them that others depend on
+    of_one_sign  components that keep their sign, because f_i contains the factor x_i
+    denominators numbers of values of `f` that change their sign at poles by clocks and parameters
+                 alone: divisors, 0 where their quotient is 0 or not taken
+    surfaces     `List` of the surfaces on which steps end
+    slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
+                 parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
+    conditions, watch, hidden, aim, choices, derived   see `branches`; None where f has none
+    watched      `List` of the surfaces whose crossings end steps, or None
+    offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
+    changes      `Changes` of the state along the motion, or None
+    key          what tells this right-hand side from others
+    """
+
+    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
+        """Take `Expressions` whose operations are those of f, and the operands that are f.
+
+        `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
+        are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
+        table begins with.
+        """
+        self.D, self.P = len(results), P
+        self._results = [*results]
+        of_f = [*values.operations]
+        rows = gradients(values, of_f, [*results, *surfaces[:jumps]], self.D, by)
+        slopes, of_surfaces = rows[: self.D], rows[self.D :]
+        self.by = [row.pop(p, 0.0) for p in by for row in slopes]
+        place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
+        of_surfaces = {
+            (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()
+        }
+        self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
+        entries = [slopes[i][j] for i, j in self.pattern]
+        fixed = values.fixed
+        count = len(values.operations)
+        varying = [operation for operation in values.operations if operation[1] not in fixed]
+        self.f = List(needed_for(varying, results), self._results)
+        self._fixed, self._groups = fixed, {}
+        self._find_properties(values)
+        varying += [a for a in values.operations[count:] if a[1] not in fixed]
+        self.f = List(needed_for(varying, [*results, *self.denominators]), self._results)
+        self.derivative = List(needed_for(varying, entries), entries)
+        self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
+        self.of_parameters = List(needed_for(varying, self.by), self.by)
+        results = [*of_surfaces.values()]
+        self.slope_places = [*of_surfaces]
+        self.slopes = List(needed_for(varying, results), results)
+        lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
+        used = [a for each in lists for a in _operands(each)]
+        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
+        self.places = {number: place for place, number in enumerate(self.table)}
+        both = fixed | values.fixed_truths
+        of_parameters = [operation for operation in values.operations if operation[1] in both]
+        self.fixed = needed_for(of_parameters, self.table)
+        self._of_table = List(self.fixed, self.table)
+        self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
+
+    is_dense, changes, offsets = False, None, {}
+    conditions = watched = watch = hidden = aim = choices = derived = None
+    work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
+    entries = property(lambda self: len(self.pattern))
+
+    @functools.cached_property
+    def key(self):
+        """A text that tells the lists of this right-hand side from those of others."""
+        lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
+        lists += self.hidden, self.aim, self.choices, self.slopes, self.slope_places
+        kinds = None if self.conditions is None else self.conditions.kinds
+        return repr((self.D, self.table, kinds, *lists, self.changes))
+
+    def _find_properties(self, values):
+        """Find clocks, components that keep their sign, and denominators of clocks."""
+        is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
+        # The components that each value depends on, as bits.
+        of = {i: 1 << i for i in range(self.D)}
+        # The components that each value is 0 with.
+        factors = {i: 1 << i for i in range(self.D)}
+        truth = set()
+        for instruction, number, operands in self.f.operations:
+            numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
+            of[number] = functools.reduce(int.__or__, numbers, 0)
+            factors[number] = _common_factors(instruction, operands, factors, self.D)
+            if instruction in OF_TRUTH_VALUES:
+                truth.add(number)
+        self.reads = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
+        self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
+        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]
+        clocks = sum(1 << i for i in self.clocks)
+        self.of_one_sign = [
+            i
+            for i, a in enumerate(self._results)
+            if not isinstance(a, float) and factors.get(a, 0) >> i & 1
+        ]
+        varying = ((number, *of_) for name, number, of_ in self.f.operations if name == "fdiv")
+        quotients = [q for q in varying if (mask := of.get(q[2], 0)) and not mask & ~clocks]
+        self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []
+
+    def table_of(self, parameters):
+        """Return the values of the table (n, ...) for parameters (P, ...)."""
+        parameters = np.asarray(parameters, np.float64)
+        given = range(self.D, self.D + self.P)
+        return self._carried_out("_of_table", given, parameters, parameters.shape[1:])
+
+    def table_with(self, parameters, table):
+        """Return the table (n, ...) for other parameters; `table` is the one that there was."""
+        return self.table_of(parameters)
+
+    def value(self, x, table):
+        """Return f (D, ...) at states (D, ...)."""
+        return self._at("f", x, table)
+
+    def value_and_denominators(self, x, table):
+        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
+        return self._at("_with_denominators", x, table)
+
+    def jacobian(self, x, table):
+        """Return f' (D, D, ...) at states (D, ...)."""
+        entries = self._at("derivative", x, table)
+        matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
+        for place, entry in zip(self.pattern, entries, strict=True):
+            matrix[place] = entry
+        return matrix
+
+    def _at(self, name, x, table):
+        """Return the results of the list with this name, at states and for a table."""
+        shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
+        return self._carried_out(name, [*range(self.D), *self.table], [*x, *table], shape)
+
+    def _carried_out(self, name, given, arrays, shape):
+        """Return the results of the list with this name, for the values that are given."""
+        list_ = getattr(self, name)
+        with np.errstate(all="ignore"):
+            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+                if name not in self._groups:
+                    self._groups[name] = Groups(list_, given)
+                return self._groups[name].carried_out(arrays, shape)
+            values = dict(zip(given, arrays, strict=True))
+            evaluate(list_.operations, values)
+        results = np.empty((len(list_.results), *shape))
+        for k, a in enumerate(list_.results):
+            results[k] = a if isinstance(a, float) else values[a]
+        return results
+
+
+def needed_for(operations, results):
+    """Return the operations on which results depend."""
+    needed, found = {a for a in results if type(a) is int}, []
+    for operation in reversed(operations):
+        if operation[1] in needed:
+            found.append(operation)
+            needed.update(a for a in operation[2] if not isinstance(a, float))
+    return found[::-1]
+
+
+def depending(operations, given):
+    """Return the numbers of values that depend on given ones, and these."""
+    found = {*given}
+    for _, number, operands in operations:
+        if any(a in found for a in operands if not isinstance(a, float)):
+            found.add(number)
+    return found
+
+
+def renamed(operands, new):
+    """Return operands with their new names; constants, and those without another, stay."""
+    return [a if isinstance(a, float) else new.get(a, a) for a in operands]
+
+
+def emitted(values, list_, new=None):
+    """Add the operations of a `List` to values; return its results there.
+
+    `new` has the operands there of given ones, which those of the operations join; others stay.
+    """
+    new = {} if new is None else new
+    for name, number, operands in list_.operations:
+        new[number] = values.emit(name, *renamed(operands, new))
+    return renamed(list_.results, new)
+
+
+def renumbered(list_, given):
+    """Return a `List` with other numbers of values that are given, a dict; others follow."""
+    new, count, operations = dict(given), 1 + max(given.values()), []
+    for number, (name, old, operands) in enumerate(list_.operations, count):
+        operations.append((name, number, (*renamed(operands, new),)))
+        new[old] = number
+    return List(operations, renamed(list_.results, new))
+
+
+def _signs_of_poles(values, f, quotients):
+    """Return values that change their sign at poles of quotients (number, dividend, divisor).
+
+    Where a quotient is taken they are the divisor, one for dividends above 0 and one for those
+    below, because a quotient has no pole where its dividend has a zero, too; elsewhere 0.
+    """
+    found = {}
+    is_taken = _taken(values, f)
+    for number, a, b in quotients:
+        truth = is_taken.get(number, 0.0)
+        for above, below in ((a, 0.0), (0.0, a)):
+            if isinstance(a, float):
+                sign = float(above > below)
+            else:
+                sign = values.emit("ogt", above, below)
+            both = _both(values.emit, truth, sign)
+            sign = both if isinstance(both, float) else values.emit("select", both, b, 0.0)
+            if both == 1.0:
+                sign = b
+            if sign != 0.0:
+                found[sign] = None
+    return [*found]
+
+
+def _taken(values, f):
+    """Return truth values by numbers, or 1: where results of f depend on a value.
+
+    They do not on what `select` does not take, nor on what a parameter or a choice of 0 multiplies.
+    """
+    emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
+    for name, number, operands in reversed(f.operations):
+        truth = found.get(number, 0.0)
+        for k, a in enumerate(operands):
+            if isinstance(a, float) or truth == 0.0:
+                continue
+            condition = 1.0
+            if name == "select" and k:
+                condition = operands[0] if k == 1 else (~values.number(operands[0])).number
+            elif name == "fmul":
+                other = operands[1 - k]
+                if other in values.fixed or values.of.get(other, ("",))[0] == "select":
+                    condition = (~values.number(other).equals(0.0)).number
+            own = _both(emit, truth, condition)
+            before = found.get(a, 0.0)
+            if 0.0 in (own, before):
+                found[a] = own or before
+            else:
+                found[a] = 1.0 if 1.0 in (own, before) else emit("or", own, before)
+    return found
+
+
+def _both(emit, *truths):
+    """Return where both are true, of truth values and the constants 0 and 1."""
+    others = [a for a in truths if a != 1.0]
+    if 0.0 in others or not others:
+        return 0.0 if others else 1.0
+    return emit("and", *others) if len(others) == 2 else others[0]
+
+
+def _operands(list_):
+    """Return the numbers of values that a list reads."""
+    operands = [a for _, _, of in list_.operations for a in of] + list_.results
+    return [a for a in operands if not isinstance(a, float)]
+
+
+def _common_factors(instruction, operands, factors, D):
+    """Return the components with which the value of an operation is 0, as bits."""
+    everything = (1 << D) - 1
+    of = [
+        (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)
+        for a in operands
+    ]
+    if instruction == "fmul":
+        return of[0] | of[1]
+    if instruction in ("fadd", "fsub", "max", "min"):
+        return of[0] & of[1]
+    if instruction == "select":
+        return of[1] & of[2]
+    if instruction in ("fdiv", "fabs"):
+        return of[0]
+    if instruction == "pow":  # not of smaller powers, with which a solution leaves 0
+        return of[0] if isinstance(operands[1], float) and operands[1] >= 1.0 else 0
+    record = RECORDS.get(instruction)
+    return of[0] if record and record.is_0_at_0 else 0

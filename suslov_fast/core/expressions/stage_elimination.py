@@ -1,0 +1,66 @@
+"""Elimination in A = 1 - s J as lists of operations, planned on the pattern of J.
+
+The equations are those of `kahan_step`, with N = s J. A small pivot shows as a value that is not finite,
+or as an error of the step, which is refused.
+"""
+
+from .kahan_step import Values, dot
+from .right_hand_side import List, needed_for, renumbered
+from .symbolic_elimination import Factors
+
+
+class Elimination:
+    """The lists that factorise A, and that solve A v = g.
+
+    factors   `List` of the entries of J (in the order of the pattern) and of s; the results are
+              inverses of pivots, and the numbers below and above the diagonal
+    pivots    the number of pivots that are not 1 by the pattern
+    solution  `List` of these results and of g (D); the results are v (D)
+
+    `fill` is what `filled` returns for this order.
+    """
+
+    def __init__(self, pattern, order, fill):
+        D, s = len(order), len(pattern)
+        values, first = _Products(s + 1 + D, ()), s + 1
+        own = Factors(_Scaled(values, pattern), order, fill)
+        found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
+        self.factors = List(needed_for(values.operations, found), found)
+        self.pivots = len(own.inverse)
+        values.operations, v = [], {}
+        for k in order:
+            v[k] = own.forward(k, first + k, v)
+        for k in reversed(order):
+            v[k] = own.backward(k, v)
+        given = {number: place for place, number in enumerate(found)}
+        given |= {first + i: len(found) + i for i in range(D)}
+        solution = List(values.operations, [v[i] for i in range(D)])
+        self.solution = renumbered(solution, given)
+
+
+class _Products(Values):
+    """Values whose sums are operations of their own, of which code can make blocks."""
+
+    def total_of(self, start, factors):
+        return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
+
+
+class _Scaled:
+    """The matrix s J, as `symbolic_elimination.Matrix`."""
+
+    def __init__(self, values, pattern):
+        self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
+
+    def entry(self, i, j):
+        """Return the entry and None, which is its early part."""
+        k, s = self.numbers.get((i, j)), len(self.numbers)
+        return (None if k is None else self.values.emit("fmul", s, k)), None
+
+
+def operations_of(fill):
+    """Return about how many operations the list of factors has."""
+    count = 0
+    for k, (row, column) in enumerate(zip(*fill, strict=True)):
+        later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()
+        count += 2 * (later * below + later + below)
+    return count

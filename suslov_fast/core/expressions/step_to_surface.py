@@ -1,0 +1,63 @@
+"""Places where the motion crosses surfaces, by Newton's method from the end of a step.
+
+A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later, if it lies
+ahead, or has been crossed for s / s', if the state is beyond. Rates at the ends of implicit steps
+tell of fast modes, so that within them this is for changes, and for surfaces of clocks.
+"""
+
+from math import inf
+
+from .derivative import gradients
+from .event_formulas import GAP
+from .right_hand_side import Expressions, List, emitted, needed_for
+from .tables import interval, is_table
+from .values import larger, operand_of, smaller
+
+
+def aim_of(f, kinds, choices, is_implicit):
+    """Return the `List` that finds when surfaces of f and of its changes are crossed.
+
+    Values are the state, f there with the sign of time, sides and levels of the surfaces of
+    changes, see `Rows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
+    the numbers of their choices. Results are the least time to a surface that the state is not
+    beyond or has just passed, and the longest time for which it is beyond one: that of Newton's
+    method, infinity if the rate leads back.
+    """
+    D, of_changes = f.D, f.changes.surfaces if f.changes else 0
+    first = 2 * (D + of_changes)
+    count = first + len(f.table)
+    values = Expressions(count, range(D, count))
+    new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
+    results = emitted(values, f.watched, new)
+    slopes = gradients(values, [*values.operations], results, D)
+    aim, since, number = inf, 0.0, values.number
+    kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
+    for (kind, choice), a, row in zip(kinds, results, slopes, strict=True):
+        s, rate = number(a), 0.0
+        tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
+        for j, slope in row.items() if tells else ():
+            rate = rate + number(slope) * number(D + j)
+        if kind == "side":
+            above, level = (number(2 * (D + choice) + k) for k in (0, 1))
+            ends = [(s - level, above > 0.5)]
+        elif is_table(kind) or kind == "floor":
+            low, high = interval(kind, number, choice, new)
+            truth = low.equals(low)
+            ends = [(s - low, truth), (s - high, truth ^ truth)]
+        else:
+            ends = [(s, number(new[choice]) > 0.5)]
+        for value, is_above in ends:
+            is_beyond = (value >= 0.0) ^ is_above
+            if kind == "side" and f.changes.gaps[choice]:  # its beginning and end are none of these
+                was_known, is_known = ~above.equals(GAP), value.equals(value)
+                since = (was_known ^ is_known).select(inf, since)
+                is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)
+            if not tells:
+                since = is_beyond.select(inf, since)
+                continue
+            leads = is_above.select(-rate, rate) > 0.0
+            left = value / -rate
+            aim = smaller(leads.select(left, inf), aim)
+            since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
+    results = [operand_of(aim), operand_of(since)]
+    return List(needed_for(values.operations, results), results)

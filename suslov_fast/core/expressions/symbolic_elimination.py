@@ -1,0 +1,282 @@
+"""Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
+
+`operations` has the equations. Here numbers of values stand for the values themselves, and None
+stands for 0.
+"""
+
+from collections import defaultdict
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from .values import joined
+
+# Elimination without row exchanges is accurate if the least pivot is above this part of the
+# largest.
+LEAST_PIVOT = 2.0**-6
+
+
+def places_of(indices, D):
+    """Return the places (i, j) of entries of N, and of those that depend on the state."""
+
+    def of(i, j):
+        numbers = np.unique(i * D + j)
+        return {*zip((numbers // D).tolist(), (numbers % D).tolist(), strict=True)}
+
+    i, j, k = indices
+    products, linear = k < D, (j < D) & (k == D)
+    varying = of(i[products], j[products]) | of(i[products], k[products])
+    return varying | of(i[linear], j[linear]), varying
+
+
+class Matrix:
+    """The entries of N(x) and the right sides h f(x), as sums over the terms of a field.
+
+    x and `halves` are the numbers of the components and of h v of the terms.
+    """
+
+    def __init__(self, indices, D, values, x, halves):
+        self.D, self.values, self.x = D, values, x
+        self.linear, self.constant, self.entries = {}, {}, {}
+        self.products = defaultdict(list)
+        cross = []
+        for half, (i, j, k) in zip(halves, indices.T.tolist(), strict=True):
+            if j == D:
+                self.constant[i] = half
+            elif k == D:
+                self.linear[i, j] = half
+            else:
+                cross.append((i, j, k, half))
+                self.products[i, j].append((half, self.x[k]))
+                self.products[i, k].append((half, self.x[j]))
+        # A term h v x_j x_k of h f_i is x_j times a part of N_ij, or x_k times a part of N_ik. That
+        # part is added up first, so that the right side can use it: the `early` part of the entry.
+        self.early = defaultdict(list)
+        for i, j, k, half in cross:
+            sizes = [len(self.products[i, m]) + ((i, m) in self.linear) for m in (j, k)]
+            column, other = (j, k) if sizes[0] < sizes[1] else (k, j)
+            product = half, self.x[other]
+            self.early[i, column].append(product)
+            self.products[i, column].remove(product)
+        self.pattern = places_of(indices, D)[0]
+        self.columns = defaultdict(set)
+        for i, j in self.pattern:
+            self.columns[i].add(j)
+
+    def entry(self, i, j):
+        """Return N_ij and its early part."""
+        if (i, j) not in self.entries:
+            early = self.values.total(None, self.early.get((i, j), []))
+            others, linear = self.products.get((i, j), []), self.linear.get((i, j))
+            value = self.values.total(linear if early is None else early, others)
+            if early is not None and linear is not None:
+                value = self.values.emit("fadd", value, linear)
+            self.entries[i, j] = value, early
+        return self.entries[i, j]
+
+    def right_side(self, i):
+        """Return h f_i."""
+        products = []
+        for j in sorted(self.columns[i]):
+            early = self.entry(i, j)[1]
+            if early is not None:
+                products.append((early, self.x[j]))
+            if (i, j) in self.linear:
+                products.append((self.linear[i, j], self.x[j]))
+        return self.values.total(self.constant.get(i), products)
+
+    def linear_part(self, i):
+        """Return the products whose sum is h (l x + 2 c)_i, with the linear part l of f."""
+        products = [
+            (self.linear[i, j], self.x[j]) for j in sorted(self.columns[i]) if (i, j) in self.linear
+        ]
+        if i in self.constant:
+            products.append((2.0, self.constant[i]))
+        return products
+
+
+class Factors:
+    """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
+
+    `fill` is what `filled` returns. With a dict `right`, elimination fills it with the right sides.
+
+    diagonal, original   N_kk after and before elimination
+    pivot, inverse       1 - N_kk after elimination, and its inverse; missing where N_kk is 0
+    lower, upper         m_ik, and N_kj after elimination
+    before, after        for each row, the columns of earlier and of later pivots
+    """
+
+    def __init__(self, matrix, order, fill, right=None):
+        self.order, self.values = order, matrix.values
+        self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
+        self.lower, self.upper = {}, {}
+        self.fill, (self.before, self.after) = fill, before_and_after(order, fill)
+        below = defaultdict(list)
+        for i in order:
+            for k in self.before[i]:
+                below[k].append(i)
+        # m_ik and N_kj for each product that elimination adds to N_ij, one after the other
+        products = {i: defaultdict(list) for i in order}
+        for k in order:
+            if right is not None:
+                right[k] = self.forward(k, matrix.right_side(k), right)
+            # Column k from the diagonal down, then row k to the right of it.
+            for i in [k, *below[k]]:
+                original = matrix.entry(i, k)[0]
+                value = self.values.total_of(original, products[i].pop(k, ()))
+                if i == k:
+                    if value is not None:
+                        self.diagonal[k], self.original[k] = value, original
+                        self.pivot[k] = self.values.emit("fsub", 1.0, value)
+                        self.inverse[k] = self.values.emit("fdiv", 1.0, self.pivot[k])
+                elif k in self.inverse:
+                    self.lower[i, k] = self.values.emit("fmul", value, self.inverse[k])
+                else:
+                    self.lower[i, k] = value
+            for j in self.after[k]:
+                entry = matrix.entry(k, j)[0]
+                self.upper[k, j] = self.values.total_of(entry, products[k].pop(j, ()))
+            later = [(j, self.upper[k, j]) for j in self.after[k]]
+            for i in below[k]:
+                lower, row = self.lower[i, k], products[i]
+                for j, upper in later:
+                    row[j] += (lower, upper)
+
+    def forward(self, k, start, right):
+        """Return right side k after elimination, from those of earlier pivots."""
+        products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
+        return self.values.total(start, products)
+
+    def backward(self, k, right):
+        """Return unknown k, from those of later pivots."""
+        products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
+        value = self.values.total(right[k], products)
+        if value is None or k not in self.inverse:
+            return value
+        return self.values.emit("fmul", value, self.inverse[k])
+
+    def is_accurate(self):
+        """Return whether the least modulus of a pivot is above its limit.
+
+        That is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
+        elimination.
+        """
+        number, sizes, largest = self.values.number, [], [1.0]
+        for k, pivot in self.pivot.items():
+            sizes.append(abs(number(pivot)))
+            if self.original[k] not in (None, self.diagonal[k]):
+                largest.append(abs(1.0 - number(self.original[k])))
+        limit = LEAST_PIVOT * self._extreme("max", [*largest, *sizes])
+        return self._extreme("min", [self._least_constant(), *sizes]) > limit
+
+    def is_good(self):
+        """Return whether the least pivot is above a bound of its limit.
+
+        The bound holds if all pivots are positive, and takes fewer operations than the limit.
+        """
+        pivots, largest = [*map(self.values.number, self.pivot.values())], [0.0]
+        for k in self.pivot:
+            if self.original[k] not in (None, self.diagonal[k]):
+                largest.append(abs(self.values.number(self.original[k])))
+        largest = 1.0 + self._extreme("max", [*largest, *pivots])
+        return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
+
+    def _extreme(self, instruction, numbers):
+        """Return the "min" or "max" of numbers; those of parameters alone come first."""
+        fixed, others = [], []
+        for a in numbers:
+            a = self.values.number(a) if isinstance(a, float) else a
+            (fixed if self.values.is_fixed(a.number) else others).append(a)
+        return joined(instruction, [joined(instruction, fixed), *others])
+
+    def _least_constant(self):
+        """Return the least of the pivots that are 1 for all states, infinity without any."""
+        return 1.0 if len(self.pivot) < len(self.order) else np.inf
+
+
+def elimination_order(pattern, D):
+    """Return an order of pivots with little fill-in: the next pivot always has the least degree.
+
+    The degree of an unknown is the number of others that occur in an equation together with it.
+    Among equals the next pivot is one that waits for the fewest others, one after the other,
+    because processors carry out side by side what does not wait for each other.
+    """
+    neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
+    for i, j in pattern:
+        if i != j:
+            neighbours[i] |= 1 << j
+            neighbours[j] |= 1 << i
+    degree = [of.bit_count() for of in neighbours]
+    keys = [(degree[i], 0, i) for i in range(D)]
+    heapify(keys)
+    while left:
+        key = heappop(keys)
+        k = key[-1]
+        if k not in left or key != (degree[k], depth[k], k):
+            continue  # a newer key of this unknown is in the heap, or was
+        order.append(k)
+        left.remove(k)
+        others = neighbours[k]
+        for i in bits_of(others):
+            own = neighbours[i] = (neighbours[i] | others) ^ (1 << i | 1 << k)
+            degree[i], depth[i] = own.bit_count(), max(depth[i], depth[k] + 1)
+            heappush(keys, (degree[i], depth[i], i))
+    return order
+
+
+def bits_of(number):
+    """Return the places of the bits of an integer, in order."""
+    while number:
+        least = number & -number
+        yield least.bit_length() - 1
+        number ^= least
+
+
+def filled(pattern, order):
+    """Return the sets of columns of rows, and of rows of columns, after elimination.
+
+    Rows and columns are places in the order of pivots, and sets are the bits of integers.
+    """
+    place, D = {k: n for n, k in enumerate(order)}, len(order)
+    rows, columns = [0] * D, [0] * D
+    for i, j in pattern:
+        rows[place[i]] |= 1 << place[j]
+        columns[place[j]] |= 1 << place[i]
+    for k in range(D):
+        later, below = (of[k] >> (k + 1) << (k + 1) for of in (rows, columns))
+        for i in bits_of(below):
+            rows[i] |= later
+        for j in bits_of(later):
+            columns[j] |= below
+    return rows, columns
+
+
+def before_and_after(order, fill):
+    """Return, for each row of a matrix, the columns of earlier and of later pivots."""
+    before, after = {}, {}
+    for k, columns in enumerate(fill[0]):
+        places = [*bits_of(columns)]
+        before[order[k]] = [order[j] for j in places if j < k]
+        after[order[k]] = [order[j] for j in places if j > k]
+    return before, after
+
+
+def work_of(order, fill, varying):
+    """Return the number of products in elimination, and of those that depend on the state.
+
+    `fill` is what `filled` returns, and `varying` has the places of entries that do.
+    """
+    place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
+    rows = [0] * len(order)
+    for i, j in varying:
+        rows[place[i]] |= 1 << place[j]
+    for k, (row, column) in enumerate(zip(*fill, strict=True)):
+        later, below = row >> (k + 1) << (k + 1), column >> (k + 1) << (k + 1)
+        count += later.bit_count() * below.bit_count()
+        upper = rows[k] & later
+        for i in bits_of(below):
+            # The multiplier depends on the state if its entry or the pivot does.
+            changed = later if (rows[i] | rows[k]) >> k & 1 else upper
+            rows[i] |= changed
+            of_state += changed.bit_count()
+    return count, of_state

@@ -1,0 +1,70 @@
+"""The variational equations of a right-hand side: x, and columns of derivatives beside it."""
+
+import functools
+
+import numpy as np
+
+from .kahan_step import dot
+from .right_hand_side import Expressions, List, RightHandSide, emitted
+
+# What surfaces, choices and changes are is a matter of x alone.
+_OF_X = (
+    "clocks steady of_one_sign conditions watch watched hidden aim changes offsets choices derived"
+).split()
+
+
+class Variational(RightHandSide):
+    """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
+
+    A column has D components. The last ones are derivatives by the parameters that f names in
+    `by`, times scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace`
+    says whether u and s are there; u is a size that columns have, because they and s should count
+    as much as x in the error. It is a list as any other one, whose parameters are the table of f.
+
+    of       the right-hand side of x
+    columns  their number, the last q of them by parameters
+    """
+
+    def __init__(self, f, columns, has_trace=False):
+        self.of, self.columns, self.has_trace, self.q = f, columns, has_trace, len(f.by) // f.D
+        D, P = f.D, len(f.table) + self.q
+        n = D * (1 + columns) + 2 * has_trace
+        values, table = Expressions(n + P), range(n, n + P)
+        known = {i: i for i in range(D)} | dict(zip(f.table, table, strict=False))
+        lists = f.f, f.derivative, f.of_parameters
+        operations = {each[1]: each for list_ in lists for each in list_.operations}
+        wanted = [*f.f.results, *f.denominators, *f.derivative.results, *f.by]
+        found = emitted(values, List([operations[k] for k in sorted(operations)], wanted), known)
+        rates, found = found[:D], found[D:]
+        poles, found = found[: len(f.denominators)], found[len(f.denominators) :]
+        entries, by = dict(zip(f.pattern, found, strict=False)), found[len(f.pattern) :]
+        for c in range(columns):
+            q, first = c - columns + self.q, D * (1 + c)
+            totals = [None] * D
+            if q >= 0:
+                own = by[q * D : (q + 1) * D]
+                totals = [values.emit("fmul", table[q - self.q], a) for a in own]
+            for (i, j), a in entries.items():
+                totals[i] = dot(values.emit, [(a, first + j)], totals[i])
+            rates += [0.0 if a is None else a for a in totals]
+        if has_trace:
+            diagonal = [entries[i, i] for i in range(D) if (i, i) in entries]
+            rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
+        super().__init__(values, rates, P, kept=table)
+        for name in _OF_X:
+            setattr(self, name, getattr(f, name, None))
+        self.denominators = poles
+        self.f = List(values.operations, self.f.results)
+        self._with_denominators = List(self.f.operations, [*self.f.results, *poles])
+
+    def table_of(self, table, scales=()):
+        """Return the table (n, ...) for that of f and scales (q, ...)."""
+        rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
+        return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
+
+    def table_with(self, parameters, table):
+        """Return the table (n, ...) for other parameters, with the scales of `table`."""
+        return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
+
+
+variational = functools.lru_cache(64)(Variational)

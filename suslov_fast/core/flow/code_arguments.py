@@ -1,0 +1,59 @@
+"""The arguments of the code of a half of the motion: addresses, and numbers of all lanes."""
+
+from math import inf
+from typing import Any, NamedTuple
+
+
+class Arguments(NamedTuple):
+    """The integers of an array that the code takes."""
+
+    rows: int  # address of the rows of trajectories (count, rows)
+    count: int
+    following: int  # number of the trajectory that the next free lane takes; the code changes it
+    budget: int  # steps of all lanes, after which the code returns
+    table: int  # address of the table (n,) or (count, n)
+    table_bytes: int  # from trajectory to trajectory
+    work: int  # address of the rows of `Work`
+    numbers: int  # address of `Numbers`
+    components: int  # address of the rows of `Component` (5, D)
+    times: int = 0  # address of the moduli of times, ascending, and two infinite ones
+    states: int = 0  # address of the states at these times (count, trajectories, D)
+    state_bytes: int = 0  # of one time
+    stops: int = 0  # address of times and numbers of changes (count or 1, n + 1, 2)
+    stop_bytes: int = 0  # from trajectory to trajectory
+    records: int = 0  # address of records of changes (-, `event_records.size_of`)
+    recorded: int = 0  # how many there are; the code changes it
+    full: int = 0  # the number of records after which the code returns
+
+
+class Component(NamedTuple):
+    """Numbers of a component that all lanes share."""
+
+    extra: float  # what is added to the allowed error: atol, infinity for clocks
+    counts: float  # 1, for clocks 0
+    steady: float  # 1 for components of a constant rate, else 0
+    keeps: float  # 1 for components that keep their sign, else 0
+    seeds: float  # what is added to the vector of the power iteration
+
+
+class Numbers(NamedTuple):
+    """The numbers that all lanes share."""
+
+    rtol: float
+    last: float  # modulus of the last time
+    sign: float  # 1 or -1, forward or backward in time
+    part: float  # see `step_length.first_part`
+    longest: float  # step
+    limit: float  # see `step_length.limit_of`
+    switches: float  # 1 if lanes may change to the other half, else 0
+    first_next: float  # the first time
+    second_next: float  # the second one
+    first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+    most: float  # steps, also refused ones, from one time to the next
+    enough: float = inf  # crossings of surfaces of records, after which a trajectory stops
+    since: float = -1.0  # modulus of the time after which they count
+
+
+SLOT = Arguments(*range(len(Arguments._fields)))
+NUMBER: Any = Numbers(*range(len(Numbers._fields)))  # places, which are integers
+COMPONENT = Component(*range(len(Component._fields)))

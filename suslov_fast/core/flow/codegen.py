@@ -1,0 +1,125 @@
+"""The arrays, rules and functions called that the functions of a half's text share.
+
+`Scope` is a function that has rows of `Work`, and `Lines` that which takes steps of lines of lanes.
+"""
+
+from ..llvm.text import Integers, Shared, Truth
+from . import step_length
+from .code_arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
+from .memory import OF_CHANGES, State
+from .weights import EXPLICIT, IMPLICIT
+
+
+class Scope:
+    """A function of the text of a half: `work` has an array for each part of `Work`."""
+
+    def __init__(self, text, half, name, for_each, work="%work"):
+        self.text, self.half, self.name, self.for_each = text, half, name, for_each
+        self.f, self.D = half.f, half.f.D
+        self.extended = self.D + len(self.f.denominators)
+        self.work = text.arrays(work, half.work)
+
+    def call(self, function, *addresses):
+        """Call one of the functions of the half, see `vector_functions`: from, table, to."""
+        self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
+
+
+class Lines(Scope):
+    """The function that takes steps of lines of lanes.
+
+    of        the arguments of the code, see `Arguments`
+    line      an array for each part of `Rows`
+    work      one for each part of `Work`
+    of_changes   one for each part of `OfChanges`, if there are changes
+    table     the address of the table
+    """
+
+    def __init__(self, text, half, name, for_each):
+        self.arguments = Integers(text, "%arguments")
+        self.of = Arguments(*(self.arguments[k] for k in SLOT))
+        super().__init__(text, half, name, for_each, self.of.work)
+        self.line = text.arrays(self.work.line.at(), half.rows)
+        self.table = self.work.table.at() if for_each else self.of.table
+        self.of_changes = None
+        if half.changes:
+            self.of_changes = text.arrays(self.line.of_changes.at(), OF_CHANGES)
+
+    def has_trajectories(self):
+        """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
+        text = self.text
+        own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
+        return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
+
+    def columns(self, x, f, count):
+        """Write the ends of the first columns of a step, less x, to `work.ends`."""
+        self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
+
+    @property
+    def mode(self):
+        """The `State` of lanes that this half takes."""
+        mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        return self.text.value(float(mode))
+
+    def number(self, name):
+        """Return one of `Numbers`."""
+        return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
+
+    def component(self, name, i):
+        """Return one of `Component`."""
+        return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
+
+    def apply(self, rule, i=0, **inputs):
+        """Carry out a rule, for component i of what has several; return its results by name.
+
+        Inputs that are not given are, by their names, `Numbers`, a `Component`, and rows of `line`
+        or of `work`.
+        """
+        for name in [name for name in rule.inputs if name not in inputs]:
+            if name in Numbers._fields:
+                inputs[name] = self.number(name)
+            elif name in Component._fields:
+                inputs[name] = self.component(name, i)
+            else:
+                places = self.line, self.work, self.of_changes
+                rows = next(each for each in places if hasattr(each, name))
+                inputs[name] = getattr(rows, name)[i]
+        return self.text.apply(rule, **inputs)
+
+    def near(self):
+        """Return the results of `NEAR`, which are constants where no surface ends steps."""
+        if self.half.watched:
+            return self.apply(step_length.NEAR)
+        return {"reach": step_length.REACH, "shortest": step_length.SHORTEST}
+
+    def of_columns(self, rows, i):
+        """Return what rows such as `work.ends` have of component i, of each column."""
+        columns = IMPLICIT if self.half.is_implicit else EXPLICIT
+        return [rows.after(c * self.D)[i] for c in range(len(columns))]
+
+    def goal(self):
+        """Return what rules take for the last time: that of the next change, if it is earlier."""
+        return self.apply(step_length.GOAL) if self.half.changes else {}
+
+    def keep_largest(self, truth, i, x):
+        """Let the largest modulus of component i include that of a value in these lanes."""
+        modulus, largest = abs(x), self.line.largest[i]
+        self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
+
+    def lanes_with(self, bits):
+        """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
+        for lane in self.text.each(self.text.W):
+            bit = (bits >> lane) & 1
+            with self.text.when(bit.equals(1)):
+                yield lane * 8
+
+    def keep(self, rows, found, truth=None):
+        """Write results of a rule to rows of `line` or `work` with their names, in these lanes."""
+        for name, value in found.items():
+            own = getattr(rows, name)
+            own.put_chosen(0, value if truth is None else truth.select(value, own[0]))
+
+
+def weighted(factors, values):
+    """Return the sum of factors times values, in their order."""
+    products = (factor * value for factor, value in zip(factors, values, strict=True))
+    return sum(products, next(products))

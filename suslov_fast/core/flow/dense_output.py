@@ -1,0 +1,260 @@
+"""States inside a step, at times that were asked for.
+
+A step aside has reached its time: its end is the state (`step_length.LENGTH`). An explicit step
+that has passed several times is taken once more as three quarters with few columns, which end at
+x_1, x_2, x_3, and x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the
+polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
+
+p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
+
+where L_j are Lagrange's polynomials. Its error is C prod_j (v - j)**2 at first order, and the
+defect p' - h / 4 f(p) shows C and the errors of the nodes. If it is too large the step is taken
+again, to the next time.
+"""
+
+from math import inf, prod
+
+import numpy as np
+
+from ..expressions.values import larger
+from ..llvm.text import Carried, Integers, Shared, Value
+from .codegen import Lines, weighted
+from .memory import OF_CHANGES, State
+from .scalar_kernels import NEARLY, rule
+from .step_length import AFTER_REFUSED
+from .tolerance import LARGER_RATIO
+from .weights import EXPLICIT, weights
+
+# The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
+# its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
+# step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
+FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = 3, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
+# Of FEW columns, and of one more; 0 of the others.
+WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
+_NODES = range(5)
+_SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
+_SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
+
+
+@rule
+def QUARTER(t, after, taken, next, accepted, sign):
+    """The length of a quarter of a step that has passed a time, else 0."""
+    is_inside = (accepted > 0.0) & (next < after)
+    return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
+
+
+def weights_at(v):
+    """Return the weights of states less x, and of rates times the length of a quarter, by name."""
+    of_states, of_rates = {}, {}
+    for j in _NODES:
+        product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
+        square, own = product * product, v - float(j)
+        of_rates[f"rate{j}"] = own * square
+        if j:
+            of_states[f"state{j}"] = (1.0 - _SLOPES[j] * own) * square
+    return of_states | of_rates
+
+
+@rule
+def BETWEEN(t, taken, next):
+    """The weights at the next time."""
+    return weights_at(4.0 * ((next - t) / taken))
+
+
+def weights_of_test(v):
+    """Return the weights of the polynomial at v quarters, and those of its derivative by v."""
+    weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
+    return (
+        {name: weight.real for name, weight in weights},
+        {name: weight.imag * 2.0**60 for name, weight in weights},
+    )
+
+
+@rule
+def INTERPOLATED(
+    x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
+    rate0, rate1, rate2, rate3, rate4,
+):  # fmt: skip
+    """A component of the polynomial, or of its derivative, less x."""
+    rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
+    states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
+    return {"value": states + signed * rates}
+
+
+@rule
+def DEFECT(slope, f, signed, inverse, ratio, total):
+    """The largest error of the polynomial by what is allowed, as far as f tells."""
+    ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
+    return {"ratio": ratio, "total": total + abs(f)}
+
+
+@rule
+def FAILS(t, taken, next, signed, ratio, total, steps, state):
+    """Return whether a step is taken again, to the next time, because its inside is not known.
+
+    Where that is a long step, which goes on to the last time, a step aside reaches the next time.
+    """
+    length = next - t
+    is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
+    is_known = (ratio <= 1.0) & (total < inf)
+    return {
+        "fails": (is_inside & ~is_known).select(1.0, 0.0),
+        "wanted": length,
+        "second": inf,
+        "t": t,
+        "steps": steps - 1.0,
+        "state": state.equals(float(State.TOO_MANY)).select(state, float(State.EXPLICIT)),
+        "longer": AFTER_REFUSED,
+    }
+
+
+@rule
+def WITH_SIGN(value, x, keeps):
+    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
+    return {"value": (keeps > 0.0).select(signed, value)}
+
+
+def add_between(text, half, name, for_each):
+    """Add the function void between(arguments), which saves states at times within a step.
+
+    It is a function of its own, because LLVM's time grows faster than the length of a function.
+    """
+    with text.function(f"{name}_between", ("arguments",)):
+        lines = Lines(text, half, name, for_each)
+        _find_nodes(lines)
+        for now in text.rounds(Carried()):
+            _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
+            save(lines, _passed(lines, Value.__gt__).bits(), lines.work.start)
+            now.goes_on = _passed(lines, Value.__gt__).any()
+
+
+def save_states(lines):
+    """Save the states at times that the step has passed, or reached aside."""
+    text, work = lines.text, lines.work
+    served = work.served[0] > 0.0
+    with text.when((served | _passed(lines, Value.__ge__)).any(), likely=False):
+        save(lines, served.bits(), work.new)
+        if not lines.half.is_implicit:
+            with text.when(_passed(lines, Value.__gt__).any()):
+                text.invoke(f"{lines.name}_between", lines.arguments)
+        if not lines.half.changes:
+            save(lines, _passed(lines, Value.equals).bits(), work.new)
+
+
+def save_at_end(lines):
+    """Save the states at times at which the step ends, or NEARLY, after changes there."""
+    text = lines.text
+    with text.when(_reached(lines).any(), likely=False):
+        for now in text.rounds(Carried()):
+            save(lines, _reached(lines).bits(), lines.work.new)
+            now.goes_on = _reached(lines).any()
+
+
+def _passed(lines, how):
+    """Return which lanes have passed their next time within the step."""
+    return (lines.work.accepted[0] > 0.0) & how(_until(lines), lines.line.next[0])
+
+
+def _reached(lines):
+    """Return which lanes have reached their next time."""
+    return (lines.work.accepted[0] > 0.0) & (lines.line.t[0] >= lines.line.next[0])
+
+
+def _until(lines):
+    """Return the time before which states are those inside the step, and not after changes."""
+    t = lines.line.t[0]
+    if not lines.half.changes:
+        return t
+    return (lines.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
+
+
+def _of_step(lines):
+    """Return the inputs of rules for the time before a step, and its length."""
+    return {"t": lines.work.t[0], "taken": lines.work.taken[0]}
+
+
+def _find_nodes(lines):
+    """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
+    text, line, work, D = lines.text, lines.line, lines.work, lines.D
+    lines.keep(work, lines.apply(QUARTER, after=_until(lines), **_of_step(lines)))
+    few, more = WEIGHTS
+    of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
+    for i in text.each(D, largest):
+        inputs = {"error": weighted(of_few, lines.of_columns(work.ends, i))}
+        inputs |= {"inverse": work.error[i], "ratio": largest.ratio}
+        largest.update(lines.apply(LARGER_RATIO, **inputs))
+    needs = largest.ratio > OF_FEW
+    count = needs.any().bits() + FEW
+    factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
+    factors = factors[: FEW + 1]
+
+    x, f = line.x, line.f
+    for k in range(3):
+        lines.columns(x, f, count)
+        node = work.nodes.after(2 * k * D)
+        for i in text.each(D):
+            ends = lines.of_columns(work.ends, i)[: FEW + 1]
+            ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
+            node[i] = x[i] + weighted(factors, ends)
+        lines.call("f", node, lines.table, work.f)
+        x, f = node, node.after(D)
+        text.copy(work.f, f, D)
+    sums = Carried(ratio=0.0, total=0.0)
+    for v in TESTS:
+        of_value, of_slope = weights_of_test(v)
+        _put_between(lines, of_value)
+        lines.call("f", work.start, lines.table, work.f)
+        for i in text.each(D, sums):
+            inputs = {"slope": _between(lines, of_slope, i), "f": work.f[i]}
+            inputs |= {"signed": work.signed[0], "inverse": work.error[i]}
+            sums.update(lines.apply(DEFECT, **inputs, **vars(sums)))
+    found = lines.apply(FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
+    fails = found.pop("fails") > 0.0
+    with text.when(fails.any(), likely=False):
+        lines.keep(line, found, fails)
+        work.accepted.choose(fails, 0, 0.0)
+
+
+def _between(lines, weights, i):
+    """Return a component of the polynomial with these weights, less x."""
+    work, inputs = lines.work, {}
+    for k in range(3):
+        node = work.nodes.after(2 * k * lines.D)
+        inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(lines.D)[i]}
+    inputs |= {"x4": work.new[i], "f4": work.f_new[i], "signed": work.signed[0]}
+    return lines.apply(INTERPOLATED, i, **inputs, **weights)["value"]
+
+
+def _put_between(lines, weights):
+    """Write the state inside the step with these weights to `start`."""
+    for i in lines.text.each(lines.D):
+        x = lines.line.x[i]
+        value = x + _between(lines, weights, i)
+        if lines.f.of_one_sign:
+            value = lines.apply(WITH_SIGN, i, value=value, x=x)["value"]
+        lines.work.start.put_chosen(i, value)
+
+
+def save(lines, bits, states):
+    """Save the states in rows of `Work` of the lanes with these bits; go to their next time."""
+    text, of, rows = lines.text, lines.of, lines.half.rows
+    one = text.lanes(1)
+    for offset in lines.lanes_with(bits):
+        line = one.arrays(lines.line.x.at() + offset, rows)
+        of_work = lines.work.line.at() + offset
+        place_at = Integers(text, line.place.at())
+        place = place_at[0]
+        trajectory = Integers(text, line.trajectory.at())[0]
+        to = of.states + place * of.state_bytes
+        to = to + trajectory * (8 * lines.D)
+        for i in text.each(lines.D):
+            Shared(one, to)[i] = one.array(of_work, states.first)[i]
+        text.prefetch(to + of.state_bytes * 2)
+        following = place + 1
+        place_at[0] = following
+        times = Shared(one, of.times)
+        line.next[0], line.second[0] = times[following], times[following + 1]
+        line.tries[0] = 0.0
+        if lines.of_changes:
+            one.arrays(line.of_changes.at(), OF_CHANGES).actions[0] = 0.0

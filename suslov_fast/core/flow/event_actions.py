@@ -1,0 +1,484 @@
+"""Changes of the state at which steps end, at given times and on surfaces.
+
+At an instant changes at times act first, in the order of their list, then those at surfaces that
+the state has crossed, by the motion or by another change. A trajectory keeps on which side of each
+surface it is. The code is a function of its own, because changes at time 0 act before the first
+step.
+"""
+
+from math import inf
+
+import numpy as np
+
+from ..expressions.event_formulas import GAP, OF_SURFACE
+from ..expressions.values import larger, smaller
+from ..llvm.text import Carried, Integers, Shared
+from . import branch_choice
+from .codegen import Lines
+from .event_records import record
+from .memory import OF_CHANGES, State
+from .scalar_kernels import AT_ONCE, NEARLY, TINY, rule
+from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
+
+# A trajectory ends where a change acts again at once so often in a row, or where so many act at
+# one instant beside one at each surface.
+CHANGES_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
+ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
+SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
+MOMENT = 2.0**-16  # part of the last step, after which rates tell how they change
+STAYS = 0.25  # in place of a side
+FASTER = 4.0  # rate after changes, beside that where the step before them began
+
+
+def _side(value, rate, size, rate_size, near, sign):
+    """Return the side of a state, and a level, of which it is on that side within this instant.
+
+    A state as `near` the surface as that, or within rounding, is on it: its side is that to which
+    the rate leads. One whose rate is rounding stays on the surface, which it cannot cross.
+    """
+    rounding = ROUNDING * size + TINY
+    is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
+    goes_up = sign * rate > 0.0
+    level = goes_up.select(smaller(value, 0.0), larger(value, 0.0) + rounding)
+    side = stays.select(STAYS, goes_up.select(1.0, 0.0))
+    beside = (value >= 0.0).select(1.0, value.equals(value).select(0.0, GAP))
+    return {
+        "side": is_on.select(side, beside),
+        "level": is_on.select(stays.select(inf, level), 0.0),
+    }
+
+
+SIDE = rule(_side)
+
+
+@rule
+def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
+    """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above.
+
+    It `may` if s has choices: slopes that are 0 do not tell of others, as cos(x) - 1 touches 0.
+    """
+    is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
+    is_flat = is_flat & (may > 0.5)
+    return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
+
+
+def _is_on(value, rate, last, jumps):
+    """Return whether a value may be that of a state on the surface: not where the surface jumps."""
+    return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
+
+
+@rule
+def CROSSED(
+    value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
+    at_surface,
+):  # fmt: skip
+    """Return whether a state is on another side of a surface, up or down.
+
+    So is one at which the step arrives, see `event_location.CUT`. A change may leave the state
+    beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
+    motion whose rate contradicts it is none: then the surface lies just beyond the state, until
+    its next change. Nor is it one where a state leaves a surface on which it has stayed, or a
+    gap without values begins or ends. After its change a state counts as on the surface if it is
+    `near`, twice as far as the crossing was.
+    """
+    shift = sign * rate * (NEARLY * t)
+    is_above = (at_surface > 1.0).select(value + shift, value) >= level
+    stays = side.equals(STAYS)
+    was_known, is_known = ~side.equals(GAP), value.equals(value)
+    at_gap = (is_here > 0.0) & (was_known ^ is_known)
+    differs = (is_here > 0.0) & (is_above ^ (side > 0.5)) & ~stays & was_known & is_known
+    ahead = is_above.select(sign * rate, -(sign * rate))
+    is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
+    is_back = is_back & _is_on(value - level, rate, last, jumps)
+    beyond = is_above.select(value + (ROUNDING * abs(value) + TINY), value)
+    crosses = differs & ~is_back
+    is_near = (by_motion > 0.0) & _is_on(value, rate, last, jumps)
+    here = is_known.select(is_above.select(1.0, 0.0), GAP)
+    own, leaves = _side(value, rate, size, rate_size, LOW * size, sign), stays & (accepted > 0.0)
+    return {
+        "side": leaves.select(own["side"], (crosses | at_gap).select(here, side)),
+        "level": leaves.select(own["level"], is_back.select(beyond, level)),
+        "up": crosses & is_above,
+        "down": crosses & ~is_above,
+        "near": is_near.select(abs(value) + abs(value), 0.0),
+    }
+
+
+@rule
+def AGAIN(
+    fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
+    more, limit, sign,
+):  # fmt: skip
+    """Return whether a change acts again at once, how often that counts, and when such times end.
+
+    A state that a change turns back, and that comes back along a parabola, is away for 2 |r / a|
+    with the rate r and its derivative a, and rises by r**2 / (2 |a|). If that is at once, or LOW,
+    and the change has made r smaller by the factor q, it is at rest after 2 |r / a| / (1 - q). For
+    others the time since the change before counts, and the limit is Aitken's.
+    """
+    is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
+    is_on = abs(value) <= near + (ROUNDING * size + TINY)
+    stays = abs(rate) <= ROUNDING * (rate_size + abs(rate_before))
+    turn, change = -(fired * sign), later - rate
+    bends = (abs(change) > ROUNDING * rate_size) & (turn * change < 0.0)
+    comes_back = is_on & bends & (stays | (turn * rate > 0.0)) & (abs(rate) < abs(rate_before))
+    parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
+    away = comes_back.select(parabola, gap)
+    of_terms = LOW * (size + rate_size * now)  # which are those of a state within rounding of now
+    is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
+    is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
+    counts = is_at_once.select(comes_back.select(CHANGES_AT_ONCE, 1.0), 0.0)
+    of_gaps = (pause > gap).select(gap * gap / (pause - gap), 0.0)
+    of_rates = parabola / (1.0 - abs(rate / rate_before))
+    return {
+        "more": larger(counts, more),
+        "limit": is_at_once.select(smaller(t + comes_back.select(of_rates, of_gaps), limit), limit),
+        "acted": is_fired.select(t, acted),
+        "pause": is_fired.select(gap, pause),
+    }
+
+
+@rule
+def CHANGED_STATE(
+    size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
+    stiff, easy, tries, at, often, actions, part, last, longest, most,
+):  # fmt: skip
+    """The next length after changes of the state.
+
+    It is that of a first step if that is more. Where the rate is FASTER times that at which the
+    last step began, as after a dose, it is at most that of a first step of a state as large as the
+    largest so far.
+
+    Changes accumulate where one acts again at once, see `AGAIN`, so often in a row.
+    """
+    is_changed = number > 0.0
+    guess = first_length(size, rate, part, last)
+    of_largest = first_length(larger(size, largest), rate, part, last)
+    least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
+    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
+    often_now = (more > 0.0).select(often + more, 0.0)
+    piles_up = (often_now >= CHANGES_AT_ONCE) | (endless > 0.0)
+    too_many = (actions > most).select(float(State.TOO_MANY), state)
+    after = piles_up.select(float(State.ACCUMULATES), too_many)
+    after = (state < State.DONE).select(after, state)
+    after = (total < inf).select(after, float(State.ENDED))
+    end = (limit < inf).select(smaller(limit, last), t)
+    return {
+        "wanted": is_changed.select(guess, wanted),
+        "longer": is_changed.select(AT_FIRST, longer),
+        "state": is_changed.select(after, state),
+        "stiff": is_changed.select(0.0, stiff),
+        "easy": is_changed.select(0.0, easy),
+        "tries": is_changed.select(0.0, tries),
+        "at": is_changed.select(after.equals(float(State.ACCUMULATES)).select(end, t), at),
+        "often": is_changed.select(often_now, often),
+    }
+
+
+def add_change(text, half, name, for_each):
+    """Add the function void change(arguments), which changes `new` and `f_new` of lanes.
+
+    It acts in lanes with `accepted` 1 that are at the time of a change.
+    """
+    with text.function(f"{name}_change", ("arguments",)):
+        lines = Lines(text, half, name, for_each)
+        _change(lines)
+
+
+def change(lines):
+    """Let changes act on the next states of lanes whose step is taken."""
+    if lines.half.changes:
+        is_there = _is_there(lines)
+        if lines.half.changes.surfaces:  # a state that stays on a surface may leave it
+            is_there = is_there | (lines.of_changes.resting[0] * lines.work.accepted[0] > 0.0)
+        with lines.text.when(is_there.any(), likely=False):
+            lines.text.invoke(f"{lines.name}_change", lines.arguments)
+
+
+def find_sides(lines, begins):
+    """Find on which sides of surfaces the trajectories of these lanes begin."""
+    if not lines.half.changes.surfaces:
+        return
+    side, resting = lines.line.side, Carried(resting=0.0)
+    _look(lines)
+    _look_a_moment_later(lines)
+    for k in lines.text.each(lines.half.changes.surfaces, resting):
+        found = lines.apply(SIDE, near=0.0, **_at_surface(lines, k))
+        found = _with_flat_side(lines, k, **found)
+        side.choose(begins, k * 2, found["side"])
+        side.after(1).choose(begins, k * 2, found["level"])
+        lines.line.acted.choose(begins, k * 2, -inf)
+        resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
+    lines.of_changes.resting.choose(begins, 0, resting.resting)
+
+
+def _is_at_stop(lines):
+    """Return which lanes have reached the next time of a change."""
+    accepted = lines.work.accepted[0] > 0.0
+    return accepted & (lines.line.t[0] >= lines.of_changes.stop[0])
+
+
+def _is_there(lines):
+    """Return in which lanes changes may act."""
+    is_at_stop = _is_at_stop(lines)
+    if not lines.half.changes.surfaces:
+        return is_at_stop
+    at_surface = lines.work.at_surface[0] > 0.0
+    return is_at_stop | ((lines.work.accepted[0] > 0.0) & at_surface)
+
+
+def _look(lines):
+    """Find `OF_SURFACE` of surfaces at the new state."""
+    _look_at(lines, lines.work.new, lines.work.f_new, lines.work.toward)
+
+
+def _look_at(lines, x, f, to):
+    pair, D = lines.work.pair, lines.half.block.D
+    lines.text.copy(x, pair, D)
+    lines.text.copy(f, pair.after(D), D)
+    lines.call("toward", pair, lines.table, to)
+
+
+def _at_surface(lines, k):
+    """Return what `_look` has found of surface k, by name, but for its slopes."""
+    names = enumerate(("value", "rate", "size", "rate_size"))
+    return {name: lines.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
+
+
+def _change(lines):
+    text, work, changes = lines.text, lines.work, lines.half.changes
+    is_there, is_at_stop = _is_there(lines), _is_at_stop(lines)
+    work.noted[0] = 0.0
+    _keep_largest(lines, is_there)
+    if lines.half.block is not lines.f:
+        for c in text.each(lines.f.columns):
+            work.tau[c] = 0.0
+    if changes.at_times:
+        with text.when(is_at_stop.any()):
+            _act_at_times(lines)
+    again = Carried(more=0.0, limit=inf)
+    if changes.surfaces:
+        by_motion = is_there & ~is_at_stop
+        _act_at_surfaces(lines, is_there, by_motion, again)
+    _go_on(lines, is_at_stop, again)
+
+
+def _act_at_times(lines):
+    """Let changes act whose times have come, in the order of the list."""
+    text, changes = lines.text, lines.half.changes
+    for now in text.rounds(Carried()):
+        acts = _is_at_stop(lines)
+        for k in range(changes.surfaces, changes.count):
+            own = acts & lines.of_changes.stop_which[0].equals(float(k))
+            with text.when(own.any()):
+                _act(lines, k, own)
+        _next_stop(lines, acts.bits())
+        now.goes_on = _is_at_stop(lines).any()
+
+
+def _most(changes):
+    """Return how many changes at surfaces may act at one instant."""
+    return MOST_AT_ONCE + changes.surfaces
+
+
+def _act_at_surfaces(lines, is_there, by_motion, again):
+    """Let changes act at the surfaces that a state has crossed, again and again until none does.
+
+    `by_motion` are the lanes whose step has crossed one; another change may have crossed others.
+    `again` is what `AGAIN` finds.
+    """
+    text, work, changes = lines.text, lines.work, lines.half.changes
+    for k in text.each(changes.surfaces):
+        work.fired[k * 3] = 0.0
+    _look(lines)
+    if changes.count == 1:
+        _cross(lines, 0, is_there, by_motion)
+    else:
+        for now in text.rounds(Carried()):
+            noted = work.noted[0]
+            few = is_there & (noted < _most(changes))
+            for k in range(changes.surfaces):
+                _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
+            now.goes_on = (work.noted[0] > noted).any()
+    again.resting = 0.0
+    _look_a_moment_later(lines)
+    for k in text.each(changes.surfaces, again):
+        side, acted, place, fired = lines.line.side, lines.line.acted, k * 2, work.fired[k * 3]
+        level = side.after(1)
+        found = _with_flat_side(lines, k, side[place], level[place])
+        side[place], level[place] = found["side"], found["level"]
+        stays = found["side"].equals(STAYS)
+        level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
+        own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
+        own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
+        own |= _at_surface(lines, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
+        found = lines.apply(AGAIN, **own, more=again.more, limit=again.limit)
+        acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
+        again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
+    lines.of_changes.resting[0] = vars(again).pop("resting")
+
+
+def _with_flat_side(lines, k, side, level):
+    """Return the side and the level of surface k after `FLAT_SIDE`."""
+    value, slopes = (lines.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
+    later = lines.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
+    may = lines.text.constants([*map(float, lines.half.changes.flats)])[k]
+    own = {"value": value, "slopes": slopes, "slopes_later": later, "may": may}
+    return lines.apply(FLAT_SIDE, side=side, level=level, **own)
+
+
+def _look_a_moment_later(lines):
+    """Find `OF_SURFACE` of surfaces MOMENT after the new state, in `ahead`."""
+    work = lines.work
+    signed = lines.number("sign") * (MOMENT * work.taken[0])
+    for i in lines.text.each(lines.D):
+        work.start[i] = work.new[i] + signed * work.f_new[i]
+    lines.call("f", work.start, lines.table, work.f)
+    _look_at(lines, work.start, work.f, work.ahead)
+
+
+def _cross(lines, k, is_there, by_motion):
+    """Let the change at surface k act in lanes whose state is on another side of it now."""
+    text, work, line, half = lines.text, lines.work, lines.line, lines.half
+    place, own = 2 * k, _at_surface(lines, k)
+    given = {"by_motion": by_motion.select(1.0, 0.0)}
+    given["jumps"] = text.value(float(half.changes.jumps[k]))
+    inputs = {"side": line.side[place], "level": line.side[place + 1]} | own | given
+    found = lines.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
+    line.side.put_chosen(place, found["side"])
+    line.side.put_chosen(place + 1, found["level"])
+    up, direction = found["up"], half.changes.directions[k]
+    fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
+    if half.changes.only_records(k):
+        _note(lines, k, fires, up | found["down"], by_motion)
+        return
+    with text.when(fires.any()):
+        for n, value in enumerate((up.select(1.0, -1.0), found["near"], own["rate"])):
+            work.fired.choose(fires, 3 * k + n, value)
+        work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
+        _act(lines, k, fires, by_motion)
+        if half.changes.components[k]:
+            _look(lines)
+            after = _at_surface(lines, k) | {"near": found["near"]}
+            after["rate_size"] = after["rate_size"] + abs(own["rate"])
+            found = lines.apply(SIDE, **after)
+            line.side.choose(fires, place, found["side"])
+            line.side.choose(fires, place + 1, found["level"])
+
+
+def _note(lines, k, truth, crosses, by_motion):
+    """Record a crossing where nothing changes; a trajectory with enough of them stops."""
+    line, work, of = lines.line, lines.work, lines.of_changes
+    t, acted = line.t[0], line.acted[2 * k]
+    slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
+    counts = truth & (t > lines.number("since")) & ~slides
+    line.acted.choose(crosses, 2 * k, t)
+    with lines.text.when(counts.any()):
+        _take_columns(lines, k, counts, by_motion, work.new, work.f_new, False)
+        record(lines, counts, k, line.t, work.new, work.new, *_of_columns(lines, work.f_new))
+        of.recorded[0] = recorded = of.recorded[0] + counts.select(1.0, 0.0)
+        line.tries.choose(counts, 0, 0.0)
+        line.state.choose(counts & (recorded >= lines.number("enough")), 0, float(State.STOPPED))
+
+
+def _act(lines, k, truth, by_motion=None):
+    """Let change k act in these lanes, in some because of the motion."""
+    text, work, half = lines.text, lines.work, lines.half
+    own, D = half.changes.components[k], half.block.D
+    text.copy(work.new, work.before, lines.D)
+    text.copy(work.f_new, work.f_before, D)
+    if own:
+        lines.call(f"to{k}", work.new, lines.table, work.changed)
+        if own == tuple(range(D)):
+            for i in text.each(D):
+                work.new.choose(truth, i, work.changed[i])
+        else:
+            for n, i in enumerate(own):
+                work.new.choose(truth, i, work.changed[n])
+        if half.f.conditions:
+            branch_choice.choose_all(lines, truth)
+        lines.call("f", work.new, lines.table, work.f_new)
+    _take_columns(lines, k, truth, by_motion, work.before, work.f_before, bool(own))
+    if own and half.block is not half.f:
+        lines.call("f", work.new, lines.table, work.f_new)
+    counts = lines.line.counts[k] + truth.select(1.0, 0.0)
+    lines.line.counts[k] = counts
+    actions = lines.of_changes.actions
+    actions[0] = actions[0] + truth.select(1.0, 0.0)
+    if half.changes.most[k] < np.inf:
+        is_over = truth & (counts >= float(half.changes.most[k]))
+        lines.line.state.choose(is_over, 0, float(State.STOPPED))
+    record(lines, truth, k, lines.line.t, work.before, work.new, *_of_columns(lines, work.f_before))
+
+
+def _of_columns(lines, f_before):
+    """Return what a record of a `Variational` has: tau of each column, f before and after."""
+    if lines.half.block is lines.f:
+        return ()
+    work, D = lines.work, lines.half.block.D
+    return (work.tau, lines.f.columns), (f_before, D), (work.f_new, D)
+
+
+def _take_columns(lines, k, truth, by_motion, before, f_before, is_changed):
+    """Find tau of the columns of a `Variational`, and change them if the state is changed."""
+    text, work, f, D = lines.text, lines.work, lines.f, lines.half.block.D
+    if lines.half.block is f:
+        return
+    for c in range(f.columns):
+        q, column = c - (f.columns - f.q), D * (1 + c)
+        end, parts = f"_{q}" if q >= 0 else "", (before, before.after(column), f_before, work.f_new)
+        for n, part in enumerate(parts):
+            text.copy(part, work.pair.after(n * D), D)
+        if by_motion is not None:
+            lines.call(f"tau{k}{end}", work.pair, lines.table, work.changed)
+            work.tau.choose(truth & by_motion, c, work.changed[0])
+        if is_changed:
+            work.pair[4 * D] = work.tau[c]
+            lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
+            for i in text.each(D):
+                work.new.after(column).choose(truth, i, work.changed[i])
+
+
+def _next_stop(lines, bits):
+    """Go to the next time of a change in lanes with these bits."""
+    text, of = lines.text, lines.of
+    one = text.lanes(1)
+    for offset in lines.lanes_with(bits):
+        own = one.arrays(lines.line.of_changes.at() + offset, OF_CHANGES)
+        trajectory = Integers(text, lines.line.trajectory.at() + offset)[0]
+        place_at = Integers(text, own.stop_place.at())
+        place = place_at[0] + 1
+        place_at[0] = place
+        numbers = Shared(one, of.stops + trajectory * of.stop_bytes + place * 16)
+        own.stop[0], own.stop_which[0] = numbers[0], numbers[1]
+
+
+def _keep_largest(lines, truth):
+    """Let the largest moduli of components include those before a change; forget which are low."""
+    for i in lines.text.each(lines.half.block.D):
+        low = lines.line.low[i]
+        lines.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
+    for i in lines.text.each(lines.D):
+        lines.keep_largest(truth, i, lines.work.new[i])
+
+
+def _go_on(lines, is_at_stop, again):
+    """Choose the next length in lanes with changes, as that of a first step."""
+    work, conditions = lines.work, lines.f.conditions
+    sums = Carried(size=0.0, rate=0.0, total=0.0)
+    for i in lines.text.each(lines.D, sums):
+        inputs = {"x": work.new[i], "f": work.f_new[i]}
+        sums.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(sums)))
+    before = Carried(size=0.0, rate=0.0, total=0.0)  # largest states, f where the step began
+    for i in lines.text.each(lines.D, before):
+        inputs = {"x": lines.line.largest[i], "f": lines.line.f[i]}
+        before.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
+    endless = (work.noted[0] >= _most(lines.half.changes)).select(1.0, 0.0)
+    inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
+    inputs |= {"largest": before.size, "rate_before": before.rate}
+    if conditions and conditions.jumps:
+        is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
+        work.jumped.choose(is_changed, 0, 1.0)
+    for name, value in lines.apply(CHANGED_STATE, **inputs, **vars(sums)).items():
+        rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
+        getattr(rows, name).put_chosen(0, value)

@@ -1,0 +1,367 @@
+"""Surfaces on which conditions of f change: steps end just beyond them.
+
+A step looks for surfaces at POINTS of its length, where the state is (`POINT`)
+
+x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
+
+and `watch` of the half compares both ends of each part. A step that may hide two
+crossings between points, see `double_crossings`, is taken again, shorter. Then states there are
+better known, by f at one of them. In an implicit step they lie on the polynomial of degree 4
+through the states at its quarters.
+
+A step that crosses a surface is taken again and again from the same state, with lengths between
+`inner`, at whose end none is crossed, and `outer` (`CUT`). To the surface Newton's method leads, by
+values and rates at the ends of these steps (`step_to_surface`). Where it does not, the next length
+is where a straight line between states at both sides crosses the surface. If it is always the same
+side that comes nearer, the other one counts half, a quarter, ... (the rule of Illinois); after
+ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, or a surface has
+been crossed for less, the step of length `outer` is taken. Points inside an implicit step are
+rough, so there the first length is that of the part. To a surface on which the step begins, as that
+of a ball after a bounce, Newton's method leads from its end (`BACK`).
+"""
+
+import itertools
+from math import inf
+
+import numpy as np
+
+from ..expressions.double_crossings import MIDDLE, POINTS
+from ..expressions.values import larger, smaller
+from .memory import State
+from .scalar_kernels import NEARLY, rule
+from .step_length import AFTER_REFUSED, SAFETY
+
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
+HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
+LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
+ROUNDS = 14.0
+# The longest step after one to a surface, beside that step and beside the one that crossed it: the
+# next surface may be as near. With 64 x" = -sign(x) to 1e5 takes 9 tries a jump, and 12 without;
+# 6,000 random knots take 1 % more, with 8 as much as 8 %.
+AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
+OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
+BESIDE = 2.0**-12  # part of a step, over which the change of a state tells its rate
+ON = 2.0**-8  # part of a step in which a straight line crosses the surface on which it begins
+
+
+def _bend(change, f, f_new, signed, u):
+    """The difference of the cubic through both ends from a straight line, by u (u - 1)."""
+    return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+
+
+def _point(x, new, f, f_new, signed, u, quartic=0.0):
+    """A component at a part u of an explicit step: the cubic with values and rates at the ends.
+
+    The rate at another point, see `QUARTIC`, makes it a polynomial of degree 4.
+    """
+    change, product = new - x, u * (u - 1.0)
+    bend = _bend(change, f, f_new, signed, u)
+    return {"point": x + u * change + (bend + product * quartic) * product}
+
+
+POINT, POINT_WITH_QUARTIC = rule(_point), rule(_point, "quartic")
+
+
+@rule
+def QUARTIC(x, new, f, f_new, signed, f_point):
+    """The part to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is f's.
+
+    It is 0 where f has no value there.
+    """
+    u = POINTS[0]
+    change, slope = new - x, u * (u - 1.0)
+    of_cubic = (
+        change + (2.0 * u - 1.0) * _bend(change, f, f_new, signed, u)
+        + slope * (signed * f + signed * f_new - 2.0 * change)
+    )  # fmt: skip
+    own = (signed * f_point - of_cubic) * (1.0 / (2.0 * slope * (2.0 * u - 1.0)))
+    return {"quartic": (abs(own) < inf).select(own, 0.0)}
+
+
+@rule
+def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
+    """A component at a part u of an implicit step, by states at its quarters.
+
+    The polynomial of degree 4 through them, which are given less x, has no rates, because these
+    tell of fast modes.
+    """
+    v = [4.0 * u - float(k) for k in range(5)]
+    of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
+    outer, inner = v[0] * v[2] * v[4] * (-1.0 / 6.0), v[0] * v[1] * v[3] * v[4] * 0.25
+    sides = outer * v[3] * quarter1 + outer * v[1] * quarter3
+    return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
+
+
+@rule
+def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
+    """The place in a step where a surface is crossed first, as `watch` finds it up to u."""
+    is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
+    return {
+        "crossed": is_first.select(1.0, crossed),
+        "place": is_first.select(u - (1.0 - part) * width, place),
+        "end": is_first.select(u, end),
+        "is_first": is_first.select(1.0, 0.0),
+    }
+
+
+def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
+    """Return the next length between two, and the weights of the inner and the outer one.
+
+    `part` is where a straight line between them crosses the surface.
+    """
+    (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
+    starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: no line tells
+    part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    part, width = starts_on.select(0.5, part), outer - inner
+    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
+    a, b = cut.select(1.0, of_outer) * part, cut.select(of_inner, 1.0) * (1.0 - part)
+    guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
+    guess = has_aim.select(aim + 0.5 * sought, guess)
+    guess = smaller(larger(guess, inner + 0.75 * sought), outer - 0.75 * sought)
+    guess = is_rough.select(outer, (width > sought).select(guess, outer))
+    return guess, of_inner, of_outer
+
+
+@rule
+def CUT(
+    before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
+    crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
+    rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
+):  # fmt: skip
+    """A step that crosses a surface: is it taken, and how long is the next one?
+
+    One that may hide two crossings (`hidden`, see `double_crossings`) is taken again with half of
+    its length or more. Where points tell of two, `twice` is 1. A search starts by `starts`, and
+    after it a step has at most the length `known`, within which values were told, if that is long:
+    a time may be just before a surface. At a `goal` steps end.
+
+    A straight line to the end of this step crosses the surface at `whole_part`, one from there to
+    the state at `outer` at `part`. A step aside on the way to a surface counts as all others, and
+    so does one that ends on it, or NEARLY, but for the time `left` to a surface of a change. Once
+    a step has ended near a surface `aim` is the length of that which ends there, and `since` the
+    longest time since which one is crossed, see `step_to_surface`.
+    """
+    is_near = outer < inf
+    sought = PLACE * (before + taken) + PLACE_AT_0 * last
+    seen = is_near.select(larger(crosses, twice), starts) > 0.0
+    seen = seen & (taken > 0.0) & (total < inf)
+    is_last = is_near & ((taken - inner <= sought) | (since <= sought))
+    is_long = taken > HIDDEN_FROM * last
+    is_right = accepted + served > 0.0
+    has_waves = (waves > 1.0) & is_long & ~is_near
+    cut = seen & ~is_last & ~has_waves
+    arrives = is_right & ~(seen | has_waves) & (left <= 0.5 * NEARLY * (before + taken))
+    is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
+    again = ((hidden >= 1.0) & is_long & is_right & ~(cut | arrives)) | has_waves
+    is_right = is_right & ~(seen | again | arrives)
+    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
+    misses = holds & (taken >= outer)  # the surface lies farther
+    searches = cut | holds
+    told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
+    told = smaller(taken * (OF_WAVES / waves), has_waves.select(inf, told))
+    forgets = ~searches & (taken > 0.0)
+    searches = searches | again
+    moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0)
+    first = (crossed > 0.0).select(end, 1.0) * taken
+    outer_now = cut.select(first, misses.select(4.0 * taken, outer))
+    inner_now = holds.select(taken, inner)
+    of_step = (crossed > 0.0).select(place, whole_part)
+    own = cut.select((of_step * taken - inner_now) / (outer_now - inner_now), part)
+    is_known = (inner <= 0.0) & (crossed > 0.0)  # the state at the end of a part
+    is_rough = misses | ((end < 1.0) & ~is_near & (mode > 0.0))
+    lengths, aim = (inner_now, outer_now), is_near.select(aim, inf)
+    guess, of_inner, of_outer = _guess(cut, own, weight, rounds, lengths, aim, sought, is_rough)
+    after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
+    after_this = (moved & is_near).select(after_surface, wanted)
+    after_this = (moved & is_long).select(smaller(after_this, told), after_this)
+    of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
+    running = (tries > most).select(float(State.TOO_MANY), mode)
+    stopped = (state >= State.DONE).select(running, state)
+    jumped = moved & seen & (jumps > 0.0) & (t < last)
+    after = jumped.select(running, state)
+    return {
+        "accepted": moved.select(1.0, 0.0),
+        "served": (cut | again | is_aside).select(0.0, served),
+        "t": searches.select(before, is_aside.select(next, t)),
+        "steps": searches.select(steps - accepted, steps + is_aside.select(1.0, 0.0)),
+        "state": searches.select(stopped, after),
+        "wanted": again.select(smaller(told, wanted), searches.select(guess, after_this)),
+        "longer": again.select(AFTER_REFUSED, longer),
+        "inner": forgets.select(0.0, inner_now),
+        "outer": forgets.select(inf, outer_now),
+        "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
+        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
+        "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
+        "beyond": (cut & is_near & ~is_known).select(1.0, 0.0),
+        "at_surface": (moved & (seen | arrives)).select(arrives.select(2.0, 1.0), 0.0),
+        "jumped": jumped.select(1.0, 0.0),
+    }
+
+
+@rule
+def BACK(found, taken, end):
+    """The part of a step where a motion comes back to a surface, see `step_to_surface`."""
+    place = 1.0 + found / taken
+    return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
+
+
+def cut(lines, before, total):
+    """Take a step again that crosses a surface, or is on the way to one, with a better length."""
+    text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
+    taken, count, pair, points = work.taken[0], lines.half.surfaces, work.between, work.points
+    far = line.far
+    if lines.half.changes and lines.half.changes.surfaces:
+        text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
+    is_far, from_start, of = ~(line.outer[0] < np.inf), ~(line.inner[0] > 0.0), lines.half.hidden
+    parts, middle = _look_at_points(lines, taken, from_start)
+    inputs = {"total": total, "before": before, "taken": taken}
+    inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
+    of_new = points.after(len(POINTS) * count)
+    text.copy(of_new, pair, count)
+    lines.call("surfaces", far, lines.table, pair.after(count))
+    inputs |= _watch(lines, "part")
+    text.copy(points, pair, count)
+    text.copy(of_new, pair.after(count), count)
+    inputs |= _watch(lines, "whole_part", "crosses", "jumps")
+    inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
+    inputs |= {"known": np.inf, "waves": 0.0}
+    if of.told:
+        middle[watched] = lines.number("rtol")
+        lines.call("hidden", points, lines.table, work.told)
+        inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
+        if of.of_clocks:  # a longer step may fit the periods of a clock
+            inputs["known"] = taken
+        if of.of_states:  # points that differ by their errors are not crossings
+            inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
+    found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far, from_start))
+    _keep_far(lines, found.pop("beyond") > 0.0, work.new)
+    own = "at_surface", "jumped", "accepted", "served"
+    lines.keep(work, {name: found.pop(name) for name in own})
+    lines.keep(line, found)
+
+
+def _look_at_points(lines, taken, from_start):
+    """Return the place where a surface is crossed first, and the row of the state at the middle."""
+    text, line, work, of = lines.text, lines.line, lines.work, lines.half.hidden
+    count, pair, point, points = lines.half.surfaces, work.between, work.point, work.points
+    lines.call("surfaces", line.x, lines.table, points)
+    parts, quartic = dict.fromkeys(("crossed", "place", "end"), text.value(0.0)), None
+    phases = points.after((1 + len(POINTS)) * count)
+    rates = phases.after((1 + len(POINTS)) * of.inside[0])
+    middle = rates.after((1 + len(POINTS)) * of.inside[1])
+    if of.of_states and not lines.half.is_implicit:
+        quartic = work.quartic
+        find_quartic(lines)
+    _look_inside(lines, 0.0, line.x, phases, rates, quartic)
+    for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
+        state = point if end < 1.0 else work.new
+        if end < 1.0:
+            put_point(lines, text.value(end), point, quartic=quartic)
+        lines.call("surfaces", state, lines.table, points.after(k * count))
+        own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
+        _look_inside(lines, end, state, *own, quartic)
+        if of.told and k == MIDDLE:
+            text.copy(point, middle, lines.half.watched)
+        text.copy(points.after((k - 1) * count), pair, 2 * count)
+        inputs = _watch(lines, "part", "crosses") | parts | {"u": end, "width": end - begin}
+        parts = lines.apply(LOOK, taken=taken, **inputs)
+        _keep_far(lines, (parts.pop("is_first") > 0.0) & from_start, state)
+    return parts, middle
+
+
+def _watch(lines, *names):
+    """Return the first results of `watch` for the pair of points in `between`, by these names."""
+    lines.call("watch", lines.work.between, lines.table, lines.work.seen)
+    return {name: lines.work.seen[k] for k, name in enumerate(names)}
+
+
+def _keep_far(lines, truth, state):
+    """Keep a state beyond a surface in some lanes."""
+    far = lines.line.far
+    for i in _read(lines):
+        far.put_chosen(i, truth.select(state[i], far[i]))
+
+
+def _look_inside(lines, u, x, phases, rates, quartic):
+    """Find phases of waves, and rates of surfaces, at the state x at a part u of the step."""
+    work, moving, D = lines.work, lines.work.moving, lines.half.watched
+    if lines.half.hidden.phases:
+        lines.call("phases", x, lines.table, phases)
+    if lines.half.hidden.rates:
+        beside = u - BESIDE if u == 1.0 else u + BESIDE
+        put_point(lines, lines.text.value(beside), work.start, quartic=quartic)
+        for i in _read(lines):
+            moving[i] = x[i]
+            moving.after(D)[i] = (work.start[i] - x[i]) * (1.0 / (beside - u))
+        moving[2 * D] = lines.number("rtol")
+        lines.call("rates", moving, lines.table, rates)
+
+
+def _aim(lines, inputs, is_far, from_start):
+    """Return `aim`, `since` and `left` of `CUT`, and `place`, also that of `BACK`.
+
+    `is_far` is true in lanes that were not looking for a surface before this step, and
+    `from_start` in those that know of no part of it that crosses none.
+    """
+    text, line, work, D = lines.text, lines.line, lines.work, lines.half.block.D
+    changes, found = lines.half.changes, work.aim.after(3)
+    for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
+        work.aim.put_chosen(k, value)
+    comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
+    comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
+    looks = ~is_far | comes_back
+    if changes and changes.surfaces:
+        t, is_over = line.t[0], work.accepted[0] > 0.0
+        is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
+        is_asked = is_asked | (work.served[0] > 0.0)
+        looks = looks | is_asked
+    with text.when(looks.any(), likely=False):
+        sign = lines.number("sign")
+        text.copy(work.new, work.end, D)
+        for i in text.each(D):
+            work.end.after(D)[i] = sign * work.f_new[i]
+        if changes and changes.surfaces:
+            text.copy(line.side, work.end.after(2 * D), 2 * changes.surfaces)
+        lines.call("aim", work.end, lines.table, found)
+        work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
+        work.aim.choose(~is_far, 1, found[1])
+        own = {name: inputs[name] for name in ("taken", "end")}
+        place = lines.apply(BACK, found=found[0], **own)["place"]
+        work.aim.choose(comes_back, 2, place)
+    found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
+    has_left = changes and changes.surfaces
+    return found | {"left": is_asked.select(work.aim[3], np.inf) if has_left else np.inf}
+
+
+def put_point(lines, u, to, quartic=None):
+    """Write the components that surfaces read at a part u of the step to a state.
+
+    `quartic` of them may be known.
+    """
+    of_point = POINT if quartic is None else POINT_WITH_QUARTIC
+    signed, is_implicit, inputs = lines.work.signed[0], lines.half.is_implicit, {}
+    if is_implicit:
+        of_point = POINT_IMPLICIT
+    quarters = [lines.work.nodes.after(k * lines.D) for k in range(3)]
+    for i in _read(lines):
+        if is_implicit:
+            inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
+        to[i] = lines.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
+
+
+def _read(lines):
+    """Add a loop over the components that surfaces read, see `Half.read`."""
+    return lines.text.listed(lines.half.read)()
+
+
+def find_quartic(lines):
+    """Find what polynomials of degree 4 have in an explicit step beside cubics."""
+    text, work = lines.text, lines.work
+    signed, u = work.signed[0], text.value(POINTS[0])
+    for i in text.each(lines.D):
+        work.start[i] = lines.apply(POINT, i, signed=signed, u=u)["point"]
+    lines.call("f", work.start, lines.table, work.f)
+    for i in _read(lines):
+        of_point = {"f_point": work.f[i], "signed": signed}
+        work.quartic[i] = lines.apply(QUARTIC, i, **of_point)["quartic"]

@@ -1,0 +1,35 @@
+"""Records of what changes of the state did, in a buffer of which Python makes arrays."""
+
+from ..expressions.variational import Variational
+from ..llvm.text import Integers, Shared
+from .code_arguments import SLOT
+
+
+def size_of(f):
+    """Return how many numbers a record has, see `record`."""
+    of_columns = f.columns + 2 * f.of.D if isinstance(f, Variational) else 0
+    return 3 + 2 * f.D + of_columns
+
+
+def record(lines, truth, k, time, before, after, *of_columns):
+    """Write a record in these lanes: trajectory, number of the change, time, and both states.
+
+    `time`, `before` and `after` are rows; `of_columns` are pairs of rows and their number.
+    """
+    text, of, work, D = lines.text, lines.of, lines.work, lines.D
+    one = text.lanes(1)
+    for offset in lines.lanes_with(truth.bits()):
+        base = work.line.at() + offset
+        number = lines.arguments[SLOT.recorded]
+        to = of.records + number * (8 * size_of(lines.f))
+        integers, numbers = Integers(text, to), Shared(one, to)
+        integers[0] = Integers(text, lines.line.trajectory.at() + offset)[0]
+        integers[1] = k
+        numbers[2] = one.array(time.at() + offset)[0]
+        place = 3
+        for rows, count in ((before, D), (after, D), *of_columns):
+            source, target = one.array(base, rows.first), numbers.after(place)
+            for i in text.each(count):
+                target[i] = source[i]
+            place += count
+        lines.arguments[SLOT.recorded] = number + 1

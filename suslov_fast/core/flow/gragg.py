@@ -1,0 +1,241 @@
+"""The columns of an explicit step: Gragg's midpoint rule with smoothing, in two forms of code.
+
+A column takes N sub-steps of the length s = h / N:
+
+y_1 = x + s f(x),     y_m+1 = y_m-1 + 2 s f(y_m),     end (y_N-1 + y_N + s f(y_N)) / 2.
+
+Without the smoothing at the end, jumps of f give errors of 15 % at every tolerance. Two states take
+turns: a is y_m for even m, and b for odd m. A pair of sub-steps is
+
+a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f(a),
+
+so that a column ends at (a + b) / 2. What a and b lie apart has an expansion as the end has, and is
+0 in the limit. But f alone joins both: where it has a layer thinner than a sub-step, they may stay
+at its two sides, and all columns agree on a false end. The weighted sum of a - b shows that.
+
+The forms have the same bits. Columns are carried out
+
+- in turn: a loop over pairs of sub-steps, one column after the other;
+- side by side: straight-line code of all columns, where f is short.
+
+Ends less x stand in the row `ends` of `Work`, a - b in `apart`, y_N of the last column and f there
+in `a` and `f_last`. `stormer` has half of this rule.
+"""
+
+from contextlib import contextmanager
+
+from ..llvm.compiler import numbers_in_register
+from ..llvm.text import Array, Index, Shared, Value
+from .codegen import Scope
+from .vector_functions import INLINED
+from .weights import EXPLICIT, pairs_of
+
+ARGUMENTS = "x", "f", "table", "work", "count"
+# Operations of f, and three for each component, up to which all sub-steps are written out: that
+# spares branches, but more of them would leave the cache for code.
+SHORT = 25
+OF_SETS = "f_a", "f_b"  # names of functions, if there are `Half.sets`
+
+
+class ExplicitColumns(Scope):
+    """The function void columns(x, f, table, work, count): the ends y_c - x of first columns.
+
+    `x` and `f` are the addresses of the rows of a state and of f there. The length of the step is
+    in the row `signed` of `work`.
+    """
+
+    names = "f", "f"  # functions for the rates of what `a` and `b` hold
+    function = "columns"
+
+    def __init__(self, text, half, name, for_each):
+        super().__init__(text, half, name, for_each)
+        self.functions = {name: half.functions[name] for name in self.names}
+        self.length = sum(function.length for function in self.functions.values())
+        self.is_inlined = self.length <= INLINED
+        self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
+
+    def add(self):
+        """Add the function."""
+        inner = self.narrower()
+        with self.body():
+            self.leave_to_others()
+            if self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
+                are_all = Index(self.text, "%count").equals(len(EXPLICIT))
+                with self.text.when(are_all):
+                    self.side_by_side(inner)
+                    self.text.leave("void")
+            self.in_turn(inner)
+
+    @contextmanager
+    def body(self):
+        """Add the function, whose body is the block of `with`."""
+        with self.text.function(f"{self.name}_{self.function}", ARGUMENTS):
+            self.of_a, self.of_b = map(self.text.listed, self.rows)
+            yield
+
+    def leave_to_others(self):
+        """Leave the function where another one has the columns."""
+
+    def work_of_pair(self):
+        """Return about how many operations half a pair of sub-steps takes."""
+        return self.length + 3 * self.D
+
+    def _have(self, name):
+        return any(getattr(function, name) for function in self.functions.values())
+
+    def narrower(self):
+        """Return the code of sub-steps.
+
+        Where f is within the code and calls no function, lanes of one register take turns, because
+        registers are few.
+        """
+        W = numbers_in_register()
+        if self.is_inlined and W < self.text.W and not self._have("calls"):
+            return self.text.lanes(W)
+        return self.text
+
+    def parts(self, inner):
+        """Add a loop over the registers of a line; yield x, f, the address of `work`, and table."""
+        for part in self.text.each(self.text.W // inner.W):
+            offset = part * (8 * inner.W)
+            x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
+            table = Index(self.text, "%table")
+            table = table + offset if self.for_each else table
+            yield inner.array(x), inner.array(f), work, table
+
+    # ------------------------------------------------------------------------------------- in turn
+    def in_turn(self, inner):
+        """Add the first `count` columns, pair by pair of sub-steps."""
+        text, work, D = self.text, self.half.work, self.D
+        pairs = pairs_of(EXPLICIT)
+        columns = text.constants([EXPLICIT.index(pair.N) for pair in pairs])
+        inverses = text.constants([1.0 / pair.N for pair in pairs])
+        begins = text.constants([int(pair.begins) for pair in pairs])
+        ends = text.constants([int(pair.ends) for pair in pairs])
+        for k in text.each(len(pairs)):
+            column, begin, end = columns[k], begins[k], ends[k]
+            inverse = Shared(inner, inverses.base)[k]
+            is_end = end.differs(0)
+            with text.when(column < "%count"):
+                for x, f, lanes, table in self.parts(inner):
+                    of_work = inner.arrays(lanes, work)
+                    s = of_work.signed[0] * inverse
+                    double = s + s
+                    factor = is_end.select(s, double)
+                    with text.when(begin.differs(0)):
+                        self.begin(of_work.a, of_work.b, x, f, s, *self.loops())
+                    of_b = self.pair(of_work, table, double, factor)
+                    with text.when(is_end):
+                        ends = inner.array(of_work.ends.at(column * D))
+                        apart = inner.array(of_work.apart.at(column * D))
+                        self.end(of_work, of_work.a, of_work.b, x, ends, apart, *self.loops())
+                        for i, value in of_b.items():
+                            of_work.f_last[i] = value
+        if self.half.sets:
+            with text.when(Index(text, "%count").equals(len(EXPLICIT))):
+                for _, _, lanes, table in self.parts(inner):
+                    of_work = inner.arrays(lanes, work)
+                    call = self.caller(table, of_work.f_last)
+                    of_end = self.rates_at_end(of_work.a, of_work.b, table, self.of_b(), call)
+                    for i, value in of_end.items():
+                        of_work.f_last[i] = value
+
+    def caller(self, table, f):
+        """Return the function that writes rates at a state to rows."""
+        return lambda name, of: self.call(name, of, table, f)
+
+    def rates_at_end(self, a, b, table, of_b, call=None):
+        """Return rates that are still missing at the end of the last column.
+
+        Those that are not within the code are written to their rows by `call`.
+        """
+        return {}
+
+    def loops(self):
+        """Return loops over the components that `a` and `b` hold."""
+        return self.of_a(), self.of_b()
+
+    def begin(self, a, b, x, f, s, of_a, of_b):
+        """Begin a column."""
+        for i in of_a:
+            a[i] = x[i]
+        for i in of_b:
+            b[i] = x[i] + s * f[i]
+
+    def end(self, work, a, b, x, ends, apart, of_a, of_b):
+        """Write the end of a column, less x, and how far its two halves lie apart."""
+        for i in of_a:
+            ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
+
+    def pair(self, work, table, double, factor):
+        """Add two sub-steps; return f at the state after the first, {} if it is in its rows."""
+        a, b, f = work.a, work.b, work.f_last
+        if self.is_inlined:
+            return self.pair_of_rows(a, b, table, double, factor)
+        self.pair_by_calls(self.caller(table, f), (a, b), f, double, factor)
+        return {}
+
+    def pair_by_calls(self, call, rows, f, double, factor):
+        """Add two sub-steps, where `call` writes f at a state to its rows."""
+        a, b = rows
+        for name, of, to, length, own in zip(
+            self.names, (b, a), (a, b), (double, factor), (self.of_a, self.of_b), strict=True
+        ):
+            call(name, of)
+            for i in own():
+                product = length * f[i]
+                to[i] = to[i] + product
+
+    def pair_of_rows(self, rows_a, rows_b, table, double, factor):
+        """Add two sub-steps with f within the code; return f at the state after the first."""
+        (of_a, of_b), (A, B) = self.names, self.rows
+        b = {i: rows_b[i] for i in B}
+        f = self.value(of_a, b, table)
+        a = added({i: rows_a[i] for i in A}, double, f)
+        for i in A:  # before f there: registers are few
+            rows_a[i] = a[i]
+        f = self.value(of_b, a, table)
+        for i, value in added(b, factor, f).items():
+            rows_b[i] = value
+        return f
+
+    def value(self, name, x, table):
+        """Return the rates by components at a state, with f within the code."""
+        text = x.text if isinstance(x, Array) else next(iter(x.values())).text
+        for_each = self.for_each and self.text.W > 1
+        values = self.half.functions[name].values(text, lambda k: x[k], table, for_each)
+        return {i: Value(text, value) for i, value in values.items() if i < self.D}
+
+    # --------------------------------------------------------------------------------- side by side
+    def side_by_side(self, inner):
+        """Add all columns as straight-line code for a register of lanes."""
+        D = self.D
+        of_a, of_b = self.names
+        for x, f, lanes, table in self.parts(inner):
+            x, f = ({i: rows[i] for i in range(D)} for rows in (x, f))
+            work = inner.arrays(lanes, self.half.work)
+            h, states = work.signed[0], {}
+            for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
+                s = h * (1.0 / N)
+                double, is_end = s + s, 2 * m + 2 == N
+                a, b = states.get(N, ({}, {}))
+                if m == 0:
+                    self.begin(a, b, x, f, s, *self.rows)
+                a = added(a, double, self.value(of_a, b, table))
+                f_last = self.value(of_b, a, table)
+                b = added(b, s if is_end else double, f_last)
+                states[N] = a, b
+                if is_end:
+                    first = EXPLICIT.index(N) * D
+                    ends, apart = work.ends.after(first), work.apart.after(first)
+                    self.end(work, a, b, x, ends, apart, *self.rows)
+            f_last |= self.rates_at_end(a, b, table, self.rows[1])
+            for i in range(D):
+                work.a[i] = a[i]
+                work.f_last[i] = f_last[i]
+
+
+def added(x, factor, change):
+    """Return x + factor * change by components."""
+    products = {i: factor * each for i, each in change.items()}
+    return {i: x[i] + product for i, product in products.items()}

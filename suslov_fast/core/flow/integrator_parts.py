@@ -1,0 +1,208 @@
+"""The two halves of the motion of a right-hand side: the functions that their code is made of."""
+
+import functools
+
+from ..expressions.double_crossings import POINTS, Hidden
+from ..expressions.event_formulas import OF_SURFACE, read_by
+from ..expressions.kahan_step import Values, dot
+from ..expressions.partitioned import part_of, sets_of
+from ..expressions.right_hand_side import List
+from ..expressions.sparse_elimination import Sparse
+from ..expressions.stage_elimination import Elimination, operations_of
+from ..expressions.symbolic_elimination import elimination_order, filled
+from ..expressions.variational import Variational
+from ..llvm.sparse_solver import add_factors, add_solution
+from . import tolerance
+from .memory import OF_CHANGES, Rows, Work, firsts_of
+from .vector_functions import LONGEST, DenseProduct, DenseQuadratic, OfList, SparseLoops
+from .weights import EXPLICIT, IMPLICIT
+
+
+class Half:
+    """The explicit or the implicit half of the motion of a right-hand side.
+
+    functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
+                 end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
+                 these and s; `solve`; and `power`, f' times a vector after the entries and s
+    sets         `Sets` of all components if explicit columns are Störmer's, else None; then `f_a`
+                 and `f_b` are the rates of each
+    largest      the rule for the size of all components
+    allowed      the rule for the error that one may have
+    parts        the first components and the numbers of those that have a size together: what
+                 columns are large by must not loosen the tolerance of x
+    watched      how many components surfaces are functions of, `surfaces` how many there are
+    read         the components that `surfaces` read
+    hidden       what tells whether a step hides crossings, see `Hidden`
+    changes      `Changes` of the state, or None
+    kinks        the kinds of the surfaces where f has a kink, see `Conditions`
+    pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
+    rows, work   `Rows` of a trajectory, and `Work`
+    is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
+    codes        addresses of its code, see `integrator.code_of_half`
+    """
+
+    def __init__(self, f, is_implicit, has_atol):
+        self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
+        D = f.D
+        if has_atol:
+            self.largest, self.allowed = tolerance.NO_SIZE, tolerance.ALLOWED_WITH_ATOL
+        elif f.clocks:
+            self.largest, self.allowed = (
+                tolerance.LARGEST_WITH_CLOCKS,
+                tolerance.ALLOWED_WITH_CLOCKS,
+            )
+        else:
+            self.largest, self.allowed = tolerance.LARGEST, tolerance.ALLOWED
+        # What the derivative has a block of for x, and the same for each column beside it.
+        self.block = f.of if isinstance(f, Variational) else f
+        self.parts = [(0, self.block.D)]
+        if self.block is not f:
+            self.parts.append((self.block.D, D - self.block.D))
+        self.watched = self.block.D if f.watch else 0
+        self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
+        self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
+        self.changes = f.changes
+        self.sets = None if is_implicit else sets_of(f)
+        if f.is_dense:
+            self.functions = {"f": DenseQuadratic(D, False)}
+        else:
+            self.functions = {
+                "f": OfList(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+            }
+        if self.sets:
+            for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
+                self.functions[name] = OfList(part_of(f.f, components), D, f.places)
+        self.surfaces = len(f.watched.results) if self.watched else 0
+        self.read = _read(f.watched, self.watched) if self.watched else []
+        self.hidden = f.hidden or Hidden()
+        if self.watched:
+            self._add_surfaces()
+        if f.changes:
+            self._add_changes()
+        if f.conditions:
+            self._add_choices()
+        factors = self._add_implicit() if is_implicit else 0
+        self._set_rows(factors)
+
+    def _set_rows(self, factors):
+        """Set `rows` and `work`, for so many factors of 1 - s f'."""
+        f, D, block, c, watched = self.f, self.f.D, self.block, self.changes, self.watched
+        extended, chooses, changes = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
+        surfaces, count = (c.surfaces, c.count) if c else (0, 0)
+        of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
+        self.rows = firsts_of(Rows, of_f | {
+            "x": D, "largest": D, "mode": D, "low": self.block.D, "far": watched,
+            "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
+            "counts": count, "acted": 2 * surfaces,
+            "of_changes": changes * len(OF_CHANGES),
+        })  # fmt: skip
+        columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
+        jumps = bool(chooses and f.conditions.jumps and f is not block)
+        self.work = firsts_of(Work, of_f | {
+            "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
+            "apart": D if self.is_implicit else columns, "nodes": 6 * D,
+            "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
+            "jacobian": f.entries + 1 + D if self.is_implicit else 0,
+            "alone": f.entries + 1 if self.is_implicit else 0,
+            "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
+            "point": watched, "quartic": block.D if watched else 0, "told": 3,
+            "moving": 2 * watched + 1,
+            "end": 2 * (watched + surfaces), "aim": 5,
+            "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
+            "changed": changes * D, "before": changes * D, "f_before": changes * D,
+            "pair": changes * (4 * block.D + 1), "toward": OF_SURFACE * surfaces,
+            "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": changes,
+            "chooses": chooses,
+            "chosen": len(block.choices.results) if chooses else 0,
+            "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
+            "slopes": len(block.slope_places) if jumps else 0,
+            "gradient": block.D + f.q if jumps else 0,
+            "tau": changes * D // block.D,
+            "scratch": max(function.scratch for function in self.functions.values()),
+        })  # fmt: skip
+
+    def _add_surfaces(self):
+        """Add the functions of surfaces whose crossings end steps."""
+        f, D = self.f, self.block.D
+        sides = 2 * (f.changes.surfaces if f.changes else 0)
+        for name, list_ in (("surfaces", f.watched), ("phases", self.hidden.phases)):
+            if list_:
+                self.functions[name] = OfList(list_, D, self.block.places)
+        of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
+        for name, list_, first in (
+            ("watch", f.watch, 2 * self.surfaces + sides),
+            ("aim", f.aim[self.is_implicit], 2 * D + sides),
+            ("hidden", self.hidden.told, of_points + D + 1),
+            ("rates", self.hidden.rates, 2 * D + 1),
+        ):
+            if list_:
+                places = {first + k: k for k in range(len(self.block.table))}
+                self.functions[name] = OfList(list_, first, places)
+
+    def _add_changes(self):
+        """Add the functions of changes."""
+        P, block = self.changes.P, self.block
+        for name, (list_, rows) in self.changes.parts.items():
+            if self.f is block and name.startswith(("tau", "column")):
+                continue  # there are no columns
+            places = {rows + p: p for p in range(P)}
+            if self.f is not block:  # whose scales follow the table of f
+                places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
+            self.functions[name] = OfList(list_, rows, places)
+
+    def _add_choices(self):
+        """Add the functions of choices."""
+        f, conditions = self.block, self.f.conditions
+        given = conditions.P + conditions.jumps + conditions.kinks
+        places = {f.D + p: p for p in range(given)}
+        self.functions["choices"] = OfList(f.choices, f.D, places)
+        if f.derived.results:
+            self.functions["derived"] = OfList(f.derived, 0, places)
+        if f is not self.f and conditions.jumps:
+            self.functions["slopes"] = OfList(f.slopes, f.D, f.places)
+
+    def _add_implicit(self):
+        """Add the functions of the implicit half; return the number of factors."""
+        f, D, functions = self.f, self.f.D, self.functions
+        if f.is_dense:
+            functions["j"] = DenseQuadratic(D, True)
+            functions["power"] = DenseProduct(D)
+        else:
+            functions["j"] = OfList(f.derivative, D, f.places)
+            functions["power"] = OfList(_product(f), f.entries + 1 + D)
+        order = elimination_order(f.pattern, D)
+        fill = filled(f.pattern, order)
+        if operations_of(fill) > LONGEST:
+            plan = Sparse(f.pattern, order, fill)
+            functions["factor"] = SparseLoops(plan, add_factors)
+            functions["solve"] = SparseLoops(plan, add_solution)
+            count, self.pivots = D + plan.size, D
+        else:
+            elimination = Elimination(f.pattern, order, fill)
+            count, self.pivots = len(elimination.factors.results), elimination.pivots
+            functions["factor"] = OfList(elimination.factors, f.entries + 1)
+            functions["solve"] = OfList(elimination.solution, count + D)
+        return count
+
+    @property
+    def looks_inside(self):
+        """Return whether some surface reads states within steps."""
+        return bool(self.read)
+
+    @functools.cached_property
+    def key(self):
+        """A tuple that tells the code of this half from that of others."""
+        return self.f.key, self.is_implicit, self.has_atol, self.sets is None
+
+
+def _read(list_, D):
+    """Return the numbers of the components that a list reads."""
+    return sorted(read_by(list_, list_.results).intersection(range(D)))
+
+
+def _product(f):
+    """Return the `List` of f' times a vector."""
+    values, totals = Values(f.entries + 1 + f.D, ()), {}
+    for k, (i, j) in enumerate(f.pattern):
+        totals[i] = dot(values.emit, [(k, f.entries + 1 + j)], totals.get(i))
+    return List(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

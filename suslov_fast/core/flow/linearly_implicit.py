@@ -1,0 +1,174 @@
+"""The columns of an implicit step: the linearly implicit Euler rule, and the matrix of its steps.
+
+With s = h / N and A = 1 - s J, where J is f' at x, a column is
+
+c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
+
+and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends holds for
+every J. With J at x alone, a column does not see a layer of f that its first or its last sub-step
+crosses. Of the second and of the last increment, c_2 and c_N,
+
+N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next)
+
+tell, because they vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is
+tested by A**-1, of the last column, times the first and half of the second, so that layers at both
+of its ends do not cancel.
+
+Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated as those at the
+end, are of order 4, and as stable: they tell where surfaces are crossed.
+
+The power iteration on f' shows the largest rate |mu| of the motion: with
+components z_i measured by their largest moduli S_i,
+
+w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
+"""
+
+from math import inf
+from operator import add, mul
+
+from ..expressions.values import larger
+from ..llvm.text import Carried, Index
+from .codegen import Scope
+from .scalar_kernels import TINY, rule
+from .weights import IMPLICIT, QUARTERS, weights
+
+SMALLEST_SCALE = 2.0**-60
+
+
+@rule
+def FINITE(entry):
+    """An entry of f' that is not finite counts as 0: J may be any matrix."""
+    return {"entry": (abs(entry) < inf).select(entry, 0.0)}
+
+
+@rule
+def SIZE(modulus, top):
+    return {"top": larger(modulus, top)}
+
+
+@rule
+def SCALE(largest, top, mode):
+    scale = larger(largest, SMALLEST_SCALE * top) + TINY
+    return {"scale": scale, "scaled": scale * mode}
+
+
+@rule
+def RATE(product, scale, size):
+    own = product / scale
+    return {"product": own, "size": larger(abs(own), size)}
+
+
+@rule
+def MODE(product, size, seed, mode):
+    """The next vector; `seed` keeps it from staying in a part of the space."""
+    return {"mode": (size > 0.0).select(product / size + seed, mode)}
+
+
+class ImplicitColumns(Scope):
+    """The function void columns(x, f, table, work, count), see `gragg.ExplicitColumns`.
+
+    The entries of J stand in the row `jacobian` of `Work`, as those of f' come from `derive`.
+    """
+
+    def add(self):
+        """Add the function."""
+        text, work = self.text, self.work
+        with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
+            lengths = text.constants(IMPLICIT)
+            inverses = text.constants([1.0 / N for N in IMPLICIT])
+            of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
+            of_rates = text.constants(of_rates)
+            if self.half.looks_inside:
+                self.begin_quarters()
+            text.fill(work.apart, self.D, lambda: 0.0)
+            for c in text.each(Index(text, "%count")):
+                N = lengths[c]
+                s = work.signed[0] * inverses[c]
+                self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
+
+    def column(self, c, N, s, weight, ends):
+        """Add column c, of N sub-steps; its increments c are added up in `ends`."""
+        text, work, D = self.text, self.work, self.D
+        x, f = text.array("%x"), text.array("%f")
+        a, b, right, apart = work.a, work.b, work.right, work.apart
+        work.jacobian[self.f.entries] = s
+        self.call("factor", work.jacobian, "%table", work.factors)
+        text.fill(right, D, mul, s, f)
+        self.call("solve", work.factors, "%table", right)
+        text.copy(right, ends, D)
+        for m in text.each(N - 1):
+            if self.half.looks_inside:
+                self.add_to_quarter(c, m, ends)
+            text.fill(a, D, add, x, ends)
+            self.call("f", a, "%table", b)
+            text.fill(right, D, mul, s, b)
+            with text.when(m.equals(0)):
+                text.fill(apart, D, _plus_change, apart, weight, right, ends)
+            self.call("solve", work.factors, "%table", right)
+            text.fill(ends, D, add, ends, right)
+        text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
+
+    def begin_quarters(self):
+        """Begin the sums of columns at the quarters of the step; 3 is the number of no quarter."""
+        own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
+        numbers = [
+            4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
+            for N in IMPLICIT
+            for m in range(1, N)
+        ]
+        self.numbers = self.text.constants(numbers)
+        self.firsts = self.text.constants([sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))])
+        self.of_quarters = self.text.constants([own.get(N, 0.0) for N in IMPLICIT])
+        self.sums = self.work.nodes.after(3 * self.D)
+        self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
+
+    def add_to_quarter(self, c, m, ends):
+        """Add column c to the sums of a quarter if one ends after m + 1 sub-steps."""
+        number = self.numbers[self.firsts[c] + m]
+        with self.text.when(number < 3, likely=False):
+            sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
+            self.text.fill(sums, self.D, _plus_part, sums, weight, ends)
+
+
+def _plus_part(a, part, b):
+    return a + part * b
+
+
+def _plus_change(a, part, after, before):
+    return a + part * (after - before)
+
+
+def find_apart(lines):
+    """Write what shows false steps to `right`, after f at the next state."""
+    text, work = lines.text, lines.work
+    half = work.signed[0] * -0.5
+    text.fill(work.right, lines.D, _plus_part, work.apart, half, work.f_new)
+    lines.call("solve", work.factors, lines.table, work.right)
+
+
+def derive(lines):
+    """Write the entries of f'; return its rate by a step of the power iteration."""
+    text, line, work = lines.text, lines.line, lines.work
+    entries = lines.f.entries
+    jacobian, right, scale = work.jacobian, work.right, work.start
+    scaled = jacobian.after(entries + 1)
+    lines.call("j", line.x, lines.table, jacobian)
+    text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
+    largest = Carried(top=0.0)
+    for i in text.each(lines.D, largest):
+        largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]
+    for i in text.each(lines.D):
+        found = lines.apply(SCALE, i, top=largest.top)
+        scale[i], scaled[i] = found["scale"], found["scaled"]
+    lines.call("power", jacobian, lines.table, right)
+    size = Carried(size=0.0)
+    for i in text.each(lines.D, size):
+        found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)
+        right[i], size.size = found["product"], found["size"]
+    for i in text.each(lines.D):
+        found = text.apply(
+            MODE, product=right[i], size=size.size, mode=line.mode[i],
+            seed=lines.component("seeds", i),
+        )  # fmt: skip
+        line.mode.put_chosen(i, found["mode"])
+    return size.size

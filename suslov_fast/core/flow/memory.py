@@ -1,0 +1,167 @@
+"""The rows of a line of lanes along a motion, by name.
+
+A row has one number of each lane: in memory a line is (rows, W). What a step needs for a moment
+stands in rows of its own, which all lines share (`Work`).
+"""
+
+import itertools
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class State:
+    """The next action of a lane; the numbers stand in `Rows.state`.
+
+    They are plain numbers, because NumPy compares with those of an enum ten times as slowly.
+    """
+
+    EXPLICIT = 0
+    IMPLICIT = 1
+    DONE = 2  # it has reached the last time
+    ENDED = 3  # steps become too short
+    TOO_MANY = 4  # steps from one time to the next
+    NO_VALUE = 5  # f has none at the start
+    SLIDING = 6  # a condition of f changes back and forth
+    STOPPED = 7  # a change ends it
+    ACCUMULATES = 8  # changes follow one another at once, without end
+
+
+class Cause(IntEnum):
+    """The cause of the end of a solution."""
+
+    UNKNOWN = 0
+    ESCAPE = 1  # a component would double at once, and again
+    POLE = 2  # f becomes infinite
+    NO_VALUE = 3  # f has none ahead
+    NO_STATE = 4  # the new state of a change has none
+
+
+BEGINS = -1.0  # in place of a `State` before the first step
+
+
+class Rows(NamedTuple):
+    """The first rows of the parts of a trajectory; a part has one row unless a comment tells."""
+
+    x: int  # the state (D)
+    f: int  # f(x), and its denominators of clocks (D + denominators)
+    largest: int  # moduli of components so far (D)
+    mode: int  # a vector of the power iteration on f' (D)
+    low: int  # of components that have fallen, see `growing_components.LOW` (those of x)
+    far: int  # the state after a step of length `outer` (watched)
+    chosen_at: int  # time at which choices of f changed last (1 if f chooses)
+    chosen_often: int  # how often in a row they changed at once (1 if f chooses)
+    side: int  # of surfaces of changes: 1 where the state is at the level or above, 0 below,
+    #            between both where it stays on it, `GAP` where it has no value; and the level,
+    #            0 but for rounding (2 surfaces)
+    counts: int  # how often each change has acted (changes)
+    acted: int  # when each change at a surface has acted last, and how much later than the time
+    #             before (2 surfaces)
+    of_changes: int  # numbers of `OfChanges`, if there are changes
+    t: int  # modulus of the time
+    wanted: int  # length of the next step
+    longer: int  # the largest factor between this length and the one after it
+    next: int  # modulus of the next time that is asked for, infinity after the last
+    second: int  # of the one after it
+    state: int  # a `State`
+    rough: int  # see `stormer`; refusals, less a part of the steps since then
+    stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
+    easy: int  # steps in a row that do not look stiff
+    patience: int  # how many stiff steps it takes to become implicit
+    trial: int  # implicit steps that are left of the first ones
+    steps: int  # that were taken
+    tries: int  # steps, also refused ones, since the last time that was asked for
+    watches: int  # more than 0 while a component is low
+    inner: int  # length of a step that crosses no surface, while one is looked for
+    outer: int  # and of one that does, infinity if none is looked for
+    weight: int  # of the last guess where it is crossed, see `event_location.CUT`
+    rounds: int  # how many lengths have been tried
+    whole: int  # length of the next step after that to the surface
+    place: int  # number of the next time, an integer
+    trajectory: int  # number of the trajectory, an integer
+    size: int  # number of all rows
+
+
+class OfChanges(NamedTuple):
+    """The rows of a trajectory that has changes of its state."""
+
+    stop: int  # modulus of the next time of a change, infinity after the last
+    stop_which: int  # number of that change
+    stop_place: int  # the place of the time, an integer
+    at: int  # time of the last change; of changes that accumulate their limit
+    recorded: int  # crossings of surfaces where nothing changes
+    often: int  # how often in a row a change has acted again at once
+    resting: int  # number of surfaces on which the state stays
+    actions: int  # of changes since the last time that was asked for
+
+
+OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
+
+
+def firsts_of(kind, sizes):
+    """Return the first rows of the parts of `Rows` or `Work`; those without a size have one row."""
+    counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
+    return kind(*itertools.accumulate(counts, initial=0))
+
+
+class Work(NamedTuple):
+    """The rows of a line of lanes, and those that a step needs for a moment."""
+
+    line: int  # `Rows` of the trajectories
+    own: int  # their numbers, integers
+    table: int  # their tables, if each has one
+
+    start: int  # a state inside a step (D)
+    f: int  # f there (D + denominators)
+    a: int  # states of a column, and y_N after it (D)
+    b: int  # another one, or f of it (D + denominators)
+    f_last: int  # f(y_N) (D + denominators)
+    ends: int  # y_c - x at the ends of columns (columns D)
+    apart: int  # what shows false steps, of each explicit column or of all implicit ones (- D)
+    nodes: int  # states at the ends of the first three quarters of an explicit step, and f; of an
+    # implicit one they are less x, and those of the last columns follow (6 D)
+    beside: int  # f at a point of the step, the point, and changes of f beside it (6 of f)
+    new: int  # the next state (D)
+    f_new: int  # f there (D + denominators)
+    error: int  # (D)
+    jacobian: int  # entries of f', s, and a vector (D)
+    factors: int  # of 1 - s f'
+    right: int  # (D), after the factors
+    alone: int  # entries of f' of components that remember, and s, see `growing_components`
+    taken: int  # length of this step
+    signed: int  # the same with the sign of time
+    aside: int  # 1 where it is a step aside
+    accepted: int  # 1 where the step is taken, else 0
+    served: int  # 1 where a step aside has reached its time, else 0
+    t: int  # time before the step
+    at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
+    jumped: int  # 1 where f may have jumped there
+    points: int  # surfaces at the beginning of a step and at POINTS of it, and what `Hidden` needs
+    point: int  # the state at such a point (watched)
+    quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
+    moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
+    told: int  # what `Hidden` tells of them (3)
+    end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
+    aim: int  # when surfaces are crossed, see `event_location` (5)
+    between: int  # surfaces at two points, between which they are crossed or not
+    sides: int  # what `Rows.side` holds (2 surfaces)
+    seen: int  # what `watch` finds there (4 + kinks)
+    changed: int  # what functions of changes return (D)
+    before: int  # the state before a change (D)
+    f_before: int  # f there (D)
+    pair: int  # a state and f there, and what columns need beside them (4 D + 1)
+    toward: int  # `OF_SURFACE` of surfaces of changes at that state (5 surfaces)
+    ahead: int  # the same a moment later (5 surfaces)
+    fired: (
+        int  # 1 where a change acts that was crossed upward at this instant, -1 downward, else 0,
+    )
+    #             and before it how near the surface was, and its rate (3 surfaces)
+    noted: int  # number of changes at surfaces at this instant, if there are changes
+    chooses: int  # 1 where choices are made anew
+    chosen: int  # what `choices` returns (2 + surfaces of f)
+    derived: int  # numbers of the table that depend on choices
+    f_old: int  # f before a jump (D)
+    slopes: int  # of surfaces where f jumps, if there are columns
+    gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)
+    tau: int  # how much later columns reach this instant (columns of a `Variational`)
+    scratch: int  # rows that functions need
+    size: int

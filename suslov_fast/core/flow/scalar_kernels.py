@@ -1,0 +1,33 @@
+"""Rules: lists of operations on the numbers of one lane, which decide on a step.
+
+Each stands in the file of its subject: `tolerance`, `second_trial` and `step_length` have those of every
+step.
+"""
+
+import inspect
+from typing import NamedTuple
+
+from ..expressions.kahan_step import Values
+from ..expressions.values import operand_of
+
+TINY = 2.0**-1000  # in place of 0
+AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
+NEARLY = 2.0**-45  # part of the time, before which what happens does so at this time
+
+
+class Rule(NamedTuple):
+    """A list of operations with names for its inputs, which are its first values, and results."""
+
+    inputs: list
+    operations: list
+    results: dict
+
+
+def rule(function, *others):
+    """Return the rule that a function of `Number` describes, with others of its inputs."""
+    parameters = inspect.signature(function).parameters.values()
+    inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
+    values = Values(len(inputs), ())
+    found = function(**{name: values.number(k) for k, name in enumerate(inputs)})
+    results = {name: operand_of(a) for name, a in found.items()}
+    return Rule(inputs, values.operations, results)

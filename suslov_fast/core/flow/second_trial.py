@@ -1,0 +1,203 @@
+"""The second trial of a step whose error may be rounding of the state.
+
+The state is rounded, and f with it, which shows where components cancel, where f is steep in time
+or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
+allowed, for states x' beside those at both ends of the step, whichever is less; in an implicit step
+A**-1 of that, see `linearly_implicit`, because fast modes forget it. There clocks are 2**-50 of their values
+later, and others differ by some 2**-49 of theirs. It takes time, and so it is for steps after one
+that was refused, or that was taken by such a trial.
+
+A component that is 0 but for rounding, because terms of its rate cancel, has nothing but that: no
+step has digits of it, and shorter ones would not help. So an error below NOISY of the largest
+component may be as large as such changes of f at the points ALONG the step, and does not shorten
+the next step. Where such an error decides on a step that is taken, each eighth has the trial.
+"""
+
+from math import inf
+
+from ..expressions.values import larger, smaller
+from ..llvm.text import Carried
+from .codegen import weighted
+from .scalar_kernels import rule
+from .step_length import AFTER_TRIAL, MOST_APART
+from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
+
+OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
+# f is looked at beside these points of a step, by these parts of `OF_SEED`. There are many, because
+# at one of them noise may be the same by chance. ENDS is 1 at the ends of the step, which come
+# first, and FIRST at the first part: steps whose error cannot be noise look there alone.
+BESIDES, ALONG = (4.0, -4.0, 3.0, -3.0, 2.0, -2.0, 1.0, -1.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
+ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
+FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)
+# What a change of f beside the ends allows, and one beside all points: the weights of columns make
+# noise of f larger, those of implicit columns sixteen times as much.
+GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
+SHORTENS = 0.05  # a ratio above it makes the next step shorter
+TINY_STEP = 2.0**-40  # part of the time
+
+
+@rule
+def IS_NOISY(ratio, large, steps, longer):
+    """1 where rounding may decide on a step: looked for at each eighth one, and after one such."""
+    eighth = steps * 0.125
+    is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
+    return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
+
+
+@rule
+def TOP(x, largest, counts, top):
+    """The largest modulus of all components but clocks before a step."""
+    return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
+
+
+@rule
+def ON_LINE(x, new, u):
+    """A state on the straight line along the step."""
+    return {"point": x + u * (new - x)}
+
+
+@rule
+def BESIDE(t, state, x, new, f, counts, seeds, part, is_end):
+    """A component beside its value, within some units in its last place; a clock is later.
+
+    Between the ends they are those of the larger end: a component may begin at 0.
+    """
+    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
+    size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
+    return {"beside": (counts > 0.0).select(state + OF_SEED * part * seeds * size, later)}
+
+
+@rule
+def MOST(change, most):
+    """The largest change of f at states beside one, where f has a value."""
+    return {"most": larger(abs(change), most)}
+
+
+@rule
+def BESIDE_POINTS(most, least, largest, second, is_end):
+    """The least of these numbers at both ends of a step, and the two largest at all its points."""
+    return {
+        "least": (is_end > 0.0).select(smaller(most, least), least),
+        "largest": larger(most, largest),
+        "second": larger(smaller(most, largest), second),
+    }
+
+
+@rule
+def SECOND(
+    t, taken, error, apart, inverse, least, largest, second, top, grows,
+    ratio, of_apart, of_length,
+):  # fmt: skip
+    """The largest ratios of a second trial, and the inverse of what it allows.
+
+    Where rounding is what is allowed, shorter steps have no less of it beside their length, so that
+    the next length depends on other components alone.
+
+    `least` is the change of f beside that end of the step where it is less: f may be steep at one.
+    In a step that is not much longer than what time is rounded to the largest one counts, because
+    its sub-steps see little but rounding, which `grows` in the sum of columns. An error that is
+    rounding beside the largest component may be the change at other points, too: but at the one
+    where it is largest.
+    """
+    is_short = taken <= TINY_STEP * t
+    at_ends = grows * (taken * is_short.select(largest, least))
+    of_rounding = larger(smaller(OF_NOISE * (taken * second), NOISY * top), at_ends)
+    own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
+    found = abs(error) * own
+    counts = ((own < inverse) & (found <= 1.0)).select(0.0, found)
+    return {
+        "ratio": larger(found, ratio),
+        "of_length": larger(counts, of_length),
+        "of_apart": larger(is_short.select(0.0, abs(apart) * own), of_apart),
+        "inverse": own,
+    }
+
+
+def try_again(lines, own, of_error, sums):
+    """Return ratios, those of a second trial where there is one, and 1 there."""
+    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    again = text.value(AFTER_TRIAL) >= line.longer[0]
+    refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)
+    is_finite = sums["total"] < inf
+    refused = tried = refused & is_finite & again
+    if not half.has_atol:
+        is_noisy = lines.apply(IS_NOISY, **sums)["is_noisy"]
+        tried = refused | (is_noisy > 0.0) & is_finite
+    names = ["ratio", "of_length", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
+
+    def trial():
+        if half.is_implicit:
+            text.copy(work.right, work.b, lines.D)
+        top = Carried(top=0.0)
+        for i in text.each(lines.D, top):
+            top.top = lines.apply(TOP, i, top=top.top)["top"]
+        others = Carried(large=0.0)
+        for i in text.each(lines.D, others):
+            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
+            inputs |= {"inverse": work.error[i], "noisy": NOISY * top.top}
+            others.large = lines.apply(LARGE, i, large=others.large, **inputs)["large"]
+        least, largest, second = _changes_beside(lines, tried & (others.large < sums["ratio"]))
+        found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
+        for i in text.each(lines.D, found):
+            apart = work.b[i] if half.is_implicit else apart_in(lines, own, i)
+            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i)), "apart": apart}
+            inputs |= {"inverse": work.error[i], "least": least[i], "largest": largest[i]}
+            inputs |= {"second": second[i], "top": top.top}
+            inputs |= {"t": line.t[0], "taken": work.taken[0]}
+            inputs["grows"] = GROWS[half.is_implicit]
+            now = lines.apply(SECOND, i, **inputs, **vars(found))
+            work.error.choose(tried, i, now.pop("inverse"))
+            found.update(now)
+        # Rounding, if it decides, does not make equations stiff: rates are 0.
+        counts = refused | tried & (found.of_length < sums["ratio"])
+        others = found.ratio, found.of_length, found.of_apart, text.value(1.0), text.value(0.0)
+        pairs = zip(names, others, strict=False)
+        return [counts.select(value, sums[name]) for name, value in pairs]
+
+    found = text.otherwise(~tried.any(), [sums[name] for name in names], trial)
+    return dict(zip(names, found, strict=True))
+
+
+def _changes_beside(lines, is_noise):
+    """Return arrays of changes of f beside points of the step, see `BESIDE_POINTS`.
+
+    Lanes whose error may be noise look at all points and states beside them, others at one state
+    beside each end.
+    """
+    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    change = work.right if half.is_implicit else work.f
+    parts, firsts = map(text.constants, (BESIDES, FIRST))
+    along, ends = map(text.constants, (ALONG, ENDS))
+    base, state, most, *found = (work.beside.after(k * lines.extended) for k in range(6))
+    least, largest, second = found
+    for i in text.each(lines.D):
+        least[i], largest[i], second[i] = inf, 0.0, 0.0
+    points = is_noise.any().select(text.value(len(ALONG)), text.value(2))
+    samples = is_noise.any().select(text.value(len(BESIDES)), text.value(1))
+    for point in text.each(points):
+        for i in text.each(lines.D):
+            on_line = lines.apply(ON_LINE, i, x=line.x[i], u=along[point])
+            state.put_chosen(i, on_line["point"])
+            most[i] = 0.0
+        lines.call("f", state, lines.table, base)
+        for k in text.each(samples):
+            counts = is_noise | (ends[point] * firsts[k] > 0.0)
+            for i in text.each(lines.D):
+                of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
+                of_line |= {"part": parts[k], "is_end": ends[point]}
+                work.start.put_chosen(i, lines.apply(BESIDE, i, **of_line)["beside"])
+            lines.call("f", work.start, lines.table, work.f)
+            for i in text.each(lines.D):
+                change.put_chosen(i, work.f[i] - base[i])
+            if half.is_implicit:
+                lines.call("solve", work.factors, lines.table, change)
+            for i in text.each(lines.D):
+                of_lane = {"change": counts.select(change[i], 0.0), "most": most[i]}
+                most.put_chosen(i, text.apply(MOST, **of_lane)["most"])
+        for i in text.each(lines.D):
+            of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
+            of_point |= {"second": second[i], "is_end": ends[point]}
+            now = text.apply(BESIDE_POINTS, **of_point)
+            for array, name in zip(found, ("least", "largest", "second"), strict=True):
+                array.put_chosen(i, now[name])
+    return found

@@ -1,0 +1,270 @@
+"""The length of the next step, and which half takes it.
+
+The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
+the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
+step after that is not longer.
+
+All columns may agree on a false end, because f changes between their sub-steps within a layer that
+is thinner than they are. Each half has sums over its columns that vanish on true steps, to the
+order of the method, and stay on false ones (`weights`): a step is refused where these exceed
+MOST_APART times what is allowed.
+
+A time that was asked for, and that the next step would pass alone, is reached first by a step aside
+from the same state: it is tested as every step, and its end is saved, but the trajectory stays. In
+the implicit half each time is. Where an explicit step passes several, they lie on a polynomial.
+
+The explicit half is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The difference
+quotient of f between the next state and the end of the last column shows the largest |mu| for
+nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit, and false steps
+count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves this
+half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
+"""
+
+from math import inf, sqrt
+
+from ..expressions.elementary import from_bits
+from ..expressions.values import larger, smaller
+from .memory import State
+from .scalar_kernels import TINY, rule
+
+# Factors; AFTER_TRIAL is less than LONGER, so that it tells, and OF_NAN has many digits: steps that
+# met a time without a value of f should not meet it again.
+SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
+AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
+# Less 7/64 of the bits of a number they are those of its root, the error in both directions.
+_ROOT = from_bits(round((1023 * 71 / 64 - 0.05) * 2**52))
+REFUSED = 0.9  # a refused step becomes shorter at least by this factor
+REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
+SHORTEST = 2.0**-44  # of a step: part of the time
+# Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
+# step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
+MOST_APART, OF_APART = 50.0, 0.5
+# See `stormer`: when a lane is rough, what a step takes away, the most, and a large error.
+ROUGH, CALMER, MOST_ROUGH, FAR = 2.0, 0.25, 3.0, 100.0
+FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
+MOST_STEPS = 250_000  # between two times that are asked for
+# Steps that look stiff before a lane becomes implicit, those in between that make it forget them;
+# implicit steps that are a trial, those that explicit ones would do as well, and the most patience.
+PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
+# Steps that look stiff, for one that is false, and for one that is taken with a sum above BOUNCES:
+# it may bounce between both sides of a layer, where f looks flat.
+OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
+
+
+def first_part(rtol):
+    """Return the part by which |x| changes in the first step."""
+    return min(FIRST_PART * _root8(rtol), 1.0)
+
+
+def limit_of(rtol):
+    """Return the h |mu| above which a step looks stiff."""
+    return min(max(17.0 * _root8(rtol), 1.4), 4.8)
+
+
+def _root8(a):
+    return sqrt(sqrt(sqrt(a)))
+
+
+@rule
+def BEGIN_COMPONENT(x, f, counts, size, rate, total):
+    size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
+    return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
+
+
+def first_length(size, rate, part, last):
+    """Return the length in which |x| changes by a part of itself, or for a part of it from 0."""
+    guess = larger(size / rate, FIRST_OF_TIME * last)
+    return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
+
+
+@rule
+def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
+    """The first step; other rows are 0, as they were made."""
+    wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
+    has_value = total < inf
+    return {
+        "wanted": smaller(smaller(wanted, last), longest),
+        "longer": AT_FIRST,
+        "next": first_next,
+        "second": second_next,
+        "state": has_value.select(first_state, float(State.NO_VALUE)),
+        "patience": PATIENCE,
+        "outer": inf,
+    }
+
+
+@rule
+def NEAR(outer):
+    """Near a surface a step may end just before the last time, and be short."""
+    is_near = outer < inf
+    return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
+
+
+@rule
+def GOAL(last, stop):
+    """The time beyond which no step goes."""
+    return {"last": smaller(last, stop)}
+
+
+@rule
+def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
+    """Of this step, 0 in lanes that do not take it, and whether it is a step aside.
+
+    It is where it would pass the time `next` and not that of `second`.
+    """
+    rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
+    is_within = wanted < reach * rest
+
+    def not_past(length):
+        return (length > to_second).select(length, smaller(length, to_next))
+
+    taken = is_within.select(not_past(wanted), not_past(rest))
+    is_aside = taken < is_within.select(wanted, rest)
+    taken = state.equals(mode).select(taken, 0.0)
+    signed = taken.then("copysign", sign)
+    return {"taken": taken, "signed": signed, "aside": is_aside.select(1.0, 0.0)}
+
+
+def _root(ratio):
+    """Return ratio**(-7/64), within 3.4 percent: bits of a number are nearly its logarithm."""
+    eighth, back = (ratio.then("bits_lshr", from_bits(k)) for k in (3, 6))
+    return ratio._of("bits_sub", _ROOT, eighth.then("bits_sub", back))
+
+
+def _is_false(ratio, apart):
+    """Return whether all columns agree on a false end."""
+    return (apart > MOST_APART) & (ratio <= 1.0)
+
+
+@rule
+def AFTER(
+    t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
+    of_length, reach, last, longest,
+):  # fmt: skip
+    """Return whether a step is taken, or has reached its time aside, and the next length."""
+    is_finite = total < inf
+    is_active = taken > 0.0
+    sees = is_finite & (kept > 0.0)  # the estimate means something
+    accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
+    # All that follows waits for the factor: what can be known without it is known before.
+    of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
+    most = accepted.select(longer, of_refused)
+    factor = sees.select(larger(smaller(SAFETY * _root(of_length), most), SHORTER), OF_NAN)
+    served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
+    changes = is_active & ~served
+    reaches = (wanted < reach * (last - t)).select(t + taken, last)
+    after = moved.select(reaches, t)
+    longer_now = (on_trial > 0.0).select(AFTER_TRIAL, LONGER)
+    after_this = accepted.select(longer_now, AFTER_REFUSED)
+    return {
+        "accepted": moved.select(1.0, 0.0),
+        "served": served.select(1.0, 0.0),
+        "t": after,
+        "wanted": changes.select(smaller(factor * taken, longest), wanted),
+        "longer": changes.select(after_this, longer),
+        "state": (is_active & (after >= last)).select(float(State.DONE), state),
+        "steps": steps + moved.select(1.0, 0.0),
+        "tries": tries + is_active.select(1.0, 0.0),
+    }
+
+
+@rule
+def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
+    """After `AFTER`, where a step ends at a time of a change, which shortens no step after it."""
+    is_there = (accepted > 0.0) & (t >= stop)
+    return {
+        "wanted": is_there.select(larger(wanted, before), wanted),
+        "state": (t < last).select(state_before, state),
+    }
+
+
+@rule
+def REFUSALS(rough, ratio, taken, accepted, served):
+    """The roughness of the way of a lane: refusals, less a part of the steps since then.
+
+    One with a small error, as on the way into a narrow bend, does not count by itself.
+    """
+    is_refused = (taken > 0.0) & (accepted + served <= 0.0)
+    counts = is_refused & ((ratio > FAR) | (rough >= 1.0))
+    calmer = (accepted > 0.0).select(larger(rough - CALMER, 0.0), rough)
+    return {"rough": counts.select(smaller(rough + 1.0, MOST_ROUGH), calmer)}
+
+
+def _ends(t, taken, wanted, state, tries, shortest, most):
+    """Return the state of lanes whose steps become too short, and which have taken too many."""
+    runs = (taken > 0.0) & (state < State.DONE)
+    is_short = runs & (wanted < larger(shortest * t, TINY))
+    state = is_short.select(float(State.ENDED), state)
+    return runs, state, runs & (tries > most) & (state < State.DONE)
+
+
+def _is_stiff(rates, states, limit):
+    return (rates > limit * limit * states) & (states > 0.0)
+
+
+@rule
+def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
+    """Return whether `TURN_EXPLICIT` changes anything."""
+    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
+    is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
+    return {"looks": (taken > 0.0) & (is_stiff | is_over)}
+
+
+@rule
+def TURN_EXPLICIT(
+    t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
+    ratio, apart, shortest, limit, switches, most,
+):  # fmt: skip
+    """Return whether the motion ends, or a lane becomes implicit, after `AFTER`."""
+    _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
+    is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
+    more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
+    easy_now = (more > 0.0).select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
+    stiff_now = (more > 0.0).select(stiff + more, (easy_now < FORGET).select(stiff, 0.0))
+    easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
+    is_false = (taken > 0.0) & _is_false(ratio, apart)
+    stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
+    turns = (stiff >= patience) & (switches > 0.0) & (state < State.IMPLICIT)
+    return {
+        "longer": turns.select(AT_FIRST, longer),
+        "state": turns.select(float(State.IMPLICIT), stops.select(float(State.TOO_MANY), state)),
+        "stiff": turns.select(0.0, stiff),
+        "easy": turns.select(0.0, easy),
+        "trial": turns.select(TRIAL, trial),
+    }
+
+
+@rule
+def TURN_IMPLICIT(
+    t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
+    switches, most,
+):  # fmt: skip
+    """Return whether the motion ends, or an implicit lane becomes explicit, after `AFTER`."""
+    runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
+    accepted = accepted > 0.0
+    left = larger(trial - 1.0, 0.0)
+    is_trial = left > 0.0
+    product = rate * wanted
+    is_easy = (product < 2.0 * limit) & (product < is_trial.select(0.6 * limit, inf))
+    easy_now = is_easy.select(easy + 1.0, 0.0)
+    patient = (is_easy | is_trial).select(patience, PATIENCE)
+    easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
+    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < State.DONE)
+    after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
+    explicit = smaller(wanted, limit / larger(rate, TINY))
+    return {
+        "wanted": turns.select(explicit, wanted),
+        "state": turns.select(float(State.EXPLICIT), stops.select(float(State.TOO_MANY), state)),
+        "easy": turns.select(0.0, easy),
+        "patience": turns.select(after_trial, patience),
+        "trial": accepted.select(left, trial),
+    }
+
+
+def choose_length(lines):
+    """Choose the length of the next step in each lane."""
+    # An implicit step aside goes to each time, because a fast mode may decay within a step.
+    second = inf if lines.half.is_implicit else lines.line.second[0]
+    inputs = lines.near() | lines.goal()
+    found = lines.apply(LENGTH, mode=lines.mode, second=second, **inputs)
+    lines.keep(lines.work, found)

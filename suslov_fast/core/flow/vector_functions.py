@@ -1,0 +1,170 @@
+"""Functions of rows, of which the steps of the motion are made: f, f', elimination, products.
+
+Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
+writes rows at another. Lists of operations are straight-line code, long ones in blocks, and dense
+matrices have loops. `scratch` are the rows that it needs for itself.
+"""
+
+from collections import defaultdict
+
+import numpy as np
+
+from ..expressions.kahan_step import OF_LIBRARY, OF_LISTS
+from ..llvm.text import Carried, Shared
+
+INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
+BLOCK = 64  # operations of a block of straight-line code
+# Operations of straight-line code: 20 us each to compile, 80 with optimisation. Steps take 2 to 4
+# times as long with runs, or with loops over banded matrices.
+LONGEST = 20_000
+
+
+class OfList:
+    """A list of operations as straight-line code; its first values are rows.
+
+    Results that are None are not there: their rows stay as they are.
+    """
+
+    scratch = 0
+
+    def __init__(self, list_, inputs, places=None):
+        self.list_, self.inputs, self.places = list_, inputs, places or {}
+        self.length = len(list_.operations)
+        instructions = {instruction for instruction, *_ in list_.operations}
+        self.calls = not instructions.isdisjoint(OF_LISTS)
+        self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
+
+    def values(self, text, row, table, for_each):
+        """Return the results by their places, where row(k) is the k-th input."""
+        found = {}
+        load = self._loader(text, row, table, for_each)
+        text.carry_out(self.list_.operations, found, load)
+        results = enumerate(self.list_.results)
+        return {k: self._result(text, a, found, load) for k, a in results if a is not None}
+
+    def _loader(self, text, row, table, for_each):
+        numbers = text.array(table) if for_each else Shared(text, table)
+
+        def load(number):
+            return row(number) if number < self.inputs else numbers[self.places[number]]
+
+        return load
+
+    def _result(self, text, a, found, load):
+        if isinstance(a, float):
+            return text.value(a)
+        return found[a] if a in found else load(a)
+
+    def add(self, text, name, for_each):
+        """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
+
+        Inputs are read anew in each block, and results written where they are found.
+        """
+        operations, rows, given = self.list_.operations, defaultdict(list), []
+        own = {number for _, number, _ in operations}
+        for k, a in enumerate(self.list_.results):
+            if type(a) is int and a in own:
+                rows[a].append(k)
+            elif a is not None:  # an input, a number of the table, or a constant
+                given.append((a, k))
+        x, to, computed = text.array("%from"), text.array("%to"), {}
+        with text.function(name):
+            load = self._loader(text, lambda k: x[k], "%table", for_each)
+            for begin in range(0, len(operations), BLOCK):
+                if begin:
+                    text.next_block()
+                block = operations[begin : begin + BLOCK]
+                used = {a for *_, operands in block for a in operands}
+                found = {a: computed[a] for a in used if a in computed}
+                text.carry_out(block, found, load)
+                for _, number, _ in block:
+                    computed[number] = found[number]
+                    for k in rows[number]:
+                        to[k] = found[number]
+            copies = [(a, k) for a, k in given if type(a) is int and a < self.inputs]
+            if len(copies) > BLOCK:
+                sources, targets = map(text.constants, zip(*copies, strict=True))
+                for k in text.each(len(copies)):
+                    to[targets[k]] = x[sources[k]]
+                given = [(a, k) for a, k in given if isinstance(a, float) or a >= self.inputs]
+            for begin in range(0, len(given), BLOCK):
+                if begin:
+                    text.next_block()
+                for a, k in given[begin : begin + BLOCK]:
+                    to[k] = self._result(text, a, {}, load)
+
+
+class SparseLoops:
+    """The factors of 1 - s J, or the solution of (1 - s J) v = g, by loops: see `sparse_code`."""
+
+    def __init__(self, plan, add):
+        self.plan, self.add_function, self.scratch = plan, add, len(plan.order)
+
+    def add(self, text, name, for_each):
+        """Add the function."""
+        self.add_function(text, name, self.plan)
+
+
+class DenseQuadratic:
+    """f, or f', of a dense quadratic field: sums over all its coefficients.
+
+    f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; in the table each component has
+    c_i, l_ij for all j, and q_ijk for all j and k.
+    """
+
+    length, scratch = np.inf, 0
+
+    def __init__(self, D, is_derivative):
+        self.D, self.is_derivative = D, is_derivative
+
+    def add(self, text, name, for_each):
+        """Add the function."""
+        with text.function(name):
+            self._write(text, for_each)
+
+    def _write(self, text, for_each):
+        D, x, f = self.D, text.array("%from"), text.array("%to")
+        numbers = text.array("%table") if for_each else Shared(text, "%table")
+
+        def linear_and_sum(own, j):
+            """Return l_ij, and the sum of q_ijk x_k."""
+            q, sums = own.from_here(j * D + (1 + D)), Carried(total=0.0)
+            for k in text.each(D, sums):
+                sums.total = sums.total + q[k] * x[k]
+            return own.after(1)[j], sums.total
+
+        for i in text.each(D):
+            own = numbers.from_here(i * (1 + D + D * D))
+            if self.is_derivative:
+                for j in text.each(D):
+                    linear, total = linear_and_sum(own, j)
+                    f[i * D + j] = linear + (total + total)
+                continue
+            sums = Carried(f=own[0])
+            for j in text.each(D, sums):
+                linear, total = linear_and_sum(own, j)
+                sums.f = sums.f + (linear + total) * x[j]
+            f[i] = sums.f
+
+
+class DenseProduct:
+    """f' times a vector, for all entries of f' in rows, s, and the vector."""
+
+    scratch = 0
+
+    def __init__(self, D):
+        self.D = D
+
+    def add(self, text, name, for_each):
+        """Add the function."""
+        with text.function(name):
+            self._write(text)
+
+    def _write(self, text):
+        D, f = self.D, text.array("%to")
+        entries, vector = text.array("%from"), text.array("%from", D * D + 1)
+        for i in text.each(D):
+            sums = Carried(total=0.0)
+            for j in text.each(D, sums):
+                sums.total = sums.total + entries[i * D + j] * vector[j]
+            f[i] = sums.total

@@ -1,0 +1,49 @@
+"""The columns of an extrapolated step, and their weights.
+
+A column takes a step of length h in N equal sub-steps, and ends at y_N. The errors of the ends have
+an expansion in (h / N)**p. With weights that cancel its first terms,
+
+x_next = x + sum_c w_c (y_c - x),     w_c = prod_b N_c**p / (N_c**p - N_b**p),
+
+where b runs over the other columns (Aitken and Neville).
+
+The explicit half has p = 2; its five columns have order 10 (`gragg`). The implicit half has
+p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
+(`linearly_implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and lose as
+many digits.
+"""
+
+from math import prod
+from typing import NamedTuple
+
+IMPLICIT = 2, 3, 4, 6, 8, 12, 16
+QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
+
+EXPLICIT = 2, 4, 6, 8, 10
+
+
+class Pair(NamedTuple):
+    """Two sub-steps of a column."""
+
+    N: int  # sub-steps of the column
+    begins: bool  # the column
+    ends: bool
+
+
+def pairs_of(columns):
+    """Return the `Pair`s of all columns, one after the other."""
+    return [Pair(N, m == 0, m == N // 2 - 1) for N in columns for m in range(N // 2)]
+
+
+def weights(columns, p):
+    """Return the weights of the ends of columns, each rounded once."""
+    return [
+        n ** (p * (len(columns) - 1)) / prod(n**p - m**p for m in columns if m != n)
+        for n in columns
+    ]
+
+
+def weights_of_errors(columns, p):
+    """Return the weights of the estimate: those above less those without the first column."""
+    without = [0.0, *weights(columns[1:], p)]
+    return [w - v for w, v in zip(weights(columns, p), without, strict=True)]

@@ -1,0 +1,141 @@
+"""Machine code of elimination in a sparse matrix, for any plan (`sparse_elimination`).
+
+A single lane takes AT_ONCE rows of a span at once; the bits are the same.
+"""
+
+from types import SimpleNamespace
+
+from ..expressions.sparse_elimination import SLOT, Head
+from .text import Carried, Code, Index, Integers
+
+AT_ONCE = 4
+
+
+def _parts(text, plan, *names):
+    """Return the lengths of a `Sparse`, and the addresses of its arrays with these names."""
+    lengths = {
+        "D": plan.order,
+        "entries": plan.rows,
+        "of_lower": plan.lower,
+        "of_upper": plan.upper,
+    }
+    found = {name: Index(text, len(array)) for name, array in lengths.items()}
+    found |= {name: text.constants(getattr(plan, name)).base for name in names}
+    return SimpleNamespace(**found)
+
+
+def _between(text, begin, end):
+    """Add a loop over integers, of which there may be none."""
+    with text.when(begin < end):
+        for n in text.each(end - begin):
+            yield begin + n
+
+
+def _head(text, of, j):
+    """Return the `Head` of a column, and that of the next one."""
+    heads = Integers(text, of.heads + j * (8 * len(SLOT)))
+    return Head(*(heads[k] for k in SLOT)), Head(*(heads[k + len(SLOT)] for k in SLOT))
+
+
+def _along(text, of, begin, end, rows, numbers=0):
+    """Add loops over the rows of spans; `rows` is the address of row 0.
+
+    The body has the lanes of a text, the address of its row, and that of its number, where
+    `numbers` is the address of the first.
+    """
+    inner, size = Code(max(text.W, AT_ONCE), text), text.size
+    with text.when(begin < end):
+        for now in text.rounds(Carried(span=begin, number=numbers)):
+            first, count = (text.short(of.spans, now.span * 2 + k) for k in range(2))
+            first, rest = rows + first * size, 0
+            if text.W == 1:
+                rest = count - (count & (AT_ONCE - 1))
+                for n in _between(text, 0, rest // AT_ONCE):
+                    yield inner, first + n * inner.size, now.number + n * inner.size
+            for n in _between(text, rest, count):
+                yield text, first + n * size, now.number + n * size
+            now.span, now.number = now.span + 1, now.number + count * size
+            now.goes_on = now.span < end
+
+
+def _for_rows(text, value):
+    """Return a value by the number of lanes of a text, see `_along`."""
+    if text.W > 1:
+        return {text.W: value}
+    return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
+
+
+def add_factors(text, name, plan):
+    """Add void name(from, table, to, scratch), the factors of A = 1 - s J.
+
+    It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
+    """
+    with text.function(name):
+        of = _parts(text, plan, "heads", "rows", "numbers", "pivots", "spans")
+        entries, inverses = text.array("%from"), text.array("%to")
+        w, s, size = text.array("%scratch"), entries[of.entries], text.size
+        lower = inverses.at(of.D)
+        upper = lower + of.of_lower * size
+        for j in text.each(of.D):
+            own, after = _head(text, of, j)
+            for inner, row, _ in _along(text, of, own.spans, after.spans, w.at()):
+                inner.array(row)[0] = 0.0
+            w[j] = 0.0
+            for n in _between(text, own.entries, after.entries):
+                product = s * entries[text.short(of.numbers, n)]
+                w[text.short(of.rows, n)] = 0.0 - product
+            w[j] = 1.0 + w[j]
+            for n in _between(text, own.pivots, after.pivots):
+                pivot = text.short(of.pivots, n)
+                is_single = (pivot & 1).equals(0)
+                k = pivot >> 1
+                (column, following), factor = _head(text, of, k), _for_rows(text, w[k])
+                numbers = lower + column.of_lower * size
+                with text.when(is_single):
+                    for inner, row, number in _along(
+                        text, of, column.lower, following.spans, w.at(), numbers
+                    ):
+                        product = inner.array(number)[0] * factor[inner.W]
+                        inner.array(row)[0] = inner.array(row)[0] - product
+                with text.when(~is_single):
+                    w[k + 1] = second = w[k + 1] - text.array(numbers)[0] * factor[text.W]
+                    second, numbers = _for_rows(text, second), numbers + column.skipped * size
+                    own_numbers = lower + following.of_lower * size
+                    apart = numbers - own_numbers
+                    _, last = _head(text, of, k + 1)
+                    for inner, row, number in _along(
+                        text, of, following.lower, last.spans, w.at(), own_numbers
+                    ):
+                        product = inner.array(number + apart)[0] * factor[inner.W]
+                        other = inner.array(number)[0] * second[inner.W]
+                        inner.array(row)[0] = inner.array(row)[0] - product - other
+            inverses[j] = inverse = 1.0 / w[j]
+            inverse = _for_rows(text, inverse)
+            numbers, apart = upper + own.of_upper * size, inverses.at() - w.at()
+            for inner, row, number in _along(text, of, own.spans, own.lower, w.at(), numbers):
+                inner.array(number)[0] = inner.array(row)[0] * inner.array(row + apart)[0]
+            numbers = lower + own.of_lower * size
+            for inner, row, number in _along(text, of, own.lower, after.spans, w.at(), numbers):
+                inner.array(number)[0] = inner.array(row)[0] * inverse[inner.W]
+
+
+def add_solution(text, name, plan):
+    """Add void name(from, table, to, scratch), the solution of A v = g from factors, in place."""
+    with text.function(name):
+        of = _parts(text, plan, "order", "lower", "upper")
+        inverses, v = text.array("%from"), text.array("%to")
+        lower = inverses.from_here(of.D)
+        upper = lower.from_here(of.of_lower)
+
+        def subtract(numbers, places, n):
+            row, column = (text.short(places, n * 2 + k) for k in range(2))
+            product = numbers[n] * v[column]
+            v[row] = v[row] - product
+
+        for n in _between(text, 0, of.of_lower):
+            subtract(lower, of.lower, n)
+        for k in text.each(of.D):
+            own = text.short(of.order, k)
+            v[own] = v[own] * inverses[k]
+        for n in _between(text, 0, of.of_upper):
+            subtract(upper, of.upper, (of.of_upper - 1) - n)

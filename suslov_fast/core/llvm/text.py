@@ -1,0 +1,701 @@
+"""LLVM's intermediate representation as text: values and arrays with operators, loops, conditions.
+
+Addresses are integers, because versions of LLVM write the types of pointers differently.
+Python's operators add instructions to the text, from left to right as Python carries them out:
+
+    for i in text.each(D):
+        b[i] = x[i] + s * f[i]
+
+adds a loop with two loads, a product, a sum and a store. `Value` is W numbers, `Truth` their truth
+values, `Index` an integer; `Array`, `Shared` and `Integers` are memory that brackets read and
+write. Loops are `Code.each` and `Code.rounds`, which carry on values in a `Carried`.
+"""
+
+import itertools
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import numpy as np
+
+from ..expressions.elementary import FAR, OF_ANGLES
+from ..expressions.kahan_step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
+from ..expressions.tables import LARGEST, Table, is_table
+from .compiler import pointer
+
+WRITTEN_OUT = 4  # rounds of loops that are written out where they take much of the time
+AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, and how many have to be there
+
+
+# -------------------------------------------------------------------------------------- the names
+class _Name:
+    """A thing with a name in a text. `str()` is that name, so it may stand in any instruction."""
+
+    __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
+    __bool__ = None  # `if` is an error, because there are no values yet: write `when` or `select`
+
+    def __init__(self, text, name):
+        self.text, self.name = text, str(name)
+
+    def __str__(self):
+        return self.name
+
+    def _number(self, other):
+        """Return what stands for the other operand."""
+        return other
+
+    def _operate(self, instruction, a, b):
+        a, b = self._number(a), self._number(b)
+        return type(self)(self.text, self.text.new(f"{instruction} {self.kind} {a}, {b}"))
+
+
+def _add_operators(cls, **instructions):
+    for name, how in instructions.items():
+        setattr(cls, f"__{name}__", lambda self, other, how=how: self._operate(how, self, other))
+        setattr(cls, f"__r{name}__", lambda self, other, how=how: self._operate(how, other, self))
+
+
+class Truth(_Name):
+    """Truth values of all lanes, or a single one, with `&`, `|`, `^` and `~`."""
+
+    def __init__(self, text, name, kind=None):
+        super().__init__(text, name)
+        self.kind = kind or text.M
+
+    def _operate(self, instruction, a, b):
+        name = self.text.new(f"{instruction} {self.kind} {a}, {b}")
+        return Truth(self.text, name, self.kind)
+
+    def __invert__(self):
+        """Return what is true where this is false."""
+        return self ^ ("true" if self.kind == "i1" else self.text.truth(True))
+
+    def select(self, a, b):
+        """Return `a` where this is true, else `b`: numbers of lanes, or integers."""
+        value = b if isinstance(b, _Name) else self.text.value(a)
+        a, b = value._number(a), value._number(b)
+        name = f"select {self.kind} {self}, {value.kind} {a}, {value.kind} {b}"
+        return type(value)(value.text, value.text.new(name))
+
+    def _packed(self):
+        """Return an integer with a bit for each lane, and its type."""
+        if self.kind == "i1":
+            return self, self.kind
+        kind = f"i{self.text.W}"
+        return self.text.new(f"bitcast {self.kind} {self} to {kind}"), kind
+
+    def bits(self):
+        """Return the truth values of all lanes as the bits of an integer."""
+        bits, kind = self._packed()
+        return Index(self.text, self.text.new(f"zext {kind} {bits} to i64"))
+
+    def any(self):
+        """Return whether some lane is true."""
+        return self._compared("ne", 0)
+
+    def all(self):
+        """Return whether all lanes are true."""
+        return self._compared("eq", -1)
+
+    def _compared(self, how, number):
+        if self.kind == "i1":
+            return self
+        bits, kind = self._packed()
+        return Truth(self.text, self.text.new(f"icmp {how} {kind} {bits}, {number}"), "i1")
+
+
+class _Comparable(_Name):
+    """A name that `equals` and `differs` compare, because `==` finds the keys of dicts."""
+
+    def _compare(self, how, other):
+        comparison = f"{self.comparison} {how} {self.kind} {self}, {self._number(other)}"
+        return Truth(self.text, self.text.new(comparison), self.of_comparison)
+
+    def equals(self, other):
+        return self._compare(self.equal, other)
+
+    def differs(self, other):
+        return self._compare(self.different, other)
+
+
+class Value(_Comparable):
+    """W numbers, with `+`, `-`, `*`, `/`, `abs` and comparisons; floats stand for W equal ones."""
+
+    comparison, equal, different = "fcmp", "oeq", "une"
+
+    @property
+    def kind(self):
+        return self.text.V
+
+    @property
+    def of_comparison(self):
+        return self.text.M
+
+    def _number(self, other):
+        return self.text.constant(other) if isinstance(other, float) else other
+
+    def __abs__(self):
+        return Value(self.text, self.text._call("fabs", self))
+
+    def sqrt(self):
+        return Value(self.text, self.text._call("sqrt", self))
+
+    def floor(self):
+        return Value(self.text, self.text._call("floor", self))
+
+
+class Index(_Comparable):
+    """An integer, or an address, with operators; `<` and the like, and `//`, are without a sign."""
+
+    comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
+
+    def _operate(self, instruction, a, b):
+        if instruction == "add" and isinstance(b, int) and b == 0:
+            return a
+        return super()._operate(instruction, a, b)
+
+    def is_at_most(self, number):
+        """Return whether this integer, with its sign, is at most a number."""
+        return self._compare("sle", number)
+
+
+_add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
+_add_operators(Value, add="fadd", sub="fsub", mul="fmul", truediv="fdiv")
+_add_operators(Index, add="add", sub="sub", mul="mul", floordiv="udiv", lshift="shl", rshift="lshr",
+               **{"and": "and", "or": "or", "xor": "xor"})  # fmt: skip
+for _cls, _marks in ((Value, "o"), (Index, "u")):
+    for _name in ("lt", "le", "gt", "ge"):
+        setattr(
+            _cls, f"__{_name}__", lambda self, other, how=_marks + _name: self._compare(how, other)
+        )
+
+
+# ------------------------------------------------------------------------------------- the memory
+class Array:
+    """Rows of W numbers from an address on; `a[i]` reads row i, and `a[i] = value` writes it."""
+
+    def __init__(self, text, base, first=0):
+        self.text, self.base, self.first = text, base, first
+
+    def at(self, i=0):
+        """Return the address of a row."""
+        return Index(self.text, self._place(i))
+
+    def _place(self, i):
+        return self.text.place(self.base, self.first, i)
+
+    def after(self, k):
+        """Return the rows from row k on."""
+        return type(self)(self.text, self.base, self.first + k)
+
+    def from_here(self, i=0):
+        """Return the rows from row i on; the address of that is computed here, once."""
+        return type(self)(self.text, self.at(i))
+
+    def __getitem__(self, i):
+        return Value(self.text, self.text.load(self.text.V, self._place(i)))
+
+    def __setitem__(self, i, value):
+        self.text.store(self.text.V, self.text.value(value), self._place(i))
+
+    def put_chosen(self, i, value):
+        """Write a row that is a choice between this one and others, see `Code.store_chosen`."""
+        self.text.store_chosen(self.text.value(value), self._place(i))
+
+    def choose(self, truth, i, value):
+        """Write a row in the lanes where `truth` holds."""
+        self.put_chosen(i, truth.select(value, self[i]))
+
+
+class Shared(Array):
+    """Numbers of 8 bytes from an address on, each of which all lanes share."""
+
+    def _place(self, i):
+        return Index(self.text, self.base) + 8 * self.first + i * 8
+
+    def __getitem__(self, i):
+        return self.text.splat(self.text.load("double", self._place(i)))
+
+
+class Integers(Shared):
+    """Integers of 8 bytes from an address on."""
+
+    def __getitem__(self, i):
+        return Index(self.text, self.text.load("i64", self._place(i)))
+
+    def __setitem__(self, i, value):
+        self.text.store("i64", value, self._place(i))
+
+
+class Intervals:
+    """The rows of a `Table` as a part of a text, `bytes` apart; their number is a power of 2."""
+
+    def __init__(self, text, table, name=None):
+        count = table.rows.shape[1]
+        self.half = max(2 ** (count - 1).bit_length() // 2, 1)
+        self.text, self.bytes = text, 16 * self.half
+        numbers = np.full((Table.ROWS, 2 * self.half), np.inf)
+        numbers[:, :count] = table.rows
+        self.base = text.constants(numbers, name).base
+
+    def holding(self, x, less=0.0):
+        """Return the address of the interval that holds x + less, by bisection."""
+        for now in self.text.rounds(Carried(at=self.base, half=self.half)):
+            above = now.at + now.half * 8
+            is_above = x >= Shared(x.text, above)[0] - less
+            now.half = now.half >> 1
+            now.at = is_above.select(above, now.at)
+            now.goes_on = now.half.differs(0)
+        return now.at
+
+
+class Carried:
+    """Values that a loop carries on, by name: its body puts the next ones in place.
+
+    Floats are W equal numbers, and integers an `Index`. After the loop these are the last ones.
+    """
+
+    def __init__(self, **values):
+        vars(self).update(values)
+
+    def update(self, values):
+        """Put values by name in place of those before."""
+        vars(self).update(values)
+
+
+class Code:
+    """The text of functions for lines of W lanes; instructions go to `target`, if there is one.
+
+    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers; `size`
+    are the bytes from row to row.
+    """
+
+    def __init__(self, W, target=None, size=None):
+        self.W, self.target, self.size = W, target or self, size or 8 * W
+        self.lines, self.count, self.blocks = [], 0, 0
+        self.declared, self.functions, self.arrays_of_text = set(), {}, []
+        self.V = f"<{W} x double>" if W > 1 else "double"
+        self.M = f"<{W} x i1>" if W > 1 else "i1"
+        self.I = f"<{W} x i64>" if W > 1 else "i64"
+        self.suffix = f"v{W}f64" if W > 1 else "f64"
+
+    def finished(self):
+        """Return the text with the end of the function and all that it refers to."""
+        return "\n".join([
+            *self.arrays_of_text, *self.lines, "}", *sorted(self.declared),
+            *itertools.chain(*self.functions.values()),
+            # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
+            # stack, registers saved there may lie across cache lines, in one process or another.
+            'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
+            '!0 = !{!"branch_weights", i32 1000000, i32 1}',
+            '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
+        ])  # fmt: skip
+
+    def add(self, line):
+        self.target.lines.append(line)
+
+    def new(self, instruction):
+        """Add an instruction; return the name of its value."""
+        self.target.count += 1
+        self.target.lines.append(f"  %v{self.target.count} = {instruction}")
+        return f"%v{self.target.count}"
+
+    def jump(self, label):
+        self.add(f"  br label %{label}")
+
+    def branch(self, truth, label, other, likely=None):
+        """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
+        weights = {None: "", True: ", !prof !0", False: ", !prof !2"}[likely]
+        self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
+
+    def load(self, kind, address, align=8):
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
+
+    def store(self, kind, value, address, how="", align=8):
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}")
+
+    def store_chosen(self, value, address):
+        """Store W numbers that are a choice between those at the address and others.
+
+        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
+        """
+        self.store(self.V, value, address, how="volatile ")
+
+    def _name(self, kind):
+        self.target.blocks += 1
+        return f"{kind}{self.target.blocks}"
+
+    def label(self, name):
+        self.target.lines.append(f"{name}:")
+        self.block = self.target.block = name
+
+    def begin(self, name, *arguments):
+        """Begin the function i64 name(arguments), of integers."""
+        arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
+        self.add(f"define i64 @{name}({arguments}) #0 {{")
+        self.label("entry")
+
+    @contextmanager
+    def function(self, name, arguments=("from", "table", "to", "scratch")):
+        """Add void name(arguments), of integers, whose body is the block of `with`."""
+        arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
+        self.add(f"define internal void @{name}({arguments}) #0 {{")
+        self.label("entry")
+        yield
+        self.add("  ret void")
+        self.add("}")
+
+    def leave(self, result):
+        """Return from the function; the code that follows, up to the next block, is not reached."""
+        self.add(f"  ret {result}")
+        self.label(self._name("left"))
+
+    def next_block(self):
+        """End the block of straight-line code, and begin another."""
+        name = self._name("next")
+        self.jump(name)
+        self.label(name)
+
+    def constants(self, values, name=None):
+        """Return an array of integers or of numbers, which is part of the text."""
+        values, name = np.asarray(values), name or f"array{len(self.target.arrays_of_text)}"
+        if values.dtype == float:
+            rows, kind, mark, bits = Shared, "double", ", align 64", values.ravel().view(np.uint64)
+            values = [f"0x{number:016X}" for number in bits.tolist()]
+        else:
+            rows, kind, mark = Integers, f"i{8 * values.itemsize}", ""
+            values = values.ravel().tolist()
+        whole, values = f"[{len(values)} x {kind}]", ", ".join(f"{kind} {a}" for a in values)
+        self.target.arrays_of_text.append(f"@{name} = private constant {whole} [{values}]{mark}")
+        return rows(self, Index(self, self.new(f"ptrtoint {pointer(whole)} @{name} to i64")))
+
+    def table(self, table):
+        """Return the name of the function of a number that is a `Table`; the text defines it."""
+        name = "_".join(table.split())
+        if name not in self.target.functions:
+            text = Code(1)
+            text.add(f"define internal double @{name}(double %x) #0 {{")
+            text.label("entry")
+            x, intervals = Value(text, "%x"), Intervals(text, table, f"{name}_rows")
+            x = (x > LARGEST).select(LARGEST, (x < -LARGEST).select(-LARGEST, x))
+            at = intervals.holding(x)
+            rows = (Shared(text, at + k * intervals.bytes)[0] for k in range(Table.ROWS))
+            low, _, height, slope = rows
+            text.add(f"  ret double {slope * (x - low) + height}")
+            self.target.functions |= {name: [*text.lines, "}"]}
+            self.target.arrays_of_text += text.arrays_of_text
+        return name
+
+    def prefetch(self, address):
+        """Let the cache load what stands at an address, if it exists: it is written soon."""
+        kind = pointer("i8")
+        name = f"@llvm.prefetch.p0{'' if kind == 'ptr' else 'i8'}"
+        self.target.declared.add(f"declare void {name}({kind}, i32, i32, i32)")
+        place = self.new(f"inttoptr i64 {address} to {kind}")
+        self.add(f"  call void {name}({kind} {place}, i32 1, i32 3, i32 1)")
+
+    def copy(self, source, target, count):
+        """Add a loop that copies rows between arrays, or addresses."""
+        both = source, target
+        source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
+        for k in self.each(count):
+            target[k] = source[k]
+
+    def fill(self, rows, count, of, *inputs):
+        """Add loops that write of(a, b, ...) to so many rows, where a, b, ... are rows of inputs.
+
+        A `Value` among these is the same for all rows. One lane takes AT_ONCE rows at once, because
+        rounds of loops take most of the time of code without optimisation; but not if there are
+        few rows, because processors wait where they have just been written one by one.
+        """
+
+        def put(text, inputs, i):
+            values = (text.array(a.base, a.first)[i] if isinstance(a, Array) else a for a in inputs)
+            text.array(rows.base, rows.first)[i] = of(*values)
+
+        first = 0
+        if self.W == 1 and count >= MANY:
+            wide, first = self.lanes(AT_ONCE), count - count % AT_ONCE
+            own = [a if isinstance(a, Array) else wide.splat(a) for a in inputs]
+            for k in self.each(first // AT_ONCE):
+                put(wide, own, k * AT_ONCE)
+        for k in self.each(count - first):
+            put(self, inputs, k + first)
+
+    def copy_numbers(self, source, step, target, other, count):
+        """Add a loop that copies so many numbers, which stand so many bytes apart."""
+        for k in self.each(count):
+            number = self.load("i64", source + k * step)
+            self.store("i64", number, target + k * other)
+
+    def invoke(self, name, *addresses):
+        """Call a function of this text that returns nothing, with arrays and integers."""
+        addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
+        self.add(f"  call void @{name}({', '.join(f'i64 {a}' for a in addresses)})")
+
+    def call(self, result, address, *integers):
+        """Call the function at an address with integers; return its result, of this type."""
+        kind = f"{result} ({', '.join(['i64'] * len(integers))})"
+        function = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        call = f"call {result} {function}({', '.join(f'i64 {a}' for a in integers)})"
+        return self.add(f"  {call}") if result == "void" else self.new(call)
+
+    @contextmanager
+    def when(self, truth, likely=None):
+        """Add a block that is carried out if a truth value is true."""
+        name = self._name("when")
+        self.branch(truth, name, f"{name}_after", likely)
+        self.label(name)
+        yield
+        self.jump(f"{name}_after")
+        self.label(f"{name}_after")
+
+    def otherwise(self, truth, values, body, likely=True):
+        """Return these values if a truth value is true, else what `body()` returns."""
+        name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
+        self.branch(truth, f"{name}_after", name, likely)
+        self.label(name)
+        others, end = body(), self.target.block
+        self.jump(f"{name}_after")
+        self.label(f"{name}_after")
+        found = []
+        for value, other in zip(values, others, strict=True):
+            phi = self.new(f"phi {value.kind} [ {value}, %{before} ], [ {other}, %{end} ]")
+            found.append(type(value)(self, phi))
+        return found
+
+    # --------------------------------------------------------------------------------------- loops
+    def rounds(self, carried, *others):
+        """Add a loop, whose body is that of `for`; it goes on while `carried.goes_on` is true.
+
+        The body is carried out once by Python, to write its instructions, and must not leave the
+        `for`. It replaces what is in `carried` and in others, and sets `carried.goes_on`.
+        """
+        name, before = self._name("cycle"), self.target.block
+        self.jump(name)
+        self.label(name)
+        place, phis = len(self.target.lines), []
+        for each in (carried, *others):
+            for key, value in vars(each).items():
+                value = self.value(value)
+                phis.append((each, key, value))
+                setattr(each, key, type(value)(value.text, f"%{name}.{key}"))
+        yield carried
+        goes_on = vars(carried).pop("goes_on")
+        # The next values have names only now.
+        self.target.lines[place:place] = [
+            f"  %{name}.{key} = phi {first.kind} "
+            f"[ {first}, %{before} ], [ {first._number(getattr(each, key))}, %{name}_end ]"
+            for each, key, first in phis
+        ]
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.branch(goes_on, name, f"{name}_after")
+        self.label(f"{name}_after")
+
+    def each(self, count, carried=None, most=1):
+        """Add a loop over indices, whose body is that of `for`, see `rounds`.
+
+        A `count` in Python that is at most `most` gives no loop: the body is written so many times.
+        Others must be 1 or more.
+        """
+        carried = carried or Carried()
+        if isinstance(count, int) and count <= most:
+            carried.update({key: self.value(value) for key, value in vars(carried).items()})
+            yield from range(count)
+            return
+        for at in self.rounds(Carried(index=0), carried):
+            yield at.index
+            at.index = at.index + 1
+            at.goes_on = at.index < count
+
+    def listed(self, indices):
+        """Return a function that adds a loop over indices, whose body is that of `for`.
+
+        If it has to read them they stand in an array, whose address is found here.
+        """
+        first, count = min(indices, default=0), len(indices)
+        if [*indices] == [*range(first, first + count)]:
+            return lambda carried=None: (k + first for k in self.each(count, carried))
+        array = indices if count < 2 else self.constants(indices)
+        return lambda carried=None: (array[k] for k in self.each(count, carried))
+
+    # ------------------------------------------------------------------------------ names, memory
+    def value(self, value):
+        """Return a name with operators: that of W equal numbers, or of an integer."""
+        if isinstance(value, float):
+            return Value(self, self.constant(value))
+        if isinstance(value, int):
+            return Index(self, value)
+        return value
+
+    def lanes(self, W):
+        """Return the same text for W of its lanes, whose rows stay as far apart."""
+        return Code(W, self.target, self.size)
+
+    def array(self, base, first=0):
+        """Return the `Array` from a row on."""
+        return Array(self, base, first)
+
+    def arrays(self, base, rows):
+        """Return an array for each name of a tuple of first rows, after an address."""
+        firsts = rows._asdict().items()
+        return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
+
+    def place(self, base, first, i=0):
+        """Return the address of row first + i from an address on."""
+        base = Index(self, base)
+        if isinstance(i, int):
+            return base + self.size * (first + i)
+        # One counter for all rows of a loop: of sums that it can take apart LLVM makes many.
+        row = Index(self, self.new(f"freeze i64 {base + i * self.size}"))
+        return row + self.size * first
+
+    def short(self, address, k):
+        """Return the k-th integer of 4 bytes, without a sign, from an address on."""
+        number = self.load("i32", Index(self, address) + k * 4, 4)
+        return Index(self, self.new(f"zext i32 {number} to i64"))
+
+    def apply(self, rule, **inputs):
+        """Carry out a rule; return its results by name."""
+        values = {k: self.value(inputs[name]) for k, name in enumerate(rule.inputs)}
+        self.carry_out(rule.operations, values, None)
+        truths = {
+            number for instruction, number, _ in rule.operations if instruction in OF_TRUTH_VALUES
+        }
+        return {
+            name: self.value(a)
+            if isinstance(a, float)
+            else (Truth if a in truths else Value)(self, values[a])
+            for name, a in rule.results.items()
+        }
+
+    def shuffled(self, a, b, order):
+        """Return the lanes of two vectors, one after the other, in this order."""
+        order = ", ".join(f"i32 {n}" for n in order)
+        return self.new(f"shufflevector {self.V} {a}, {self.V} {b}, <{self.W} x i32> <{order}>")
+
+    def truth(self, is_true):
+        """Return W equal truth values, without the type M."""
+        text = "true" if is_true else "false"
+        return text if self.W == 1 else f"<{', '.join([f'i1 {text}'] * self.W)}>"
+
+    # --------------------------------------------------------------------------------------- lists
+    def constant(self, number):
+        """Return W equal constants, without the type V."""
+        bits = f"0x{np.float64(number).view(np.uint64):016X}"
+        return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
+
+    def splat(self, number):
+        """Return a number in all lanes."""
+        V, order = self.V, f"<{self.W} x i32> zeroinitializer"
+        if self.W > 1:
+            first = self.new(f"insertelement {V} undef, double {number}, i32 0")
+            number = self.new(f"shufflevector {V} {first}, {V} undef, {order}")
+        return Value(self, number)
+
+    def _call(self, name, *operands):
+        function = f"{self.V} @llvm.{name}.{self.suffix}"
+        kinds = ", ".join([self.V] * len(operands))
+        self.target.declared.add(f"declare {function}({kinds})")
+        return self.new(f"call {function}({self._typed(operands)})")
+
+    def _typed(self, operands):
+        return ", ".join(f"{self.V} {operand}" for operand in operands)
+
+    def _operate_on_bits(self, instruction, *operands):
+        a, b = (self.new(f"bitcast {self.V} {operand} to {self.I}") for operand in operands)
+        bits = self.new(f"{instruction} {self.I} {a}, {b}")
+        return self.new(f"bitcast {self.I} {bits} to {self.V}")
+
+    def compare(self, how, a, b):
+        return self.new(f"fcmp {how} {self.V} {a}, {b}")
+
+    def select(self, truth, a, b):
+        return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
+
+    def carry_out(self, operations, values, load):
+        """Add operations; `load` returns the name of a value that is not in the dict `values`."""
+        M = self.M
+        for instruction, number, operands in operations:
+            names = []
+            for operand in operands:
+                if isinstance(operand, float):
+                    names.append(self.constant(operand))
+                    continue
+                if operand not in values:
+                    values[operand] = load(operand)
+                names.append(values[operand])
+            if instruction in ("fabs", "sqrt", "floor", "copysign"):
+                name = self._call(instruction, *names)
+            elif instruction == "sum":
+                name = names.pop(0) if len(names) % 2 else None
+                for a, b in zip(names[::2], names[1::2], strict=True):
+                    product = Value(self, a) * Value(self, b)
+                    name = product if name is None else Value(self, name) + product
+            elif instruction in ("max", "min"):
+                is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
+                name = self.select(is_first, *names)
+            elif instruction == "select":
+                name = self.select(*names)
+            elif instruction in ("and", "or", "xor"):
+                name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
+            elif instruction in OF_TRUTH_VALUES:
+                name = self.compare(instruction, *names)
+            elif instruction in OF_BITS:
+                name = self._operate_on_bits(instruction.removeprefix("bits_"), *names)
+            elif instruction in OF_LISTS:
+                name = self._call_list(instruction, names)
+            elif instruction in OF_LIBRARY:
+                kinds = ", ".join(["double"] * len(names))
+                self.target.declared.add(f"declare double @{instruction}({kinds})")
+                name = self._by_lane(f"double @{instruction}", names)
+            elif is_table(instruction):
+                name = self._by_lane(f"double @{self.table(instruction)}", names)
+            else:
+                name = self.new(f"{instruction} {self.V} {names[0]}, {names[1]}")
+            values[number] = name
+
+    def _by_lane(self, function, operands):
+        """Call a function of numbers for each lane; return the results."""
+        if self.W == 1:
+            return self.new(f"call {function}({self._typed(operands)})")
+        result = "undef"
+        for l in range(self.W):
+            of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
+            numbers = ", ".join(f"double {number}" for number in of_lane)
+            number = self.new(f"call {function}({numbers})")
+            result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
+        return result
+
+    def _call_list(self, name, operands):
+        """Call the function of W lanes that carries out the list of an elementary function.
+
+        The text defines it once.
+        """
+        function = f"lanes_{name}_{self.W}"
+        if function not in self.target.functions:
+            operations, result = list_of(name)
+            text, values = Code(self.W), {k: f"%x{k}" for k in range(len(operands))}
+            given = text._typed(values.values())
+            text.add(f"define internal {self.V} @{function}({given}) #0 {{")
+            text.label("entry")
+            text.carry_out(operations, values, None)
+            value = Value(text, values[result])
+            if name in OF_ANGLES:
+                value = text._of_far_angles(name, value)
+            text.add(f"  ret {self.V} {value}")
+            self.target.functions |= text.functions | {function: [*text.lines, "}"]}
+            self.target.declared |= text.declared
+        return self.new(f"call {self.V} @{function}({self._typed(operands)})")
+
+    def _of_far_angles(self, name, value):
+        """Return the value of the C library where an angle x0 is far, else `value`."""
+        is_far = abs(Value(self, "%x0")) >= FAR
+        self.declared.add(f"declare double @{name}(double)")
+
+        def of_library():
+            return [is_far.select(Value(self, self._by_lane(f"double @{name}", ["%x0"])), value)]
+
+        return self.otherwise(is_far.bits().equals(0), [value], of_library)[0]

@@ -1,0 +1,240 @@
+"""Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
+
+Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `pivoting`) without row exchanges. A(x) is
+filled by columns, so that each coefficient is read once. A lane that loses digits takes its step by
+`pivoting.solve_lane`.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from ..expressions.kahan_step import of_one_sign
+from ..expressions.symbolic_elimination import LEAST_PIVOT
+from ..numba.arrays import array_at, uncounted
+from ..numba.decorators import c_function, function, kernel, share
+from ..numba.gauss import simd_max, simd_min
+from ..numba.intrinsics import call_code, lesser
+from ..numba.status import OK, PASSED_POLE
+from .packs import note_undefined
+from .pivoting import crosses_0, solve_lane
+
+LANES = 8  # that read the same coefficients
+
+
+class Dense(NamedTuple):
+    """Dense fields, and the stages of a step.
+
+    The terms v x_j x_k stand in spans, of rows that follow each other; x_D is 1.
+    """
+
+    spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
+    terms: Any  # (T,), the term of each coefficient
+    of_one_sign: Any  # (D,), true for components that keep their sign along the motion
+    indices: Any  # (3, T), of the terms
+    fractions: Any  # (stages,), of eps
+    values: Any  # (1 or B, T)
+    eps: Any  # (1 or B,)
+    solve_at: int  # the address of `solve_at`, 0 as long as no lane has needed it
+    needs: Any  # (1,), set to 1 by a lane that needs it
+
+
+class Memory(NamedTuple):
+    """The memory of each part of the work, for its lanes."""
+
+    a: Any  # (parts, lanes, D, D + 1)
+    columns: Any  # (parts, lanes, D + 1, D)
+    bases: Any  # (parts, lanes, D), the states before a step
+    halves: Any  # (parts, stages, 1 or lanes, T), h v of the terms
+    coefficients: Any  # the same in the order of spans
+    of_one: Any  # (parts, D (D + 3)), for `solve_at`
+
+
+@functools.lru_cache(8)
+def _spans_of(step):
+    i, j, k = step.indices
+    terms = np.lexsort((i, k, j))
+    i, j, k = i[terms], j[terms], k[terms]
+    follows = np.zeros(len(i), bool)
+    follows[1:] = (j[1:] == j[:-1]) & (k[1:] == k[:-1]) & (i[1:] == i[:-1] + 1)
+    [at] = np.nonzero(~follows)
+    spans = np.stack([j[at], k[at], i[at], np.diff(np.append(at, len(i))), at], axis=1)
+    return spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
+
+
+def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
+    """Take steps on so many threads, with the arguments of `suslov.steps.steps`.
+
+    `solve_at` takes seconds to compile, and few runs need it: then they begin again.
+    """
+    (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
+    own = slice(begin, end)
+    if start == 0:
+        final[own] = omega0[own]
+        note_undefined(final[own], (status[own], failed_at[own], carry[0, own]))
+        final[own][status[own] < 0] = np.nan
+        if every:
+            saved[row, own] = final[own]
+            row += 1
+    D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
+    W = min(LANES, end - begin)
+    for_each = threads, len(fractions), W if max(map(len, parameters)) > 1 else 1, T
+    shapes = (W, D, D + 1), (W, D + 1, D), (W, D)
+    memory = Memory(
+        *(np.empty((threads, *shape)) for shape in shapes),
+        np.empty(for_each), np.empty(for_each), np.empty((threads, D * (D + 3))),
+    )  # fmt: skip
+    address, needs = solve_at.address if solve_at.is_compiled else 0, np.zeros(1, np.int64)
+    field = Dense(*_spans_of(scheme.step), fractions, *parameters, address, needs)
+    changed = carry, final, status, failed_at
+    before = [] if address else [array.copy() for array in changed]
+    others = memory, (begin, end, start, stop, every, row), carry, saved, final, status, failed_at
+    call = take_dense_steps.serial
+    if threads > 1:
+        call = functools.partial(take_dense_steps.parallel, threads)
+    call(field, *others)
+    if needs[0] and not address:
+        for array, copy in zip(changed, before, strict=True):
+            array[:] = copy
+        call(field._replace(solve_at=solve_at.address), *others)
+
+
+@function
+def fill(spans, coefficients, states, columns, a):
+    """Fill a (W, D, D + 1) with A(x) of lanes, and the last columns with right sides; x_D is 1.
+
+    `columns` (W, D + 1, D) is memory. A term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j
+    to N_ik, where column D of N is the right side less x. Lanes take turns, because coefficients,
+    the most of all memory, then are read once.
+    """
+    W, D = states.shape
+    for l in range(W):
+        for j in range(D + 1):
+            for i in range(D):
+                columns[l, j, i] = states[l, i] if j == D else 0.0
+    for s in range(len(spans)):
+        j, k, begin, n, at = spans[s, 0], spans[s, 1], spans[s, 2], spans[s, 3], spans[s, 4]
+        for l in range(W):
+            values = coefficients[l % len(coefficients), at : at + n]
+            one, other = columns[l, j, begin : begin + n], columns[l, k, begin : begin + n]
+            x_j, x_k = states[l, j] if j < D else 1.0, states[l, k] if k < D else 1.0
+            for c in range(n):
+                one[c] += values[c] * x_k
+                other[c] += values[c] * x_j
+    for l in range(W):
+        for i in range(D):
+            for j in range(D):
+                a[l, i, j] = -columns[l, j, i]
+            a[l, i, i], a[l, i, D] = 1.0 + a[l, i, i], columns[l, D, i]
+
+
+@function
+def solve_rows(a):
+    """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
+
+    A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
+    digits, as `gauss.keeps_digits`, and det A < 0. One row after the other is eliminated,
+    because a row stays in the first cache. Loops over a row are SIMD because j has no sign.
+    """
+    D, least, largest, negative = len(a), np.inf, 1.0, False
+    for i in range(D):
+        largest = simd_max(abs(a[i, i]), largest)
+    for i in range(D):
+        for k in range(0, i - 1, 2):
+            first = a[i, k] * a[k, k]
+            second = (a[i, k + 1] - first * a[k, k + 1]) * a[k + 1, k + 1]
+            for j in range(np.uint64(k + 2), np.uint64(D + 1)):
+                a[i, j] = a[i, j] - first * a[k, j] - second * a[k + 1, j]
+            a[i, k], a[i, k + 1] = first, second
+        if i % 2:
+            first = a[i, i - 1] * a[i - 1, i - 1]
+            for j in range(np.uint64(i), np.uint64(D + 1)):
+                a[i, j] -= first * a[i - 1, j]
+            a[i, i - 1] = first
+        pivot = a[i, i]
+        least, largest = simd_min(abs(pivot), least), simd_max(abs(pivot), largest)
+        negative ^= pivot < 0.0
+        a[i, i] = 1.0 / pivot
+    for i in range(D - 1, -1, -1):
+        for j in range(D - 1, i, -1):
+            a[i, D] -= a[i, j] * a[j, D]
+        a[i, D] *= a[i, i]
+    return least > LEAST_PIVOT * largest, negative
+
+
+@c_function(types.int64(*[types.int64] * 6))
+def solve_at(indices, half, x, memory, D, T):
+    """Take the step of a lane by `solve_lane`, from addresses; return -status + 256 (det A < 0)."""
+    status, negative = solve_lane(
+        array_at(indices, (3, T), np.int64),
+        array_at(half, (T,), np.float64),
+        array_at(x, (D,), np.float64),
+        array_at(memory, (D, D + 1), np.float64),
+        array_at(memory + 8 * D * (D + 1), (2, D), np.float64),
+    )
+    return np.int64(256 if negative else 0) - status
+
+
+@function
+def prepare(field, i, l, halves, coefficients):
+    """Write h v of the terms of trajectory i, lane l, for each stage, in both orders."""
+    values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
+    for s in range(len(field.fractions)):
+        for t in range(len(values)):
+            halves[s, l, t] = field.fractions[s] * (half * values[t])
+            coefficients[s, l, t] = field.fractions[s] * (half * values[field.terms[t]])
+
+
+@kernel
+def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
+    """Iterate the trajectories of a part from the states in `final`; see `suslov.steps.steps`."""
+    field, memory, carry, saved = uncounted((field, memory, carry, saved))
+    final, status, failed_at = uncounted((final, status, failed_at))
+    begin, end, start, stop, every, row = span
+    a, columns, bases = memory.a[part], memory.columns[part], memory.bases[part]
+    halves, coefficients = memory.halves[part], memory.coefficients[part]
+    W, D, own, T = len(a), final.shape[1], halves.shape[1], len(field.terms)
+    first, last = share((end - begin + W - 1) // W, part, parts)
+    for lo in range(begin + first * W, lesser(begin + last * W, end), W):
+        x, place = final[lo : lesser(lo + W, end)], row
+        for l in range(lesser(len(x), own)):
+            prepare(field, lo + l, l, halves, coefficients)
+        for n in range(start + 1, stop + 1):
+            for l in range(len(x)):
+                for k in range(D):
+                    bases[l, k] = x[l, k]
+            for s in range(len(field.fractions)):
+                fill(field.spans, coefficients[s], x, columns, a)
+                for l in range(len(x)):
+                    i, undefined, bits = lo + l, 0.0, np.int64(0)
+                    if status[i] < 0:
+                        continue
+                    is_good, negative = solve_rows(a[l])
+                    for k in range(D):
+                        undefined += 0.0 * a[l, k, D]
+                    is_good = is_good and undefined == 0.0
+                    for k in range(D if is_good else 0):
+                        x[l, k] = a[l, k, D]
+                    if not is_good and field.solve_at == 0:
+                        field.needs[0] = 1
+                        return
+                    if not is_good:
+                        half = halves.ctypes.data + 8 * T * (s * own + l % own)
+                        places = field.indices.ctypes.data, half, x.ctypes.data + 8 * l * D
+                        memory_of_one = memory.of_one[part].ctypes.data
+                        bits = call_code(field.solve_at, (*places, memory_of_one, D, T))
+                        negative = bits >= 256
+                    if bits & 255 != OK:
+                        status[i], failed_at[i] = -(bits & 255), n
+                    elif negative and carry[0, i] == 0.0:
+                        carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
+            for l in range(len(x)):
+                i = lo + l
+                for k in range(D if status[i] >= 0 and carry[0, i] == 0.0 else 0):
+                    if field.of_one_sign[k] and crosses_0(bases[l, k], x[l, k]):
+                        carry[0, i], status[i], failed_at[i] = -n, PASSED_POLE, n
+                for k in range(D if every and n % every == 0 else 0):
+                    saved[place, i, k] = x[l, k]
+            place += every > 0 and n % every == 0

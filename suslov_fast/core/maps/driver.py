@@ -1,0 +1,279 @@
+"""The driver of steps of fields: what happens to lines of lanes, as LLVM's text.
+
+A block of lines takes all steps before the next block begins; a step takes one line after the
+other: a stage; `careful` for lanes that it tells of; at the end of a whole step the test of signs;
+and saving.
+"""
+
+import functools
+import math
+import operator
+from typing import NamedTuple
+
+from ..expressions.kahan_step import SIGNIFICANT
+from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
+from ..numba.status import CHANGED, NONFINITE
+from .stage_code import Stage, loader
+
+WIDTH = 8  # lanes of a line
+NOT_READY, DONE = range(2)  # what the code returns
+
+
+class DriverArguments(NamedTuple):
+    """The integers of an array that the driver takes."""
+
+    x: int  # address of the states (lines, D, W)
+    lines: int
+    block: int  # lines of a block, which takes all steps before the next block begins
+    steps: int  # of all stages
+    plan: int  # address of those of `Step.table` of each stage, (n,) or (lines, n, W)
+    stages: int
+    bases: int = 0  # address of the states before a whole step (lines, D, W), 0 for none
+    first_row: int = 0  # address of the first saved states
+    row_bytes: int = 0  # from one saved row to the next
+    first_until: int = 0  # steps before the one that makes the first saved state
+    between: int = 0  # steps between those that make two saved states
+    trajectories: int = 0
+    ended: int = 0  # address of bits of lanes (lines,) that have ended
+    passed: int = 0  # and of those that have passed a pole or ended
+    status: int = 0  # addresses of the statuses (i8) and of `failed_at`, which maps of one's own
+    failed_at: int = 0  # write, or 0
+    first: int = 0  # number of the state after the first step
+    careful: int = 0  # address of `pivoting.careful`, 0 if it is not ready
+    careful_arguments: int = 0  # address of its array
+    # Where the code is. It returns when the budget is spent, and goes on there in the next call.
+    budget: int = 0  # calls of `careful` that are left
+    line: int = 0  # the first of a block
+    n: int = 0  # the next step
+    stage: int = 0  # of this step
+    until: int = 0  # steps before the next one that makes a saved state
+    row: int = 0  # address of the next saved states
+
+
+SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the array
+
+
+def text_of_steps(step, name, W, for_each, saves, tells_signs):
+    """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
+
+    It returns DONE; or NOT_READY at a step that needs `careful` while that is not. The table is
+    common to all lanes, or `for_each` of them. Signs are told if they are compared over whole steps
+    of several stages.
+    """
+    return _Driver(step, name, W, for_each, saves, tells_signs).finished()
+
+
+class _Driver:
+    """The text of a driver, with straight-line code of a stage."""
+
+    def __init__(self, step, name, W, for_each, saves, tells_signs):
+        self.text, self.step, self.D, self.name = Code(W), step, step.D, name
+        self.for_each, self.saves, self.tells_signs = for_each, saves, tells_signs
+        self.all_lanes = (1 << W) - 1
+
+    def finished(self):
+        """Return the whole text."""
+        text = self.text
+        text.begin(self.name, "arguments")
+        self.slots = Integers(text, "%arguments")
+        self.of = of = DriverArguments(*(self.slots[k] for k in SLOT))
+        at = Carried(lo=of.line, n=of.n, stage=of.stage, until=of.until, row=of.row)
+        for _ in text.rounds(at):
+            self.block(at)
+        self.slots[SLOT.line] = at.lo
+        text.add(f"  ret i64 {DONE}")
+        return text.finished()
+
+    def leave_at(self, result, **at):
+        """Return; the next call goes on at this place."""
+        for key, value in at.items():
+            self.slots[getattr(SLOT, key)] = value
+        self.text.leave(f"i64 {result}")
+
+    def block(self, at):
+        """Add all steps of a block of lines, and where the next one begins, if there is one."""
+        text, of, lo = self.text, self.of, at.lo
+        end = lo + of.block
+        hi = (end < of.lines).select(end, of.lines)
+        now = Carried(n=at.n, stage=at.stage, until=at.until, row=at.row)
+        for _ in text.rounds(now):
+            self.step_of(lo, hi, now)
+        at.lo, at.n, at.stage, at.until, at.row = hi, 0, 0, of.first_until, of.first_row
+        at.goes_on = hi < of.lines
+
+    def step_of(self, lo, hi, now):
+        """Add a step of all lines of a block, and what the next one begins with, if any."""
+        text, of, n, row = self.text, self.of, now.n, now.row
+        self.at = {"line": lo, "n": n, "stage": now.stage, "until": now.until, "row": row}
+        saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
+        following = now.stage + 1
+        is_last = following.equals(of.stages)
+        for at in text.rounds(Carried(line=lo)):
+            line, offset = at.line, at.line * (Index(text, self.D) * text.size)
+            state = of.x + offset
+            final = self.take_stage(state, table, line, n)
+            if self.tells_signs:
+                with text.when(is_last):
+                    self.tell_changes(of.bases + offset, line, n, final)
+            if self.saves:
+                with text.when(saves):
+                    self.save(line, row, state, final)
+            at.line = line + 1
+            at.goes_on = at.line < hi
+        now.n, now.stage = n + 1, is_last.select(0, following)
+        now.until = saves.select(of.between, now.until - 1)
+        now.row = saves.select(row + of.row_bytes, row)
+        now.goes_on = now.n < of.steps
+        with text.when(now.goes_on, likely=True):
+            is_spent = self.slots[SLOT.budget].is_at_most(0)
+            with text.when(is_spent, likely=False):
+                places = {"n": now.n, "stage": now.stage, "until": now.until, "row": now.row}
+                self.leave_at(DONE, line=lo, **places)
+
+    # ----------------------------------------------------------------------------- careful lanes
+    def others(self, bits, line, marks):
+        """Return the bits of lanes that are neither in `bits` nor marked."""
+        marked = self.text.load("i8", marks + line, 1)
+        marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
+        return (bits | marked) ^ self.all_lanes
+
+    def lanes_to_tell(self, good, told, line):
+        """Return the bits of lanes that `careful` steps, and those that it notes, after a stage.
+
+        Lanes in `good` took the stage, those in `told` from det A < 0 or with a changed sign.
+        """
+        bad = self.others(good, line, self.of.ended)
+        alive = good & self.others(0, line, self.of.passed)
+        return bad, told & alive * (1 | 1 << CHANGED)
+
+    def call_careful(self, line, bad, told, n):
+        """Call `careful` for bits of lanes; leave if it is not ready."""
+        text, of = self.text, self.of
+        with text.when(of.careful.equals(0)):
+            text.leave(f"i64 {NOT_READY}")
+        text.call("void", of.careful, of.careful_arguments, line, bad, told, n)
+        self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
+
+    # --------------------------------------------------------------------------------- whole steps
+    def tell_changes(self, bases, line, n, final):
+        """Tell `careful` of lanes in which a component changed its sign over a whole step.
+
+        These are components that keep their signs along the motion.
+        """
+
+        def keeps(base, after):
+            """Return where a component has its sign."""
+            return (base < 0.0) ^ (after >= 0.0)
+
+        def changes(base, after):
+            """Return where it has the other one, by more than rounding may make."""
+            rises = (base < 0.0) & (after > SIGNIFICANT)
+            return rises | (base > 0.0) & (after < -SIGNIFICANT)
+
+        text, bases = self.text, self.text.array(bases)
+        is_kept = self.over_signs(operator.and_, keeps, bases, final).all()
+        with text.when(~is_kept, likely=False):
+            # Lanes that have passed a pole have nothing more to tell.
+            changed = self.over_signs(operator.or_, changes, bases, final).bits()
+            changed = changed & self.others(0, line, self.of.passed)
+            with text.when(changed.differs(0)):
+                self.call_careful(line, 0, changed << CHANGED, n)
+        for k in sorted(self.step.of_one_sign):
+            bases[k] = final[k]
+
+    # -------------------------------------------------------------------------------------- stages
+    def take_stage(self, state, table, line, n):
+        """Add a stage of a line; return its next state."""
+        text, step, rows = self.text, self.step, self.text.array(state)
+        if self.for_each:
+            table = table + line * (len(step.table) * text.size)
+        stage = Stage(text, step, loader(text, step, self.for_each, state, table))
+        usual = stage.take([rows[i] for i in range(step.D)])
+        rare = self.take_rare_stage if step.of is None else self.end_lanes
+        final = text.otherwise(stage.is_good(), usual, lambda: rare(stage, rows, line, n))
+        for k, number in enumerate(step.after):
+            if number != k:
+                rows[k] = final[k]
+        return final
+
+    def take_rare_stage(self, stage, rows, line, n):
+        """Add the rare operations, and `careful` where they do not suffice; return the state."""
+        text, components = self.text, range(self.D)
+        # Loaded and computed anew, so that the registers of usual lines need not be stored.
+        x = [rows[i] for i in components]
+        stage.take(x)
+        after, accurate, good, told = stage.take_rare()
+        after = [accurate.select(*both) for both in zip(after, x, strict=True)]
+        for k, value in enumerate(after):
+            rows[k] = value
+        bad, told = self.lanes_to_tell(good, told, line)
+
+        def carefully():
+            self.call_careful(line, bad, told, n)
+            return [rows[k] for k in components]
+
+        return text.otherwise((bad | told).equals(0), after, carefully)
+
+    def end_lanes(self, stage, rows, line, n):
+        """End the trajectories for which f of a map has no value here; return the state."""
+        text, of, one = self.text, self.of, self.text.lanes(1)
+        with text.when(of.status.equals(0)):
+            text.leave(f"i64 {NOT_READY}")
+        for k, value in enumerate(stage.results()):
+            rows[k] = value
+        finite = Truth(text, stage.values[self.step.accurate]).bits()
+        bad, new = finite ^ self.all_lanes, self.others(finite, line, of.ended)
+        for lane in text.each(text.W):
+            number, x = line * text.W + lane, one.array(rows.at() + 8 * lane)
+            with text.when(((bad >> lane) & 1).equals(1)):
+                for k in text.each(self.D):
+                    x[k] = one.constant(math.nan)
+            with text.when(((new >> lane) & 1).equals(1)):
+                text.store("i8", str(NONFINITE), of.status + number, align=1)
+                Integers(text, of.failed_at + number * 8)[0] = of.first + n
+        marked = new | (self.others(0, line, of.ended) ^ self.all_lanes)
+        text.store("i8", text.new(f"trunc i64 {marked} to i8"), of.ended + line, align=1)
+        return [rows[k] for k in range(self.D)]
+
+    def over_signs(self, how, truth_of, bases, final):
+        """Return truth_of(base, after) of all components that keep their signs, joined."""
+        truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
+        return functools.reduce(how, truths)
+
+    # -------------------------------------------------------------------------------------- saving
+    def save_by_lane(self, line, row, state):
+        """Write the states of the trajectories of a line to the row, number by number."""
+        text, one = self.text, self.text.lanes(1)
+        first = line * text.W
+        for l in range(text.W):
+            number = first + l
+            with text.when(number < self.of.trajectories):
+                place = Shared(one, row + number * self.D * 8)
+                x = one.array(state + 8 * l)
+                for k in text.each(self.D, most=WRITTEN_OUT):
+                    place[k] = x[k]
+
+    def save(self, line, row, state, final):
+        """Write the states of a line to the row, one trajectory after the other.
+
+        From registers: plain loops take 1.57 times as long. The last line has fewer trajectories.
+        """
+        text, W, D = self.text, self.text.W, self.D
+        place = row + line * (8 * W * D)
+        if W == 1:
+            for k in range(D):
+                text.store("double", final[k], place + 8 * k)
+            return
+        is_whole = (line + 1) * W <= self.of.trajectories
+        with text.when(is_whole, likely=True):
+            for first in range(0, W * D, W):
+                vector, sources = "undef", [divmod(n, D) for n in range(first, first + W)]
+                for k in dict.fromkeys(component for _, component in sources):
+                    order = [
+                        W + lane if component == k else n
+                        for n, (lane, component) in enumerate(sources)
+                    ]
+                    vector = text.shuffled(vector, final[k], order)
+                text.store(text.V, vector, place + 8 * first)
+        with text.when(~is_whole):
+            self.save_by_lane(line, row, state)

@@ -1,0 +1,272 @@
+"""Kahan's map of any quadratic field f (theory, section 7):
+
+x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
+
+A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
+the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
+(`kahan_step`), of which `stage_code` makes machine code. `careful` takes a step where the increment
+cancels the state, or elimination loses digits. A step of other methods consists of several stages,
+which are steps with fractions of eps (`stages`).
+
+arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
+final       (B, D), the states that a run continues from
+carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
+            component that keeps its sign along the motion changed it, while det A > 0
+
+States are in lines of W lanes, x[line, component, lane]. After a failure a trajectory is NaN.
+"""
+
+import functools
+from contextlib import nullcontext
+
+import numpy as np
+from numba import config
+
+from ..expressions.kahan_step import Step, of_one_sign
+from ..llvm.compiler import call, code_of
+from ..numba.decorators import Kernel, calling_python
+from ..numba.threads import in_parts
+from .dense import take_dense
+from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
+from .few_orbits import lanes_of, take_few
+from .packs import (
+    PLANS,
+    aligned,
+    compares_signs,
+    in_lines,
+    note_undefined,
+    packed,
+    plan_of,
+    tables_of,
+)
+from .pivoting import ENDED, PASSED, LineArrays, arguments_of, careful
+from .stages import WHOLE, Scheme
+
+CHUNK = 2**13  # trajectories that are copied into lines at once
+CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a careful step
+SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
+
+
+@functools.lru_cache(PLANS)
+def _step_of(places, D, is_whole):
+    # A copy, because kernels would be compiled once more for arrays that cannot be written.
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1).copy(), D, keeps_signs=is_whole)
+
+
+def scheme_of(indices, D, stages=WHOLE):
+    """Return the scheme for fields of D variables with terms at these indices (3, T)."""
+    places = np.ascontiguousarray(indices, np.int64).tobytes()
+    is_whole = len(stages.fractions) == 1 and _has_signs(places)
+    return Scheme(_step_of(places, D, is_whole), stages)
+
+
+@functools.lru_cache(PLANS)
+def _has_signs(places):
+    return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
+
+
+# ------------------------------------------------------------------------------------------- lines
+class _Lines:
+    """Trajectories in lines of W lanes, with all that their steps need.
+
+    x         states (lines, D, W)
+    for_each  True if lanes have parameters of their own
+    marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
+              of no trajectory have ended
+    notes     status, failed_at and the first state beyond a pole, of each trajectory
+    bases     states before the whole step (lines, D, W); None if no components have signs to
+              compare over several stages
+    """
+
+    def __init__(self, arguments, states, notes, W):
+        (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
+        self.B, self.count = len(states), -(-len(states) // W)
+        self.D = self.scheme.step.D
+        self.for_each, self.bases = max(map(len, parameters)) > 1, None
+        self.halves, self.table = tables_of(self.scheme, *parameters, W)
+        self.marks = np.zeros((2, self.count), np.uint8)
+        self.start_from(states)
+
+    def start_from(self, states):
+        """Set the states, to NaN where trajectories have ended."""
+        self.x = in_lines(states, self.W)
+        status, _, poles = self.notes
+        if status.any() or self.count * self.W > self.B:
+            ended = status < 0
+            self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
+            self.marks[ENDED] = packed(self._of_lanes(ended, True))
+            self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
+        if compares_signs(self.scheme.step):
+            self.bases = aligned(self.x)
+
+    def _of_lanes(self, truths, unused):
+        """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
+        padded = np.full(self.count * self.W, unused)
+        padded[: self.B] = truths
+        return padded.reshape(self.count, self.W)
+
+    def states(self):
+        """Return the states (B, D)."""
+        return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+
+    def take(self, start, stop, saved, every, abandoned, seconds=None):
+        """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
+
+        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
+        steps must be taken again, with the seconds that Python would take for `careful` ones. End
+        early if there is something in `abandoned`.
+        """
+        stages, in_python = len(self.scheme.stages.fractions), False
+        until, steps = every - start % every if every else 0, (stop - start) * stages
+        rows = saved, until * stages - 1, every * stages - 1
+        options = self.W, self.for_each, saved.size > 0, self.bases is not None
+        address = code_of(text_of_steps, self.scheme.step, *options)
+        is_short = self.count * (stop - start) <= SHORT_RUN
+        address_of_careful = 0
+        is_field = self.scheme.step.of is None
+        if is_field and (seconds is not None or (careful.is_compiled and not is_short)):
+            address_of_careful = careful.address_for(seconds or 0.0)
+            in_python = not careful.is_compiled
+        own, _kept_alive = self._driver_arguments(start, steps, *rows, address_of_careful)
+        of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
+        budget = max(CAREFUL_TIME // of_one, 1)
+        while own[SLOT.line] < own[SLOT.lines] and not abandoned:
+            own[SLOT.budget] = budget
+            with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
+                if call(address, own) == NOT_READY:
+                    return False
+        return True
+
+    def _driver_arguments(self, start, steps, saved, until, between, careful):
+        """Return the arguments of the driver, and what has to stay alive while it runs."""
+        arrays, own = None, None
+        if careful:
+            step, stages = self.scheme
+            arrays = LineArrays(
+                self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes,
+                self.marks, np.empty(step.own_D * (3 * step.own_D + 4) + step.T), step.own_D,
+            )  # fmt: skip
+            own = arguments_of(arrays, start)
+        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
+        # a short block waits for the one before it.
+        blocks = -(-8 * self.x.size // 2**15)
+        block = -(-self.count // min(blocks, -(-self.count // 4)))
+        plan = plan_of(self.scheme.stages, self.table)
+        numbers = DriverArguments(
+            x=self.x.ctypes.data,
+            lines=self.count,
+            block=block,
+            steps=steps,
+            plan=plan.ctypes.data,
+            stages=len(plan),
+            bases=0 if self.bases is None else self.bases.ctypes.data,
+            first_row=saved.ctypes.data,
+            row_bytes=saved.strides[0],
+            first_until=until,
+            between=between,
+            trajectories=self.B,
+            ended=self.marks[ENDED].ctypes.data,
+            passed=self.marks[PASSED].ctypes.data,
+            status=self.notes[0].ctypes.data,
+            failed_at=self.notes[1].ctypes.data,
+            first=start + 1,
+            careful=careful,
+            careful_arguments=own.ctypes.data if careful else 0,
+            until=until,
+            row=saved.ctypes.data,
+        )
+        return np.array(numbers, np.int64), (arrays, own, plan)
+
+
+def _is_dense(step):
+    """Return whether loops take the steps, of a dense field without a list."""
+    return not (step.usual or step.is_sparse)
+
+
+class FieldSteps(Kernel):
+    """The kernel of steps of fields, which calls the machine code of the field."""
+
+    few = staticmethod(take_few)
+
+    def __init__(self):
+        self.py_func = _iterate_part
+
+    def __call__(self, part, parts, *arguments, abandoned=()):
+        with np.errstate(all="ignore"):  # each thread has its own
+            _iterate_part(part, parts, *arguments, abandoned)
+
+    def serial(self, arguments, *others):
+        if _is_dense(arguments[0].step):
+            take_dense(1, arguments, *others)
+        else:
+            self(0, 1, arguments, *others)
+
+    def briefly(self, seconds, arguments, omega0, carry, span, saved, final, status, failed_at):
+        (begin, end, *steps), last = span, None
+        if begin == 0 and end == len(omega0) and not np.count_nonzero(status):
+            last = take_few(arguments, final if steps[0] else omega0, steps, saved)
+        if last is None:
+            self.serial(arguments, omega0, carry, span, saved, final, status, failed_at)
+        else:
+            final[:] = last
+
+    def parallel(self, threads, arguments, *others):
+        if _is_dense(arguments[0].step):
+            take_dense(threads, arguments, *others)
+            return
+        abandoned = []
+
+        def work(part):
+            self(part, threads, arguments, *others, abandoned=abandoned)
+
+        in_parts(threads, work, abandoned, threads)
+
+
+def _iterate_part(
+    part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
+):
+    """Iterate the trajectories of a part; the arguments are those of `suslov.steps.steps`.
+
+    End early if there is something in `abandoned`.
+    """
+    (scheme, *parameters), (begin, end, *steps) = arguments, span
+    starts = omega0 if steps[0] == 0 else final
+    W = lanes_of(end - begin)
+    count = -(-(end - begin) // W)
+    first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
+    last = min(last, end)
+    for low in range(first, last, CHUNK):
+        chunk = slice(low, min(low + CHUNK, last))
+        own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
+        states = starts[chunk]
+        notes = status[chunk], failed_at[chunk], carry[0, chunk]
+        if steps[0] == 0:
+            note_undefined(states, notes)
+        if not scheme.step.usual:
+            from . import superlu  # here, because to import SciPy takes time
+
+            final[chunk] = superlu.take(own, states, steps, saved[:, chunk], notes, abandoned)
+            continue
+        lines = _Lines(own, states, notes, W)
+        _take_steps(lines, states, steps, saved[:, chunk], abandoned)
+        final[chunk] = lines.states()
+
+
+def _take_steps(lines, states, steps, saved, abandoned):
+    """Take the steps of a run from these states, and save states."""
+    start, stop, every, row = steps
+    if every and start == 0:
+        saved[row] = lines.states()
+        row += 1
+    if stop == start:
+        return
+    arguments = start, stop, saved[row:] if every else saved[:0], every, abandoned
+    if not lines.take(*arguments):
+        step, stages = lines.scheme
+        work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
+        lines.start_from(states)
+        lines.take(*arguments, seconds=_IN_PYTHON * work)  # only now, because few runs need it
+
+
+field_steps = FieldSteps()

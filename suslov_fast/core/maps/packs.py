@@ -1,0 +1,90 @@
+"""Rows of trajectories as lines of lanes, and the tables of numbers that their steps take."""
+
+import functools
+import math
+
+import numpy as np
+
+from ..llvm.compiler import address_of
+from ..numba.status import NONFINITE
+from .stages import distinct
+
+PLANS = 32  # of fields, whose tables are kept
+
+
+def zeros(*shape):
+    """Return zeros that begin where a line of the cache begins.
+
+    NumPy's begin 16 bytes later in some processes: then lines of lanes lie across lines of the
+    cache, which costs up to a seventh of the time.
+    """
+    count = math.prod(shape)
+    memory = np.zeros(count + 7)
+    first = -address_of(memory) // 8 % 8
+    return memory[first : first + count].reshape(shape)
+
+
+def aligned(array):
+    """Return a copy of an array in such memory."""
+    copy = zeros(*array.shape)
+    copy[:] = array
+    return copy
+
+
+def in_lines(rows, W):
+    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
+    missing = -len(rows) % W
+    padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
+    return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
+
+
+@functools.lru_cache(PLANS)  # because it takes long beside a few steps
+def common_table(step, stages, eps, values):
+    """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
+    values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
+    halves = 0.5 * np.frombuffer(eps) * values
+    table = step.table_of(np.outer(halves, fractions))
+    return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
+        :, np.newaxis, :, np.newaxis
+    ]
+
+
+def plan_of(stages, table):
+    """Return the plan (stages,) of `DriverArguments`."""
+    return table.ctypes.data + table.strides[0] * distinct(stages.fractions)[1]
+
+
+def compares_signs(step):
+    """Return whether signs are compared over whole steps of several stages."""
+    return bool(step.of_one_sign and not step.keeps_signs)
+
+
+def tables_of(scheme, values, eps, W):
+    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
+
+    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
+    trajectories have the same field.
+    """
+    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
+    if len(eps) == len(values) == 1:
+        return common_table(*scheme, eps.tobytes(), values.tobytes())
+    halves = in_lines(0.5 * eps[:, np.newaxis] * values, W)
+    fractions = fractions[:, np.newaxis, np.newaxis]
+    of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
+    return halves, aligned(np.moveaxis(step.table_of(of_stages), 0, 2))
+
+
+def packed(truths):
+    """Return truth values (lines, W) as bits, a number for each line."""
+    return np.packbits(truths, axis=1, bitorder="little")[:, 0]
+
+
+def note_undefined(states, notes):
+    """Note which trajectories begin with NaN, and that none has passed a pole."""
+    status, failed_at, poles = notes
+    poles[:] = 0.0
+    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
+    total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
+    if not math.isfinite(total):
+        undefined = np.isnan(states).any(axis=1)
+        status[undefined], failed_at[undefined] = NONFINITE, 0

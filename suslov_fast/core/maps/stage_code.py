@@ -1,0 +1,121 @@
+"""Machine code of one stage of a field: straight-line code made from a list of operations.
+
+A list (`kahan_step.Step`) becomes straight-line code for a line of W lanes. Its values stay in
+registers, and are those of `kahan_step.evaluate`, to the bit. `Stage` is what a stage does to a
+line, for steps (`driver`), for users' loops and for derivatives.
+"""
+
+from typing import NamedTuple
+
+from ..llvm.text import Code, Index, Shared, Truth, Value
+from ..numba.status import CHANGED
+
+BLOCK = 64  # operations of a block of long lists
+
+
+class Rare(NamedTuple):
+    """The results of the rare operations of a stage."""
+
+    after: list  # the next state, where it is accurate
+    accurate: Truth
+    good: Index  # the bits of lanes where it is
+    told: Index  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
+
+
+class Stage:
+    """A stage of a line: its operations, and what it tells.
+
+    `load` returns a value that is not computed: of the state, or of the table.
+    """
+
+    def __init__(self, text, step, load):
+        self.text, self.step, self.load, self.values = text, step, load, {}
+
+    def take(self, x):
+        """Carry out the usual operations on the state x; return the next state."""
+        self.values = dict(enumerate(x))
+        self.carry_out(self.step.usual, self.values)
+        return self.results()
+
+    def results(self):
+        """Return the next state after the usual operations."""
+        return self._results(self.values, self.step.after)
+
+    def carry_out(self, operations, values):
+        """Carry out operations; many in blocks: LLVM's time grows with the square of a block."""
+        size = BLOCK if self.step.is_long else len(operations)
+        for begin in range(0, len(operations), max(size, 1)):
+            if begin:
+                self.text.next_block()
+            self.text.carry_out(operations[begin : begin + size], values, self.load)
+
+    def _results(self, values, numbers):
+        load, text = self.load, self.text
+        return [Value(text, values[k] if k in values else load(k)) for k in numbers]
+
+    def is_good(self):
+        """Return whether the usual operations suffice in all lanes."""
+        return Truth(self.text, self.values[self.step.good]).all()
+
+    def take_rare(self):
+        """Carry out the rare operations, too; return `Rare`."""
+        text, step, values = self.text, self.step, dict(self.values)
+        self.carry_out(step.rare, values)
+        accurate = Truth(text, values[step.accurate])
+        told = Truth(text, values[step.negative]).bits()
+        if step.changed is not None:
+            told = told | Truth(text, values[step.changed]).bits() << CHANGED
+        after = self._results(values, step.after_rare)
+        return Rare(after, accurate, accurate.bits(), told)
+
+
+def loader(text, step, for_each, state, table):
+    """Return the function that loads a value: of the state, or of the table.
+
+    `state` and `table` are the addresses of their rows for one line.
+    """
+    x, values = text.array(state), text.array(table) if for_each else Shared(text, table)
+
+    def load(number):
+        return x[number] if number < step.D else values[step.places[number]]
+
+    return load
+
+
+def text_of_stage(step, name, *_):
+    """Return the text of i64 name(x, table): a stage of one state x (D,), in place.
+
+    It returns bits of lanes: bad + 256 told.
+    """
+    text = Code(1)
+    text.begin(name, "x", "table")
+    stage = Stage(text, step, loader(text, step, False, "%x", "%table"))
+    x = text.array("%x")
+    usual = stage.take([x[i] for i in range(step.D)])
+
+    def rare():
+        after, accurate, _, told = stage.take_rare()
+        with text.when(~accurate):
+            text.leave("i64 1")
+        return [*after, told << 8]
+
+    *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare)
+    for k, number in enumerate(step.after):
+        if number != k:
+            x[k] = final[k]
+    text.add(f"  ret i64 {bits}")
+    return text.finished()
+
+
+def text_of_map(step, name, *_):
+    """Return the text of i64 name(x, table): a step of one state x (D,) of a map, in place."""
+    text = Code(1)
+    text.begin(name, "x", "table")
+    x = text.array("%x")
+    final = Stage(text, step, loader(text, step, False, "%x", "%table")).take(
+        [x[i] for i in range(step.D)]
+    )
+    for k, value in enumerate(final):
+        x[k] = value
+    text.add("  ret i64 0")
+    return text.finished()

@@ -1,0 +1,35 @@
+"""A step of a method as stages, which are steps of Kahan's map by fractions of eps."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Stages(NamedTuple):
+    """The stages of a step, one after the other."""
+
+    fractions: tuple[float, ...]  # of eps
+
+    def multiply(self, z):
+        """Return the factors by which a step multiplies modes with eps mu / 2 = z, inf at poles."""
+        parts = [fraction * z for fraction in self.fractions]
+        factors = np.prod([(1.0 + y) / (1.0 - y) for y in parts], axis=0)
+        return np.where(np.any([y == 1.0 for y in parts], axis=0), np.inf, factors)
+
+
+class Scheme(NamedTuple):
+    """A list of operations for a stage, and the stages of one step."""
+
+    step: Any  # `kahan_step.Step`
+    stages: Stages
+
+
+@lru_cache
+def distinct(fractions):
+    """Return the distinct fractions, and for each stage the place of its own among them."""
+    values = [*dict.fromkeys(fractions)]
+    return np.array(values), np.array([values.index(fraction) for fraction in fractions])
+
+
+WHOLE = Stages((1.0,))  # of Kahan's map itself

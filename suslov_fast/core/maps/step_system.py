@@ -1,0 +1,71 @@
+"""Steps of one state of a field, for compiled loops of users (`compiled.step_system`)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..llvm.compiler import code_of
+from ..numba.decorators import function
+from ..numba.intrinsics import call_code, with_address
+from ..numba.status import OK, PASSED_POLE
+from .kernel import scheme_of
+from .pivoting import changes_sign, solve_lane
+from .stage_code import text_of_stage
+
+
+@with_address
+class FieldSystem(NamedTuple):
+    """A field and a step size. Unpickling it finds the address in that process."""
+
+    address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
+    half: Any  # (stages, T), half of the step size times the values of the terms
+    table: Any  # (stages, n), see `Step.table`
+    indices: Any  # (3, T)
+    dimension: int
+
+    def __reduce__(self):
+        return system_of, (self.indices, self.half, self.dimension)
+
+
+def system_of(indices, half, D):
+    """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
+    step = scheme_of(indices, D).step
+    table = np.ascontiguousarray(step.table_of(half.T).T)
+    # The code lasts, because users may store the system anywhere.
+    address = code_of(text_of_stage, step, lasts=True) if step.usual else None
+    return FieldSystem(int(address or 0), half, table, step.indices, D)
+
+
+@function
+def field_memory(system):
+    """The memory of `field_step_of_one`."""
+    D = system.dimension
+    return np.empty((D, D + 1)), np.empty((2, D)), np.empty((D,))
+
+
+@function
+def field_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    matrix, units, x = memory
+    status, passed = OK, False
+    for i in range(len(x)):
+        x[i] = state[i]
+    for stage in range(len(system.half)):
+        bits = np.int64(1)  # 1 if the stage is not accurate, 256 if det A < 0
+        if system.address != 0:
+            table = system.table[stage].ctypes.data
+            bits = call_code(system.address, (x.ctypes.data, table))
+        negative = bits & 256 != 0
+        if bits & 1:
+            status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
+        passed |= negative
+        if status != OK:
+            break
+    passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
+    for i in range(len(x)):
+        out[i] = x[i] if status == OK else np.nan
+    return PASSED_POLE if passed and status == OK else status
+
+
+# What `compiled` calls for a system of this kind.
+FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one

@@ -1,0 +1,102 @@
+"""Steps of large sparse fields, whose elimination is too long for a list, by SuperLU.
+
+With A(x) = 1 - (eps/2) f'(x) a step is x_next = x + eps A(x)**-1 f(x).
+"""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from ..expressions.kahan_step import SIGNIFICANT
+from ..numba.status import NONFINITE, PASSED_POLE, SINGULAR
+
+
+def take(arguments, states, span, saved, notes, abandoned):
+    """Return the states after a run, see `kernel._iterate_part`; save those that are asked for."""
+    (scheme, values, eps), (start, stop, every, row) = arguments, span
+    status, failed_at, poles = notes
+    x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
+    x[~alive] = np.nan
+    signs = [*scheme.step.of_one_sign]
+    if scheme.step.of is None:
+        step = _Sparse(scheme.step.indices, x.shape[1], halves)
+    else:
+        step = _OfMap(scheme.step.of, halves)
+    if every and start == 0:
+        saved[row] = x
+        row += 1
+    for n in range(start + 1, stop + 1):
+        if abandoned:
+            break
+        before = x[:, signs]
+        for fraction in scheme.stages.fractions:
+            (which,) = np.nonzero(alive)
+            x[which], sign = step(fraction, x[which], which)
+            fails = ~np.isfinite(x[which]).all(axis=1)
+            ends = which[fails]
+            status[ends], failed_at[ends] = np.where(sign[fails] == 0, SINGULAR, NONFINITE), n
+            x[ends], alive[ends] = np.nan, False
+            passed = which[(sign < 0) & ~fails & (poles[which] == 0.0)]
+            poles[passed], status[passed], failed_at[passed] = n, PASSED_POLE, n
+        after, size = x[:, signs], SIGNIFICANT
+        changed = ((before < 0.0) & (after > size) | (before > 0.0) & (after < -size)).any(axis=1)
+        changed &= alive & (poles == 0.0)
+        poles[changed], status[changed], failed_at[changed] = -n, PASSED_POLE, n
+        if every and n % every == 0:
+            saved[row] = x
+            row += 1
+    return x
+
+
+class _OfMap:
+    """The values f(x) of a map of one's own, with a long list."""
+
+    def __init__(self, f, parameters):
+        self.f, self.table = f, f.table_of(parameters.T)
+
+    def __call__(self, _, x, which):
+        table = self.table if self.table.shape[1] == 1 else self.table[:, which]
+        return np.ascontiguousarray(self.f.value(x.T, table).T), np.ones(len(x))
+
+
+class _Sparse:
+    """A step of states x (B, D) of trajectories `which`, one after the other; signs of det A."""
+
+    def __init__(self, indices, D, halves):
+        self.D, (i, j, k), self.halves = D, indices, halves
+        self.of_j, self.of_k, self.indices = np.flatnonzero(j < D), np.flatnonzero(k < D), indices
+        diagonal = np.arange(D)
+        self.rows = np.concatenate([i[j < D], i[k < D], diagonal])
+        self.columns = np.concatenate([j[j < D], k[k < D], diagonal])
+
+    def __call__(self, fraction, x, which):
+        found, sign = np.empty_like(x), np.empty(len(x))
+        for n, m in enumerate(which):
+            found[n], sign[n] = self._of_one(fraction * self.halves[m % len(self.halves)], x[n])
+        return found, sign
+
+    def _of_one(self, half, x):
+        (i, j, k), y, D = self.indices, np.append(x, 1.0), self.D
+        parts = half[self.of_j] * y[k[self.of_j]], half[self.of_k] * y[j[self.of_k]]
+        entries = np.concatenate([-parts[0], -parts[1], np.ones(D)])
+        if not np.isfinite(entries).all():
+            return np.full(D, np.nan), 1
+        A = sparse.csc_matrix((entries, (self.rows, self.columns)), (D, D))
+        try:
+            factors = splu(A, permc_spec="MMD_AT_PLUS_A")
+        except RuntimeError:
+            return np.full(D, np.nan), 0
+        sign = _parity(factors.perm_r) * _parity(factors.perm_c)
+        sign *= np.prod(np.sign(factors.U.diagonal()))
+        return x + 2.0 * factors.solve(np.bincount(i, half * y[j] * y[k], D)), sign
+
+
+def _parity(order):
+    """Return 1 or -1 for an even or odd permutation."""
+    seen, sign = np.zeros(len(order), bool), 1
+    for first in range(len(order)):
+        length = 0
+        while not seen[first]:
+            seen[first], first, length = True, order[first], length + 1
+        sign *= -1 if length and length % 2 == 0 else 1
+    return sign

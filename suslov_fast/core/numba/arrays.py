@@ -1,0 +1,194 @@
+"""Arrays of kernels: without reference counts, flat, or as blocks of lanes on the stack.
+
+Threads that count references to the same array wait for each other. Counting also makes much of the
+code that Numba writes for an array, and so of the time of a first call.
+"""
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+
+from .intrinsics import LINE, emit_call
+
+
+class Uncounted(types.Array):
+    """The type of arrays without reference counts.
+
+    They are valid while the arrays are that they are made from.
+    """
+
+    def __init__(self, kind):
+        name = f"Uncounted {kind}"
+        super().__init__(kind.dtype, kind.ndim, kind.layout, not kind.mutable, name, kind.aligned)
+
+    def copy(self, dtype=None, ndim=None, layout=None, readonly=None):
+        """The type of a part of these arrays."""
+        return uncounted_type(super().copy(dtype, ndim, layout, readonly))
+
+
+@register_model(Uncounted)
+class _Model(models.ArrayModel):
+    def traverse(self, builder):
+        return []  # no references
+
+
+def uncounted_type(kind):
+    """Return the type of an argument whose arrays have no reference counts."""
+    if type(kind) is types.Array:
+        return Uncounted(kind)
+    if isinstance(kind, types.BaseTuple):
+        items = [*map(uncounted_type, kind.types)]
+        if items != [*kind.types]:
+            return types.BaseTuple.from_types(items, getattr(kind, "instance_class", None))
+    return kind
+
+
+def uncounted_value(context, builder, kind, value):
+    """Return an argument whose arrays have no reference counts."""
+    if isinstance(kind, types.Array):
+        return builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
+    for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        if uncounted_type(item) != item:
+            element = uncounted_value(context, builder, item, builder.extract_value(value, k))
+            value = builder.insert_value(value, element, k)
+    return value
+
+
+def uncounted(arrays):
+    """Return an array, or a tuple of arrays, without reference counts."""
+    return arrays
+
+
+def keep(arrays):
+    """Keep arrays of a kernel, from which it has made uncounted ones, until this line."""
+
+
+def flat(array):
+    """Return the numbers of an array of order C as an array (-,).
+
+    Numba compiles `reshape` for each number of axes.
+    """
+    return array.reshape(-1)
+
+
+def block_of(rows, lanes):
+    """Return the function that makes a block (rows, lanes) for a kernel.
+
+    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line. NumPy's
+    arrays begin anywhere, and vectors that straddle two lines take up to 1.5 times as long. Because
+    the shape is a constant, the compiler knows that rows do not overlap. All numbers are equal at
+    first, and normal.
+    """
+
+    def block():
+        return np.ones((rows, lanes))
+
+    kind = Uncounted(types.Array(types.float64, 2, "C"))
+    type_callable(block)(lambda context: lambda: kind)
+
+    @lower_builtin(block)
+    def emit(context, builder, signature, arguments):
+        word, byte, bit = context.get_value_type(types.intp), ir.IntType(8), ir.IntType(1)
+        with builder.goto_entry_block():
+            memory = builder.alloca(ir.DoubleType(), rows * lanes)
+        memory.align, size = 8 * LINE, ir.Constant(word, 8 * rows * lanes)
+        # Bytes of 63 make doubles of about 5e-4; subnormals in unused lanes would be slow.
+        data = builder.bitcast(memory, context.get_value_type(types.voidptr))
+        fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
+        builder.call(fill, [data, ir.Constant(byte, 63), size, ir.Constant(bit, 0)])
+        array = context.make_array(signature.return_type)(context, builder)
+        array.data, array.itemsize = memory, ir.Constant(word, 8)
+        array.nitems = ir.Constant(word, rows * lanes)
+        array.shape = ir.Constant(ir.ArrayType(word, 2), [rows, lanes])
+        array.strides = ir.Constant(ir.ArrayType(word, 2), [8 * lanes, 8])
+        return array._getvalue()
+
+    return block
+
+
+type_callable(uncounted)(lambda context: uncounted_type)
+type_callable(keep)(lambda context: lambda arrays: types.none)
+type_callable(flat)(
+    lambda context: (
+        lambda array: Uncounted(types.Array(array.dtype, 1, "C")) if array.layout == "C" else None
+    )
+)
+
+
+@lower_builtin(uncounted, types.Any)
+def _uncounted(context, builder, signature, arguments):
+    return uncounted_value(context, builder, signature.args[0], arguments[0])
+
+
+@lower_builtin(keep, types.Any)
+def _keep(context, builder, signature, arguments):
+    return context.get_dummy_value()
+
+
+@lower_builtin(flat, types.Array)
+def _flat(context, builder, signature, arguments):
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    numbers = context.make_array(signature.return_type)(context, builder)
+    numbers.nitems, numbers.itemsize, numbers.data = array.nitems, array.itemsize, array.data
+    word = context.get_value_type(types.intp)
+    for name, value in (("shape", array.nitems), ("strides", array.itemsize)):
+        one = builder.insert_value(ir.Constant(ir.ArrayType(word, 1), ir.Undefined), value, 0)
+        setattr(numbers, name, one)
+    return numbers._getvalue()
+
+
+@intrinsic
+def array_at(typing, address, shape, dtype):
+    """Return the array of order C at an address, without reference counts.
+
+    Numba would compile `carray` for each shape.
+    """
+    result = Uncounted(types.Array(dtype.dtype, len(shape), "C"))
+
+    def emit(context, builder, signature, values):
+        word, item = context.get_value_type(types.intp), context.get_data_type(result.dtype)
+        lengths = zip(cgutils.unpack_tuple(builder, values[1]), shape, strict=True)
+        lengths = [context.cast(builder, *pair, types.intp) for pair in lengths]
+        size, strides = ir.Constant(word, context.get_abi_sizeof(item)), []
+        stride, count = size, ir.Constant(word, 1)
+        for length in reversed(lengths):
+            strides.insert(0, stride)
+            stride, count = builder.mul(stride, length), builder.mul(count, length)
+        array = context.make_array(result)(context, builder)
+        array.data, array.itemsize = builder.inttoptr(values[0], item.as_pointer()), size
+        array.nitems, array.shape = count, cgutils.pack_array(builder, lengths)
+        array.strides = cgutils.pack_array(builder, strides)
+        return array._getvalue()
+
+    return result(address, shape, dtype), emit
+
+
+@intrinsic
+def pack(typing, arguments):
+    """Return the addresses of a function and of data, which are valid while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with part, parts and the
+    arguments of `pack`, which are the data.
+    """
+    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
+
+    def emit(context, builder, signature, values):
+        packed, nothing = uncounted_value(context, builder, arguments, values[0]), types.none
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(nothing), [word] * 4)
+        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        call_part.linkage = "internal"
+        kernel, data, part, parts = call_part.args
+        inner = ir.IRBuilder(call_part.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, memory.type), typ=packed.type)
+        items = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        emit_call(inner, kernel, kind.return_type, [part, parts, *items])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(pointer, word) for pointer in (call_part, memory)]
+        return context.make_tuple(builder, result, addresses)
+
+    return result(arguments), emit

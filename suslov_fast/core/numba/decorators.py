@@ -1,0 +1,562 @@
+"""The options of Numba, as decorators; calls of kernels; helpers for compiled functions.
+
+formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
+function    a function that kernels call
+inlined     a function that is compiled as a part of its callers
+c_function  a function that machine code calls by its address
+kernel      a function(part, parts, *arguments) that does one of `parts` parts of the work; Python
+            calls `kernel.serial(*arguments)` or `kernel.parallel(threads, *arguments)`
+for_users   a formula that users call from Python and from their own compiled loops
+universal   a NumPy universal function, made from a function of one state
+
+Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
+that was compiled. Small calls of kernels and universal functions of the package run as Python, and
+steps of whole batches by NumPy, with the same bits, until these have taken PATIENCE. With
+NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that
+takes a constant integer is compiled for each value, because constants have types of their own. A
+loop over lanes becomes SIMD if
+
+- its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
+  LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
+- it calls formulas without branches (`select`), and no functions of the C library.
+"""
+
+import ctypes
+import functools
+import gc
+import importlib
+import math
+import os
+import re
+import sys
+import threading
+from contextlib import contextmanager, suppress
+from threading import get_ident
+from time import perf_counter
+from types import FunctionType
+
+import numba
+import numpy as np
+from numba import config, prange, types
+from numba.extending import overload, typeof_impl
+
+from .arrays import array_at, pack
+from .cache import (
+    folder_of,
+    has_files,
+    is_kept,
+    name_with_digest,
+    named_folder,
+    use_cache,
+)
+from .interrupts import uninterrupted
+from .intrinsics import call_address, call_code
+from .threads import in_parts
+
+TESTED = 0, 68  # the newest Numba with which this version was tested
+# The default error model tests each divisor, which costs 30 % and prevents SIMD. Without the GIL
+# other Python threads run during a kernel. Without fastmath LLVM forms no FMA and reorders no sum,
+# so that serial, parallel, vectorised and interpreted runs agree to the bit.
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+# A wrapper for calls from Python or C takes as long to compile as a short function.
+_FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
+_FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
+_FUNCTION = _FORMULA | {"forceinline": False}
+
+
+with suppress(ImportError, AttributeError):  # names that Numba does not promise; Windows
+    # A child forked while another thread compiles would wait for it without end.
+    _lock = importlib.import_module("numba.core.compiler_lock").global_compiler_lock
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
+
+
+# -------------------------------------------------------------------------------------- functions
+def _cached(compile_with, py_function):
+    """Return a function that is compiled in its first call; cache it if there is a folder."""
+    name_with_digest(py_function)
+    compiled = compile_with(py_function)
+    # Numba would cache code with and without bounds checks under the same name.
+    if not (config.BOUNDSCHECK or config.DISABLE_JIT):
+        use_cache(compiled, py_function)
+    return compiled
+
+
+@functools.cache
+def _load_registries():
+    """Have Numba import all that it needs to compile, which an interrupt would leave half done.
+
+    Of two threads that do so at once each would get a part, so the second one waits.
+    """
+    with uninterrupted(), suppress(ImportError, AttributeError):  # names that it does not promise
+        registry = importlib.import_module("numba.core.registry")
+        with importlib.import_module("numba.core.compiler_lock").global_compiler_lock:
+            registry.cpu_target.target_context.refresh()
+
+
+SILENT = 2.0  # seconds of compiling, after which a user at a terminal is told
+_said = []  # what users were told
+
+
+def _say():
+    """Tell a user at a terminal, once in a process, that it compiles."""
+    folder = folder_of(_loop)
+    kept = f"later processes load the code from {folder}" if folder else "the code is not kept"
+    if not _said:
+        _said.append(f"suslov_fast compiles for some seconds; {kept}")
+        print(*_said, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _compiling():
+    """Pause Python's garbage collector, which takes an eighth of the time of compiling.
+
+    If compiling fails with a newer Numba than TESTED, the error says so.
+    """
+    _load_registries()
+    was_enabled = gc.isenabled()
+    gc.disable()
+    timer = threading.Timer(SILENT, _say)
+    timer.daemon = True
+    try:
+        if not _said and sys.stderr is not None and sys.stderr.isatty():
+            timer.start()
+        yield
+    except Exception as error:  # of any class: what a newer Numba breaks may raise anything
+        # Kernels that check indices, or are interpreted, raise IndexError when they run.
+        if not advice_on_numba() or isinstance(error, (IndexError, MemoryError)):
+            raise
+        text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
+        raise RuntimeError(text) from error
+    finally:
+        timer.cancel()
+        if was_enabled:
+            gc.enable()
+
+
+def advice_on_numba():
+    """Return what to install if Numba is newer than TESTED, else an empty text."""
+    running = tuple(map(int, re.findall(r"\d+", numba.__version__)[:2]))
+    tested, next_one = (f"{TESTED[0]}.{TESTED[1] + k}" for k in (0, 1))
+    return (running > TESTED) * (
+        "the newest numba that this version of suslov_fast was tested with is "
+        f"{tested}: pip install 'numba<{next_one}'"
+    )
+
+
+# ------------------------------------------------------------------------- before it is compiled
+# Seconds of calls without compiled code, after which compiling it is worth its time.
+PATIENCE = 1.0
+# Seconds for a number of a step in NumPy, of which a call costs as many as these trajectories.
+_IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
+
+
+@functools.cache
+def as_python(py_function, of_arrays=False):
+    """Return a function of which all that it calls is Python, too: the same bits, uncompiled.
+
+    If it is `of_arrays`, formulas compute arrays of numbers: `select` is that of NumPy.
+    """
+    names, code = {}, py_function.__code__
+    twin = FunctionType(
+        code, names, code.co_name, py_function.__defaults__, py_function.__closure__
+    )
+    names.update(py_function.__globals__)
+    for name in code.co_names:
+        if called := getattr(names.get(name), "py_func", None):
+            names[name] = as_python(called, of_arrays)
+    if of_arrays:
+        names["select"] = np.where
+    return twin
+
+
+def _call_code(address, numbers):
+    kind = ctypes.CFUNCTYPE(*[ctypes.c_int64] * (1 + len(numbers)))
+    with calling_python():
+        return kind(int(address))(*map(int, numbers))
+
+
+def _array_at(address, shape, dtype):
+    memory = ctypes.c_char * (math.prod(map(int, shape)) * np.dtype(dtype).itemsize)
+    return np.ndarray(tuple(map(int, shape)), dtype, memory.from_address(int(address)))
+
+
+call_code.py_func, array_at.py_func = _call_code, _array_at
+
+
+class Patient:
+    """Carries out small calls of a function in Python, as long as it is not compiled."""
+
+    seconds = 0.0  # that these calls have taken
+
+    def has_patience(self, seconds):
+        """Return whether a call that takes so many seconds in Python may run there."""
+        settings = config.DISABLE_JIT or config.BOUNDSCHECK
+        return not settings and self.seconds + seconds < PATIENCE
+
+    def in_python(self, function, *arguments):
+        """Call a function that runs as Python."""
+        began = perf_counter()
+        try:
+            with np.errstate(all="ignore"):
+                return function(*arguments)
+        finally:
+            self.seconds += perf_counter() - began
+
+
+# ------------------------------------------------------------------------------ compiled functions
+class Function:
+    """A function that compiled code calls.
+
+    It has no Python wrapper, which would make first calls a fifth longer: a call from Python runs
+    as Python.
+    """
+
+    def __init__(self, options, py_func):
+        self.py_func = py_func
+        self.compiled = _cached(numba.njit(**options), py_func)
+
+    def __call__(self, *arguments):
+        with np.errstate(all="ignore"):
+            return as_python(self.py_func)(*arguments)
+
+
+@typeof_impl.register(Function)
+def _type_of_function(function, context):
+    return numba.typeof(function.compiled)
+
+
+function = functools.partial(Function, _FUNCTION)
+formula = functools.partial(Function, _FORMULA)
+for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
+
+
+def inlined(py_func):
+    """Return the function that is compiled as a part of its callers."""
+    compiled = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})(py_func)
+    if config.DISABLE_JIT:  # it is the Python function
+        compiled.py_func = py_func
+    return compiled
+
+
+_raised = {}  # errors of Python functions that machine code has called, by thread
+
+
+@contextmanager
+def calling_python():
+    """Call machine code that calls Python; raise afterwards what is raised there, Ctrl-C too."""
+    with uninterrupted():
+        yield
+    if error := _raised.pop(get_ident(), None):
+        raise error
+
+
+class _WithFiles(Patient):
+    """A function to which Numba itself gives files."""
+
+    @functools.cached_property
+    def _named(self):
+        """The Python function, with the name of its files."""
+        name_with_digest(self.py_func)
+        return self.py_func
+
+    def _built(self, build, is_whole=bool):
+        """Return what build(cache)(function) makes."""
+        with _compiling():
+            # There is no writable folder; or a file cannot be read, which may raise anything. An
+            # error of compiling comes again.
+            with suppress(Exception), named_folder():
+                compiled = build(cache=not config.BOUNDSCHECK)(self._named)
+                if is_whole(compiled):
+                    return compiled
+            return build(cache=False)(self._named)
+
+
+class CFunction(_WithFiles):
+    """A function that machine code calls; it is compiled when its address is first read."""
+
+    def __init__(self, signature, py_func):
+        self.signature, self.py_func = signature, py_func
+
+    @functools.cached_property
+    def _compiled(self):
+        return self._built(functools.partial(numba.cfunc, self.signature, **_OPTIONS))
+
+    @property
+    def address(self):
+        return self.address_for(math.inf)
+
+    def address_for(self, seconds):
+        """Return the address of compiled code, or of Python's if that may take so many seconds.
+
+        Machine code that may call the latter is called within `calling_python`.
+        """
+        is_slow = not self.is_compiled and self.has_patience(seconds)
+        if config.DISABLE_JIT or (is_slow and not has_files(self._named)):
+            return ctypes.cast(self._callback, ctypes.c_void_p).value
+        return self._compiled.address
+
+    @functools.cached_property  # which keeps it alive
+    def _callback(self):
+        words = [None if kind == types.void else ctypes.c_int64
+                 for kind in (self.signature.return_type, *self.signature.args)]  # fmt: skip
+        function = as_python(self.py_func)
+
+        def called(*arguments):
+            try:
+                return self.in_python(function, *arguments)
+            except Exception as error:  # ctypes would print and forget it
+                _raised[get_ident()] = error
+                return 0
+
+        return ctypes.CFUNCTYPE(*words)(called)
+
+    @property
+    def is_compiled(self):
+        return "_compiled" in vars(self)
+
+
+def c_function(signature):
+    """Return the decorator that makes a `CFunction`."""
+    return functools.partial(CFunction, signature)
+
+
+# ---------------------------------------------------------------------------------------- kernels
+class Kernel(Patient):
+    """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
+
+    # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
+    # a short run of a few trajectories, or None where the kernel has to take it.
+    few = None
+    # in_numpy(*arguments) takes the work of a kernel of steps for all trajectories side by side,
+    # with the same bits, and returns True; or False where only the kernel can take it.
+    in_numpy = None
+    is_compiled = False
+
+    def __init__(self, py_function):
+        self.py_func = py_function
+        self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
+        if config.DISABLE_JIT:
+            self.compiled = lambda *arguments: self.in_python(as_python(py_function), *arguments)
+
+    def serial(self, *arguments):
+        """Call the kernel for all of the work."""
+        with _compiling():
+            self.compiled(0, 1, *arguments)
+        self.is_compiled = True
+        self.serial = compiled = functools.partial(self.compiled, 0, 1)  # from now on
+        self.briefly = lambda seconds, *arguments: compiled(*arguments)
+
+    def briefly(self, seconds, *arguments):
+        """Call the kernel for all of the work, which takes about so many seconds in Python."""
+        if self.has_patience(seconds) and not self._is_kept(arguments):
+            self.in_python(as_python(self.py_func), 0, 1, *arguments)
+        else:
+            self.serial(*arguments)
+
+    def by_numpy(self, *arguments):
+        """Take steps by NumPy, while nothing is compiled; return whether that was possible."""
+        if self.in_numpy is None or self.is_compiled:
+            return False
+        _, x0, _, (begin, end, start, stop, *_), *_ = arguments
+        numbers = x0.shape[1] * (end - begin + _CALL_IN_NUMPY) * (stop - start + 2)
+        if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
+            return False
+        with suppress(MemoryError):  # the kernel needs less memory
+            return self.in_python(self.in_numpy, *arguments)
+        return False
+
+    def _is_kept(self, arguments):
+        return is_kept(self.compiled, (*[types.intp] * 2, *numba.typeof(arguments)))
+
+    def __call__(self, part, parts, *arguments):
+        return self.compiled(part, parts, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Call the kernel for one part of the work in each thread."""
+        addresses = None
+        # Kernels that check indices or are interpreted may raise, which a
+        # parallel loop of Numba ignores.
+        may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
+        if not may_raise:
+            kind = self.compiled, _kind(arguments)
+            if kind not in known_addresses:
+                known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
+            addresses = known_addresses[kind]
+        if addresses is None:
+            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
+        else:
+            _start(*addresses, threads, arguments)
+        self.is_compiled = True
+
+
+kernel = Kernel  # the decorator
+
+
+# A parallel call is a loop over parts that calls the kernel by its address. So each kernel is
+# compiled once, for serial and parallel calls, and this loop once for all kernels, because each
+# `prange` takes seconds. The loop takes the address of the arguments, because `prange` cannot pass
+# nested tuples.
+@functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
+def _loop(call_part, kernel, data, parts):
+    for part in prange(parts):
+        call_address(call_part, kernel, data, np.int64(part), parts)
+
+
+@functools.partial(_cached, numba.njit(**_OPTIONS))
+def _start(loop, kernel, parts, arguments):
+    call_part, data = pack(arguments)
+    # Call the loop by its address, because only loading the loop itself starts its threads.
+    call_address(loop, call_part, kernel, data, parts)
+
+
+known_addresses = {}  # results of `_addresses`, by kernel and kind of its arguments
+
+
+def _kind(argument):
+    """Return what Numba's type of an argument depends on; `numba.typeof` takes 0.1 ms for all."""
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
+def _addresses(compiled, kind):
+    """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
+
+    This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and those of
+    `llvm`. If one is missing or has another meaning, return None: then threads of Python take the
+    parts, and an error of compiling the kernel, which is not of a private name, comes again.
+    """
+    with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
+        addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
+        _start.compile((*_WORDS[:3], kind))
+        return addresses
+    return None
+
+
+_WORDS = (types.int64,) * 4
+
+
+def _address(dispatcher, kinds):
+    """Compile a function for arguments of these types; return its address."""
+    dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
+    return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
+
+
+# ---------------------------------------------------------------------------- universal functions
+class Universal(_WithFiles):
+    """A universal function of float64 numbers, made from a function of one state.
+
+    With a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; for a
+    scalar output it gets an array of one number.
+    """
+
+    def __init__(self, layout, py_function):
+        self.layout, self.py_func = layout, py_function
+        sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
+        self.inputs, self.outputs = [[re.findall(r"\w+", axes) for axes in side] for side in sides]
+
+    def __call__(self, *arguments, **options):
+        if "compiled" not in vars(self) and not options and self._is_small(arguments):
+            return self.in_python(self._in_python, *arguments)
+        with np.errstate(all="ignore"):  # NumPy would warn about each NaN
+            return self.compiled(*arguments, **options)
+
+    def _is_small(self, arguments):
+        """Return whether a call may run in Python, which takes microseconds for each number."""
+        loops, own = [], 10
+        for axes, each in zip(self.inputs, arguments, strict=True):
+            shape = np.shape(each)
+            loops.append(shape[: len(shape) - len(axes)])
+            own += math.prod(shape[len(shape) - len(axes) :])
+        seconds = 1e-6 * math.prod(np.broadcast_shapes(*loops)) * own**2
+        return self.has_patience(seconds) and not self._is_kept
+
+    @functools.cached_property
+    def _is_kept(self):
+        return has_files(self._named)
+
+    @functools.cached_property
+    def _vectorized(self):
+        kinds = [float] * len(self.outputs)
+        return np.vectorize(self._of_one, otypes=kinds, signature=self.layout)
+
+    def _in_python(self, *arguments):
+        results = self._vectorized(*arguments)  # arrays, also of one number
+        return results[()] if len(self.outputs) == 1 else tuple(each[()] for each in results)
+
+    @functools.cached_property
+    def compiled(self):
+        if config.DISABLE_JIT:
+            return self._vectorized
+        dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
+        kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
+        kinds = [types.void(*kinds)]
+        return self._built(functools.partial(numba.guvectorize, kinds, self.layout), _is_whole)
+
+    def _of_one(self, *arguments):
+        arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
+        for axes, each in zip(self.inputs, arguments, strict=True):
+            sizes |= zip(axes, np.shape(each), strict=True)
+        results = [np.empty([sizes[axis] for axis in axes]) for axes in self.outputs]
+        as_python(self.py_func)(*arguments, *map(np.atleast_1d, results))
+        return tuple(results) if len(results) > 1 else results[0]
+
+
+def _is_whole(compiled):
+    """True if a universal function has the address of its wrapper.
+
+    After two processes wrote to the cache at once, the wrapper may be one of other code, and its
+    address 0. Without these private names of Numba this raises, and the process compiles for
+    itself.
+    """
+    [code] = compiled.gufunc_builder._cres.values()
+    return bool(compiled.gufunc_builder.build(code)[1])
+
+
+def universal(layout):
+    """Return the decorator that makes a universal function with this layout."""
+    return functools.partial(Universal, layout)
+
+
+# ------------------------------------------------------------------------------------- in kernels
+def of_kind(name):
+    """Return the function `name` of the class of its first argument, a named tuple."""
+
+    def call(first, *others):
+        return getattr(type(first), name)(first, *others)
+
+    @overload(call, jit_options=_FORMULA, strict=False)
+    def choose(first, *others):
+        chosen = getattr(getattr(first, "instance_class", None), name, None)
+        return chosen and chosen.py_func
+
+    return call
+
+
+@formula
+def share(count, part, parts):
+    """Return the first item of a part, and that of the next part, of `count` items."""
+    return count * part // parts, count * (part + 1) // parts
+
+
+# ------------------------------------------------------------------- rows of parameters and outputs
+# Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
+# the caches, where they are read again.
+STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
+
+
+@formula
+def pick(parameter, i):
+    """Return the parameter of trajectory i from an array with one for each, or one for all."""
+    return parameter[i if i < parameter.size else 0]
+
+
+@formula
+def are_common(parameters):
+    """True if all trajectories have the same body and step size."""
+    I1, I2, I13, I23, k, eps = parameters
+    return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

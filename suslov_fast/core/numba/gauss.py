@@ -1,0 +1,211 @@
+"""Gaussian elimination for systems A y = b, where A is the identity plus other terms.
+
+`eliminate` solves the systems of all lanes without row exchanges, so that loops over lanes are
+SIMD, and units of the unknowns that are powers of two change no digit. Its pivots show which
+systems lose digits (`keeps_digits`); `solve` solves those one at a time, with pivoting.
+
+A block of systems is a[row, column, lane], the columns of A followed by right sides, and
+b[LEAST, LARGEST or TO_SOLVE, lane]; a single system is a matrix. The number of lanes is an
+argument, so that LLVM removes loops over one lane.
+"""
+
+import math
+
+import numpy as np
+
+from ..expressions.symbolic_elimination import LEAST_PIVOT
+from .decorators import formula, function, inlined
+from .intrinsics import lesser, select
+from .status import NONFINITE, OK, SINGULAR
+
+# Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
+# and 1 for lanes that need `solve`, else 0.
+LEAST, LARGEST, TO_SOLVE = range(3)
+NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
+ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
+ROUNDS = 20  # the most of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
+
+
+# Sums with 0 avoid masked stores, which are slow.
+@formula
+def simd_max(v, w):
+    """Return the larger number; w if v is NaN."""
+    return select(v > w, v, w) + 0.0
+
+
+@formula
+def simd_min(v, w):
+    """Return the smaller number; w if v is NaN."""
+    return select(v < w, v, w) + 0.0
+
+
+@formula
+def keeps_digits(b, l):
+    """True if elimination in this order lost no digits: no pivot was small beside the largest."""
+    return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
+
+
+@function
+def eliminate(a, b, lanes):
+    """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
+
+    A is replaced by U above the diagonal, inverse pivots on it, and L below it, whose diagonal is
+    1. Two pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
+    """
+    m, columns, _ = a.shape
+    for l in range(lanes):
+        b[LEAST, l], b[LARGEST, l] = np.inf, 1.0
+    for i in range(m):
+        for l in range(lanes):
+            b[LARGEST, l] = simd_max(abs(a[i, i, l]), b[LARGEST, l])
+    for k in range(0, m, 2):
+        for second in range(k, lesser(k + 2, m)):
+            if second > k:
+                for l in range(lanes):
+                    a[second, k, l] *= a[k, k, l]
+                for j in range(second, columns):
+                    for l in range(lanes):
+                        a[second, j, l] -= a[second, k, l] * a[k, j, l]
+            for l in range(lanes):
+                pivot = a[second, second, l]
+                b[LEAST, l] = simd_min(abs(pivot), b[LEAST, l])
+                b[LARGEST, l] = simd_max(abs(pivot), b[LARGEST, l])
+                a[second, second, l] = 1.0 / pivot
+        for i in range(k + 2, m):
+            for l in range(lanes):
+                a[i, k, l] *= a[k, k, l]
+            for l in range(lanes):
+                a[i, k + 1, l] = (a[i, k + 1, l] - a[i, k, l] * a[k, k + 1, l]) * a[k + 1, k + 1, l]
+            for j in range(k + 2, columns):
+                for l in range(lanes):
+                    first = a[i, j, l] - a[i, k, l] * a[k, j, l]
+                    a[i, j, l] = first - a[i, k + 1, l] * a[k + 1, j, l]
+    for i in range(m - 1, -1, -1):
+        for r in range(m, columns):
+            for j in range(m - 1, i, -1):
+                for l in range(lanes):
+                    a[i, r, l] -= a[i, j, l] * a[j, r, l]
+            for l in range(lanes):
+                a[i, r, l] *= a[i, i, l]
+
+
+@formula
+def accept(a, x, b, lanes):
+    """Replace states x by solutions that keep their digits; return how many lanes have others.
+
+    On entry b[TO_SOLVE] is NaN, or at least the length of x, for solutions that are not usable.
+    """
+    m, to_solve = len(a), NONE
+    for l in range(lanes):
+        good = (b[TO_SOLVE, l] < m) & keeps_digits(b, l) | np.isnan(x[0, l])
+        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
+        to_solve += ~good
+    for i in range(m):
+        for l in range(lanes):
+            x[i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], x[i, l])
+    return to_solve
+
+
+@inlined
+def memory_of_one(m):
+    """Return the memory of `solve` for a system with one right side."""
+    return np.empty((m, m + 1, 1)), np.empty((2, m))
+
+
+@function
+def solve(a, units):
+    """Solve one system (m, columns) by scaling and partial pivoting; return its status.
+
+    Solutions replace the right sides, and pivots of the scaled rows replace the diagonal. A pivot
+    that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite make NONFINITE.
+    `units` (2, m) receives units of the unknowns, and factors of rows: det A is the product of
+    pivot k / units[1, k].
+    """
+    weights, undefined, size = units[1], 0.0, 0.0
+    m, columns = a.shape
+    balance(a, units[0])
+    for i in range(m):
+        largest = 1.0
+        for j in range(m):
+            largest = simd_max(abs(a[i, j]), largest)
+        weights[i] = 1.0 / largest
+        for j in range(columns):
+            undefined += 0.0 * a[i, j]
+            a[i, j] /= largest
+    for k in range(m):
+        pivot = k
+        for i in range(k + 1, m):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if pivot != k:
+            weights[k], weights[pivot] = weights[pivot], weights[k]
+            for j in range(columns):  # the sign keeps the determinant
+                a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
+        terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
+        for j in range(k):
+            terms += abs(a[k, j] * a[j, k])
+        if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:
+            a[k, k] = np.nan
+        for i in range(k + 1, m):
+            a[i, k] /= a[k, k]
+            for j in range(k + 1, columns):
+                a[i, j] -= a[i, k] * a[k, j]
+    for i in range(m - 1, -1, -1):
+        size += 0.0 * a[i, i]
+        for r in range(m, columns):
+            for j in range(i + 1, m):
+                a[i, r] -= a[i, j] * a[j, r]
+            a[i, r] /= a[i, i]
+    for i in range(m):
+        for r in range(m, columns):
+            a[i, r] *= units[0, i]
+            size += abs(a[i, r])
+    if size < np.inf:
+        return OK
+    return SINGULAR if undefined == 0.0 and np.isnan(size) else NONFINITE
+
+
+@inlined
+def balance(a, units):
+    """Change the units of the unknowns by powers of two.
+
+    In the new units the largest entries off the diagonal are about equal in the row and in the
+    column of each unknown.
+    """
+    m, columns = a.shape
+    for i in range(m):
+        units[i] = 1.0
+    for _ in range(ROUNDS):
+        changes = NONE
+        for i in range(m):
+            of_row, of_column = 0.0, 0.0
+            for j in range(m):
+                if j != i:
+                    of_row = simd_max(abs(a[i, j]), of_row)
+                    of_column = simd_max(abs(a[j, i]), of_column)
+            power = math.frexp(of_row)[1] - math.frexp(of_column)[1]
+            if of_row > 0.0 and of_column > 0.0:
+                power = power // 2
+            if power != 0 and abs(power) <= 500 and of_row + of_column < np.inf:
+                changes += 1
+                factor = math.ldexp(1.0, power)
+                units[i] *= factor
+                for j in range(columns):
+                    a[i, j] /= factor
+                for j in range(m):  # restores the diagonal, too
+                    a[j, i] *= factor
+        if changes == 0:
+            break
+
+
+@formula
+def parts_of_determinant(a, units):
+    """Return m and e of the determinant m 2**e of A after `solve`; m = 0 if it is 0 to rounding.
+
+    The product of many pivots may leave the range of numbers.
+    """
+    product, exponent = 1.0, 0
+    for k in range(len(a)):
+        product, power = math.frexp(product * (a[k, k] / units[1, k]))
+        exponent += power
+    return 0.0 if np.isnan(product) else product, exponent

@@ -1,1 +1,0 @@
-"""Checked arguments, flat arrays, threads, and runs of kernels in stretches."""

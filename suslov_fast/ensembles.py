@@ -1,0 +1,291 @@
+"""`ensemble`: batches that are larger than memory, in a Zarr store, by chunks of trajectories."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import pickle
+import warnings
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import checks
+from .checks import Reals, common_shape, extra, warn, wrong
+from .fields.base import Body
+from .keywords import public
+from .maps.batch import Progress, reporter
+from .motions.events import checked_events
+from .motions.flow import flow
+from .motions.motion_arguments import either_map_or_motion
+from .orbits.iterate import iterate
+from .status import IntegrationWarning, Status
+
+if TYPE_CHECKING:
+    import distributed
+    import xarray
+
+_AXIS = "trajectory"  # the last axis of the batch, which is cut into chunks
+_INNER = {"system": 0, "x0": 1, "eps": 0, "attitude": 2}  # numbers of axes after the batch
+_BYTES = 2**23  # of the states of a chunk, by default
+_PENDING = -128  # the status of trajectories that are not computed yet
+
+
+@public
+def ensemble(
+    system: Any,
+    x0: Any,
+    /,
+    store: Any,
+    *,
+    time: Reals | None = None,
+    eps: Reals | None = None,
+    steps: int | None = None,
+    chunks: int | None = None,
+    client: distributed.Client | None = None,
+    progress: Progress = None,
+    **options: Any,
+) -> xarray.Dataset:
+    """Compute a batch that is larger than memory, into a Zarr store (extra `large`).
+
+    The last axis of the batch is cut into chunks. Each chunk is computed by :func:`flow`, or by
+    :func:`iterate`, and then written. If the process ends early, the same call goes on with the
+    missing chunks. The results have the bits of one call for the whole batch.
+
+    Parameters
+    ----------
+    system : Field, Map or a body
+        A single one, or a batch.
+    x0 : array_like(float, shape=(..., N, D)) or callable
+        Initial states, or a function that takes the number of a chunk, and returns the states
+        (..., n, D) of this chunk; n is the same for all chunks.
+    store : str, path-like or Zarr store
+        The name of a folder, a URL that fsspec supports, or a store of Zarr.
+    time, eps, steps : optional
+        The times of :func:`flow`, or the step size and the number of steps of :func:`iterate`.
+    chunks : int, optional
+        The largest number of chunks. By default their states take 8 MB each. A function x0 requires
+        it, and is called for 0, 1, ..., chunks - 1.
+    client : distributed.Client, optional
+        A Dask client, whose workers compute the chunks and write them to the store. By default
+        chunks are computed here, one after the other.
+    progress : bool or callable, optional
+        As in :func:`iterate`; it counts trajectories.
+    **options
+        Other arguments of :func:`flow` or :func:`iterate`. Derivatives are not stored.
+
+    Returns
+    -------
+    xarray.Dataset
+        The store, as ``xarray.open_zarr(store)`` opens it: the variables of `to_xarray` of a run,
+        with the dimension "trajectory" for the last axis of the batch. Trajectories that are not
+        computed yet have the status -128.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is wrong, or the store holds something else, before any work.
+
+    Warns
+    -----
+    IntegrationWarning
+        Once for all trajectories that failed, with their statuses.
+
+    Examples
+    --------
+    Of 400 random initial states of a double well, how many end in the right one?
+
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from suslov_fast import Field, ensemble
+    >>> well = Field(lambda x: (x[1], x[0] - x[0] ** 3 - 0.2 * x[1]), "q p")
+    >>> starts = lambda k: np.random.default_rng([7, k]).uniform(-2, 2, (100, 2))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     data = ensemble(well, starts, f"{folder}/well.zarr", time=[50, 100], chunks=4)
+    ...     q = data.states.sel(time=100, component="q")
+    ...     print(dict(data.states.sizes), int((q > 0).sum()))
+    {'time': 2, 'trajectory': 400, 'component': 2} 207
+    """
+    xarray, _, zarr = (extra(name, "large") for name in ("xarray", "dask.array", "zarr"))
+    checks.instance("system", system, Body)
+    checks.instance("store", store, (str, os.PathLike, zarr.abc.store.Store))
+    if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
+        store = os.path.abspath(os.path.expanduser(store))  # which workers find
+    own: dict[str, Any]
+    is_of_motion = time is not None
+    if system.has_eps:
+        either_map_or_motion("ensemble", eps, steps, time)
+    function: Any = flow if is_of_motion else iterate
+    if is_of_motion:
+        own = {"time": checks.real_number("time", time)}
+        own["events"] = tuple(c.of(system) for c in checked_events(options.get("events", ())))
+    else:
+        own = {"steps": steps, "on_singular": "ignore"}
+        own |= {} if eps is None else {"eps": checks.real_number("eps", eps)}
+    if callable(x0) and chunks is None:
+        raise wrong("chunks", "given beside a function x0: how often it is called")
+    count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
+    states = checks.states("x0", x0(0) if callable(x0) else x0, system.labels)
+    given = {"system": system, "x0": states, **options, **own}
+    shapes: dict[str, Any] = {
+        name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
+    }
+    if callable(x0):
+        shapes["x0"] = *shapes["x0"][:-1], count * sum(shapes["x0"][-1:])
+    batch = common_shape(shapes)
+    if not batch or not math.prod(batch) or (callable(x0) and shapes["x0"][-1] != batch[-1]):
+        raise wrong("x0", f"states (..., N, {system.dimension})", f"of shape {states.shape}")
+    N = batch[-1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IntegrationWarning)  # one of all chunks follows
+        # A run of no trajectory raises the errors of arguments.
+        none = _part(given | ({"x0": states[..., :0, :]} if callable(x0) else {}), slice(0, 0), N)
+        empty = function(none.pop("system"), none.pop("x0"), **none)
+        if chunks is None:
+            count = 1 + 8 * len(empty.states) * math.prod(batch) * system.dimension // _BYTES
+        length = math.ceil(N / count)
+        names = [*empty.to_xarray().status.dims[:-1], _AXIS]
+        whole, encoding = _whole(empty.to_xarray(names), given, N, length)
+        run = {k: _digest(value) for k, value in given.items() if k != "threads"}
+        whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
+        status = _prepared(store, whole, encoding)
+        given |= {"x0": x0 if callable(x0) else states} | ({"threads": 1} if client else {})
+        columns = [name for name, how in encoding.items() if "fill_value" in how]
+        parts = [slice(first, min(first + length, N)) for first in range(0, N, length)]
+        missing = [k for k, part in enumerate(parts) if (status[..., part] == _PENDING).any()]
+        calls = (
+            (function, _part(given, parts[k], N), k, parts[k], names, columns, store)
+            for k in missing
+        )
+        done = N - sum(parts[k].stop - parts[k].start for k in missing)
+        with reporter(progress, N) as report, closing(_computed(client, calls)) as finished:
+            goes_on = report is None or report(done)
+            while goes_on and (part := next(finished, None)):
+                done += part.stop - part.start
+                goes_on = report is None or report(done)
+    data = xarray.open_zarr(store)
+    status = data.status.values
+    if goes_on and (status == _PENDING).any():
+        raise wrong("client", "have workers that write to the store", f"{store} lacks chunks")
+    if (failed := status[(status < 0) & (status > _PENDING)]).size:
+        kinds = ", ".join(f"{(failed == k).sum()} {Status(k).name}" for k in np.unique(failed))
+        warn(
+            f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}",
+            IntegrationWarning,
+        )
+    return data
+
+
+def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:
+    """Return the arguments for some of the N trajectories."""
+    part = dict(given)
+    for name in {*_INNER} & {*given}:
+        axis = len(np.shape(given[name])) - 1 - _INNER[name]
+        if axis >= 0 and np.shape(given[name])[axis] == N:
+            part[name] = given[name][(slice(None),) * axis + (where,)]
+    return part
+
+
+def _digest(value: Any) -> str:
+    """Return a short text that identifies a value."""
+    if isinstance(value, np.ndarray):
+        found = str(value.shape).encode() + value.tobytes()
+    else:
+        found = json.dumps(value, default=lambda each: each.to_dict()).encode()
+    return hashlib.sha256(found).hexdigest()[:16]
+
+
+def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
+    """Return the dataset of all N trajectories, lazy where chunks are written, and its encoding."""
+    import dask.array
+
+    parameters = given["system"].arrays | {k: a for k, a in given.items() if k == "eps"}
+    encoding: dict[str, Any] = {}
+    variables = {}
+    for name, each in data.variables.items():
+        if _AXIS not in each.dims:
+            variables[name] = each
+        elif name != "time":  # n eps, as large as the states
+            sizes = each.sizes | {_AXIS: N}
+            pieces = tuple((sizes | {_AXIS: length}).values())
+            encoding[name] = {"chunks": pieces}
+            values: Any
+            if name in parameters:
+                values = np.reshape(parameters[name], tuple(sizes.values()))
+            else:
+                fill = np.nan if each.dtype.kind == "f" else _PENDING if name == "status" else -1
+                encoding[name]["fill_value"] = fill
+                values = dask.array.full([*sizes.values()], fill, dtype=each.dtype, chunks=pieces)
+            variables[name] = each.dims, values, each.attrs
+    coords = {name: variables.pop(name) for name in data.coords if name in variables}
+    return type(data)(variables, coords, data.attrs), encoding
+
+
+def _prepared(store: Any, whole: Any, encoding: Any) -> Any:
+    """Return the statuses in the store of this run, which is made if there is none."""
+    import xarray
+    import zarr
+
+    how = "choose another name, or delete it"
+    try:
+        there = xarray.open_zarr(store, chunks=None, consolidated=True)
+    except FileNotFoundError:
+        options: Any = {"mode": "w-", "compute": False, "consolidated": False, "zarr_format": 3}
+        whole.to_zarr(store, encoding=encoding, **options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # because format 3 does not define it yet
+            zarr.consolidate_metadata(store)  # the last step, without which a store is refused
+        there = xarray.open_zarr(store, chunks=None)
+    except (ValueError, OSError) as error:
+        raise wrong("store", "new, or of an ensemble", f"{store}: {how}") from error
+    mine, its = (json.loads(data.attrs.get("ensemble", "{}")) for data in (whole, there))
+    if others := [name for name in {**mine, **its} if its.get(name) != mine.get(name)]:
+        received = f"{store}, of a run with another {', '.join(others)}: {how}"
+        raise wrong("store", "new, or of the same run", received)
+    return there.status.values
+
+
+def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]:
+    """Compute chunks, here or by the workers of a client; yield the place of each that is done."""
+    if client is None:
+        yield from (_write(*call) for call in calls)
+        return
+    import cloudpickle
+    from distributed import as_completed
+
+    def submitted(count: int) -> list[Any]:
+        # As bytes: a worker that cannot import a function of the user's raises the error then.
+        # Read with the message of the scheduler, it would end the worker, and the wait never.
+        texts = (cloudpickle.dumps(call) for call in islice(calls, count))
+        return [client.submit(_write_pickled, text, pure=False) for text in texts]
+
+    # Some wait at the scheduler, so that no worker does; not all, because they hold states.
+    futures = as_completed(submitted(4 + 2 * sum(client.nthreads().values())))
+    for future in futures:
+        yield future.result()
+        futures.update(submitted(1))
+
+
+def _write_pickled(text: bytes) -> slice:
+    """Compute and write the chunk of a pickled call."""
+    return _write(*pickle.loads(text))
+
+
+def _write(
+    function: Any, given: Any, k: int, where: slice, names: Any, columns: Any, store: Any
+) -> slice:
+    """Compute chunk k, and write it to the store, the status last; return its place."""
+    system, x0 = given.pop("system"), given.pop("x0")
+    states = checks.states(f"x0({k})", x0(k), system.labels) if callable(x0) else x0
+    data = function(system, states, **given).to_xarray(names)
+    if data.sizes[_AXIS] != where.stop - where.start:
+        raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")
+    data = data.drop_vars({*data.variables} - {*columns})
+    for part in (data.drop_vars("status"), data[["status"]]):
+        part.to_zarr(store, region={_AXIS: where}, consolidated=False)
+    return where

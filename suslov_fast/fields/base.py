@@ -1,0 +1,343 @@
+"""Base class of all bodies: immutable parameters, batches, equality, text and dictionaries."""
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, wrong
+from ..keywords import Answering, lacking, public
+from .exact_numbers import from_lists, to_lists
+from .latex import equations, symbol
+from .members import Members
+
+if TYPE_CHECKING:
+    from .field import Field
+
+Kind = TypeVar("Kind", bound="Body")
+
+# Attributes for other modules, which `dir` hides from users.
+HIDDEN = frozenset(
+    "arrays arrow axes batch_of_one called constants coordinates derived_by displacement "
+    "energy_terms exact_parts exact_terms has_eps is_hamiltonian is_solved labels left "
+    "listed_right_hand_sides may_escape meaning motion_lists of_member of_terms operations parts "
+    "positive read reduction right_hand_sides rows steady_line texts variable with_parts "
+    "without_value".split()
+)
+
+
+class Parameters(dict[str, Any]):
+    """Parameters by name: a copy, in which a new value would not reach the body."""
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        how = f"make it again with {name}={checks.short(value)}"
+        raise TypeError(f"parameters of a body or field cannot be changed: {how}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Body(Members, metaclass=Answering):
+    """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
+
+    Attributes
+    ----------
+    dimension : int
+        The number of components of a state.
+    labels : tuple of str
+        The names of the components.
+    axes : dict of str to int
+        The number of axes of each parameter that is a vector (1) or a matrix (2): otherwise its
+        components count as members of a batch.
+    positive : dict of str to int
+        Parameters that must be positive, and the power of ten up to which they may be.
+    constants : tuple
+        The arguments of formulas and kernels of the map, by default the parameters.
+    coordinates : tuple of str
+        Parameters that are coordinates of datasets, and that ``==`` ignores.
+    meaning : str
+        What parameters are, for messages.
+    steady_line : ndarray(float, shape=(..., D)) or None
+        The direction of the line of steady states through 0; NaN for members, or None, without one.
+    called : str
+        What messages call the class.
+    variable : {"omega", "x"}
+        The name of the states.
+    has_eps : bool
+        Whether steps have a length, eps.
+    may_escape : bool
+        Whether motions may escape to infinity.
+    read, texts : callable, tuple of str
+        What makes a body from its dictionary, and the entries that hold no numbers.
+    """
+
+    axes: ClassVar[dict[str, int]] = {}
+    positive: ClassVar[dict[str, int]] = {}
+    called: ClassVar[str] = "a body or a field"
+    variable: ClassVar[str] = "omega"
+    has_eps: ClassVar[bool] = True
+    steady_line: ClassVar[Any] = None
+    meaning: ClassVar[str] = ""
+    if not TYPE_CHECKING:  # type checkers know the property below
+        dimension: ClassVar[Any] = 2
+    labels: ClassVar[Any] = "Omega1", "Omega2"
+    coordinates: ClassVar[Any] = ()
+    read: ClassVar[Any] = None
+    texts: ClassVar[tuple[str, ...]] = ()
+    may_escape: ClassVar[Any] = False  # the energy of a body is constant
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            name, value = field.name, getattr(self, field.name)
+            if value is None and field.default is None:
+                continue
+            value, fractions = checks.without_fractions(value)
+            if fractions is not None:
+                self.exact_parts[name] = fractions
+            array = checks.real_array(name, value)
+            checks.within(name, array, self.positive.get(name, checks.OTHERS))
+            if name in self.positive and not (array > 0).all():
+                is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
+                makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
+                names = ", ".join(each.name for each in fields(self) if each.init)
+                how = f": the order is {names}{self.meaning}"
+                if is_tensor and makers:
+                    how = (
+                        f": numbers, as of np.diag; of a tensor {' or '.join(makers)} makes a body"
+                    )
+                raise wrong(name, "positive", f"{array.min()}{how}")
+            vars(self)[name] = frozen(array)
+        _ = self.shape  # raises if the parameters do not broadcast
+
+    @cached_property
+    def exact_parts(self) -> dict[str, Any]:
+        """The parameters that hold fractions, by name, as they were given; copies have none."""
+        return {}
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """The parameters by name, without numbers and None that are defaults."""
+        named = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        return {
+            name: value
+            for name, (value, default) in named.items()
+            if value is not None and not (type(value) is float and value == default)
+        }
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        """Store parameters that were checked before, such as those of members of a batch."""
+        vars(self).update({name: frozen(value) for name, value in parts.items()})
+
+    @classmethod
+    def _of(cls: type[Kind], parts: Mapping[str, Any]) -> Kind:
+        """Return the body with these parameters, which were checked before."""
+        self = object.__new__(cls)
+        self._take(parts)
+        return self
+
+    def with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
+        """Return a copy of the body with these parameters, checked before."""
+        return self._of(parts)
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        """The parameters by name, as arrays of floats."""
+        return {name: np.asarray(each, np.float64) for name, each in self.parts.items()}
+
+    def without_value(self, x: Any, which: Any) -> str:
+        """Return why the equations have no value at the first of some states (...), or nothing."""
+        return ""
+
+    if TYPE_CHECKING:
+
+        @property
+        def dimension(self) -> int: ...
+
+        @property
+        def _field(self) -> "Field": ...
+
+    @public
+    def field(self) -> "Field":
+        """Return the equations of motion as a field in the components of the states.
+
+        Returns
+        -------
+        Field
+            Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
+        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
+        """
+        return self._field
+
+    @property
+    def _terms(self) -> Any:
+        """The terms v x_j x_k of all f_i for kernels, in the order in which they add them up."""
+        return self.field()._terms
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters by name."""
+        return Parameters(self.parts)
+
+    @property
+    def constants(self) -> tuple[Any, ...]:
+        """The parameters in the order in which formulas and kernels of the map take them."""
+        return tuple(self.arrays.values())
+
+    @cached_property
+    def batch_of_one(self) -> tuple[Any, ...]:
+        """The constants of a single body, with a batch axis of length 1."""
+        return tuple(np.array(each)[np.newaxis] for each in self.constants)
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the body, () for a single one."""
+        axes, parts = self.axes, self.parts
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
+        return checks.common_shape(shapes)
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in HIDDEN]
+
+    if not TYPE_CHECKING:  # type checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that says where a public name is found instead."""
+            is_parameter = name in vars(self).get("coordinates", ())
+            here = f"parameters[{name!r}]" if is_parameter else ""
+            raise lacking(self, name, here)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        """The values that == and hash compare."""
+        compared = {n: a for n, a in self.parts.items() if n not in self.coordinates}
+        return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if type(other) is type(self) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, (self.parts,)
+
+    def __repr__(self) -> str:
+        name, arrays = type(self).__name__, self.arrays.items()
+        text = ", ".join(
+            f"{each}={a.tolist()}" for each, a in arrays if a.size <= 25 or not self.shape
+        )
+        if not self.shape or (sum(a.size for _, a in arrays) <= 25 and len(text) < 100):
+            return f"{name}({text})"
+        text = ", ".join(summary(each, a) for each, a in arrays)
+        return f"<{name} of shape {self.shape}: {text}>"
+
+    def _repr_latex_(self) -> str | None:
+        """Return the equations of a single body for notebooks, which show a batch as a text."""
+        return None if self.shape else equations(*self._rows_in_latex())
+
+    def _latex(self, _: Any) -> str:
+        """Return the same for ``sympy.latex``."""
+        return (self._repr_latex_() or str(self)).removeprefix("$\\displaystyle ").strip("$")
+
+    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        """Return left sides in LaTeX, and texts, and the LaTeX of variables with other names."""
+        field, labels = self.field(), [*map(symbol, self.labels)]
+        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, field._formulas, strict=True)]
+        numbers = [(symbol(name), str(a)) for name, a in self.arrays.items() if not np.ndim(a)]
+        return rows + numbers, dict(zip(field.names, labels, strict=True))
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        """Return the class and the exact parameters as a dictionary for JSON.
+
+        A number that no float equals becomes a string "p/q". A field has its equations, or with a
+        Hamiltonian H, as texts, or its terms as lists of indices and of values.
+
+        Returns
+        -------
+        dict
+            The class under "body", and numbers, strings, lists and dictionaries, from which
+            :meth:`from_dict` makes an equal body.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
+        {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
+        """
+        return {"body": type(self).__name__, **to_lists(self.parts)}
+
+    @classmethod
+    @public
+    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+        """Return the body or field of this class that :meth:`to_dict` described.
+
+        Parameters
+        ----------
+        parameters : mapping
+            The dictionary, also if it was saved as JSON and read again.
+
+        Returns
+        -------
+        body
+            An equal one.
+
+        Raises
+        ------
+        ValueError
+            If the dictionary is of another class, or has other parameters.
+
+        Examples
+        --------
+        >>> import json
+        >>> from suslov_fast import SuslovND
+        >>> text = json.dumps(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+        >>> SuslovND.from_dict(json.loads(text))
+        SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+        """
+        checks.instance("parameters", parameters, Mapping)
+        return cls._from_dict(dict(parameters))
+
+    @classmethod
+    def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
+        """Return the body of checked parameters, of which some are removed here."""
+        how = ": it is the name of the class that has from_dict"
+        checks.one_of("body", given.pop("body", None), [cls.__name__], how)
+        read = cls.read or cls
+        try:
+            inspect.signature(read).bind(**given)
+        except TypeError as error:
+            names = ", ".join(map(str, given)) or "none"
+            text = f"these are not the parameters of {cls.__name__}: {names} ({error})"
+            raise ValueError(text) from None
+        texts = {name: given.pop(name) for name in cls.texts if name in given}
+        try:
+            return read(**from_lists("parameters", given), **texts)
+        except RecursionError:
+            raise wrong("parameters", "lists of few axes", "lists deep inside each other") from None
+
+
+def summary(name: str, values: Any) -> str:
+    """Return a parameter in a few words: "I1=4.0", or "rho: 11 values from 20 to 30"."""
+    if not np.ndim(values):
+        return f"{name}={values}"
+    if np.size(values) == 0:
+        return f"{name}: no values"
+    return f"{name}: {np.size(values)} values from {np.min(values):g} to {np.max(values):g}"
+
+
+def frozen(part: Any) -> Any:
+    """Return a read-only copy of an array; a plain number if it has no axes."""
+    array = np.array(part, order="C")
+    array.flags.writeable = False
+    return array if array.ndim else array.item()

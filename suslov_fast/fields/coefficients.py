@@ -1,0 +1,280 @@
+"""Coefficients of degree 2: of a list of operations, of arrays, and of files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..checks import OTHERS, within, wrong
+from ..core.expressions.kahan_step import FUNCTIONS
+from .equations import Equations
+from .exact_numbers import as_given, exact, numbers
+from .names import check_order
+from .terms import Terms, collected, fractions, joined
+
+# Indices (axes, n) and values (..., n) of entries of an array.
+Entries = tuple[Any, Any]
+# A polynomial: coefficients by sorted indices, of which (0, 0, 1) stands for x1 x1 x2. They are
+# fractions, or floats, or the floats (...) of the members of a family.
+Polynomial = dict[tuple[int, ...], Any]
+
+
+# ------------------------------------------------------------------------- of lists of operations
+class NotQuadratic(TypeError):
+    """The reason why equations have no coefficients of degree 2."""
+
+
+def of_equations(
+    equations: Equations,
+    results: Sequence[Any],
+    degree: int,
+    parameters: Sequence[Any],
+    exactly: Callable[[float], Fraction] | None = None,
+) -> Terms:
+    """Return the terms of f (degree 2), or of H (degree 3, one result), by its list of operations.
+
+    `parameters` are numbers, or arrays (...) of the members of a family, which are computed in one
+    pass. Values are floats, or, for numbers and a function that makes a fraction of a float,
+    fractions.
+    """
+    D, shape = len(equations.names), np.broadcast_shapes(*map(np.shape, parameters))
+    ratios = equations.ratios
+
+    def number(a: Any) -> Any:
+        if exactly is None:
+            return a if isinstance(a, float) else np.asarray(a, np.float64)[()]
+        a = ratios.get(a, a) if isinstance(a, float) else a
+        return exactly(a) if isinstance(a, float) else Fraction(a)
+
+    found = coefficients_by(number, equations, results, degree, parameters)
+    values: Any = np.empty((*shape, len(found)), np.float64 if exactly is None else object)
+    for k, c in enumerate(found.values()):
+        values[..., k] = c
+    within("coefficients of f", values, OTHERS)
+    return collected(np.array([*found], np.int64).reshape(-1, 3).T, values, D, degree)
+
+
+def coefficients_by(
+    number: Callable[[Any], Any],
+    equations: Equations,
+    results: Sequence[Any],
+    degree: int,
+    parameters: Sequence[Any],
+) -> Polynomial:
+    """Return the coefficients of f (degree 2) or H (degree 3) by three indices, of any numbers.
+
+    The list of operations is carried out with ``number(a)`` for constants and parameters a.
+    """
+    D = len(equations.names)
+    known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
+    known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
+    with np.errstate(all="ignore"):
+        for name, place, operands in equations.values.operations:
+            of = [_constant(number(a)) if isinstance(a, float) else known[a] for a in operands]
+            rule = _RULES.get(name, partial(_of_constants, name, number))
+            known[place] = rule(*of)
+            if known[place] is None:
+                raise NotQuadratic(f"{equations.shown(place)} is no polynomial")
+    found: Polynomial = {}
+    for i, a in enumerate(results):
+        terms = _constant(number(a)) if isinstance(a, float) else known[a]
+        if (highest := max(map(len, terms), default=0)) > degree:
+            raise NotQuadratic(f"a formula has the degree {highest}")
+        row = (i,) if degree == 2 else ()
+        found |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
+    return found
+
+
+def _is_there(c: Any) -> bool:
+    return bool(c.any() if isinstance(c, np.ndarray) else c)
+
+
+def _constant(c: Any) -> Polynomial:
+    return {(): c} if _is_there(c) else {}
+
+
+def _sum(*parts: Polynomial) -> Polynomial:
+    """Return the sum; adding few terms to many takes hardly longer than a copy."""
+    sums = dict(parts[0])
+    for part in parts[1:]:
+        few, many = (part, sums) if len(part) <= len(sums) else (sums, dict(part))
+        for m, c in few.items():
+            many[m] = many[m] + c if m in many else c
+            if not _is_there(many[m]):
+                del many[m]
+        sums = many
+    return sums
+
+
+def _sum_of_products(*operands: Polynomial) -> Polynomial:
+    """Return the sum of a start, if there is one, and of products of pairs."""
+    odd = len(operands) % 2
+    pairs = zip(operands[odd::2], operands[odd + 1 :: 2], strict=True)
+    return _sum(*(operands[:odd] or [{}]), *(_product(a, b) for a, b in pairs))
+
+
+def _difference(a: Polynomial, b: Polynomial) -> Polynomial:
+    return _sum(a, {m: -c for m, c in b.items()})
+
+
+def _product(a: Polynomial, b: Polynomial) -> Polynomial:
+    a, b = sorted((a, b), key=len)
+    products = ({tuple(sorted(m + n)): c * d for n, d in b.items()} for m, c in a.items())
+    return _sum({}, *products)
+
+
+def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
+    if b.keys() != {()}:  # also a quotient by 0
+        return None
+    return {m: c / b[()] for m, c in a.items()}
+
+
+_RULES: dict[str, Callable[..., Any]] = {
+    "fadd": _sum, "sum": _sum_of_products, "fsub": _difference, "fmul": _product, "fdiv": _quotient,
+}  # fmt: skip
+
+
+def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
+    """Return the value of a function of constants, None for other operands.
+
+    A choice by constants takes polynomials. Truth values are arrays.
+    """
+    if name == "select" and not isinstance(operands[0], dict):
+        condition, *(a, b) = operands
+        zero = number(0.0)
+        chosen = {m: np.where(condition, a.get(m, zero), b.get(m, zero))[()] for m in {**a, **b}}
+        return {m: c for m, c in chosen.items() if _is_there(c)}
+    if any(isinstance(a, dict) and a.keys() - {()} for a in operands):
+        return None
+    values = [np.float64(a.get((), 0.0)) if isinstance(a, dict) else a for a in operands]
+    value = FUNCTIONS[name](*values)
+    is_truth = np.asarray(value).dtype == bool
+    return np.asarray(value) if is_truth else _constant(number(np.asarray(value)[()]))
+
+
+# -------------------------------------------------------------------------------------- of arrays
+def entries(name: str, array: Any) -> Entries:
+    """Return the entries of a single array that are not 0, exactly: as floats or fractions."""
+    if array.dtype.kind not in "iufO":  # such as booleans and texts, which `exact` refuses
+        numbers(name, array, False)
+    where = np.nonzero(np.asarray(array != 0, bool))
+    values = array[where]
+    if array.dtype.kind == "O" and {*map(type, values)} == {float}:
+        values = values.astype(np.float64)
+    if values.dtype.kind != "f" or values.dtype.itemsize > 8:
+        values = np.array([exact(name, each) for each in values.tolist()], object)
+    elif np.isfinite(values).all():
+        values = values.astype(np.float64)
+    else:
+        exact(name, values[~np.isfinite(values)].tolist()[0])
+    return np.array(where, np.int64).reshape(array.ndim, -1), within(name, values, OTHERS)
+
+
+def _of_array(name: str, value: Any, axes: int, D: int) -> Entries:
+    """Return the entries of an array with `axes` axes of length D, or of a family of them."""
+    array = as_given(name, value)
+    if D == 0 or array.shape[-axes:] != (D,) * axes:
+        size = D if name != "quadratic" else "D"
+        raise wrong(name, f"have the shape (..., {', '.join([str(size)] * axes)})", array.shape)
+    if array.ndim == axes:
+        return entries(name, array)
+    array = within(name, checks.real_array(name, array), OTHERS)
+    where = np.nonzero((array != 0).any(axis=tuple(range(array.ndim - axes))))
+    return np.array(where, np.int64).reshape(axes, -1), array[(..., *where)]
+
+
+def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
+    """Return the terms of a field with these arrays, and the number of variables."""
+    if callable(quadratic):
+        received = "a function: use Field(f, names)"
+        raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
+    array = as_given("quadratic", quadratic)
+    D = (0, *array.shape)[-1]
+    parts = {"quadratic": _of_array("quadratic", array, 3, D)}
+    for name, value, axes in (("linear", linear, 2), ("constant", constant, 1)):
+        if value is not None:
+            parts[name] = _of_array(name, value, axes, D)
+    # Indices of the factor 1 for those that linear terms and constants lack.
+    indices = [np.vstack([i, np.full((3 - len(i), i.shape[1]), D)]) for i, _ in parts.values()]
+    batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
+    values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]
+    values = [v.astype(np.float64) for v in values] if batch else values
+    return collected(np.hstack(indices), joined(values), D, 2), D
+
+
+def of_file(indices: Any, values: Any, D: int) -> Terms:
+    """Return the terms in a dictionary: i, j, k (3, T) and v (..., T)."""
+    places = _indices("indices", indices, (D, D + 1, D + 1))
+    array = _values("values", values, places.shape[1])
+    if array.ndim == 1:
+        (which,), array = entries("values", array)
+        places = places[:, which]
+    else:
+        array = within("values", checks.real_array("values", array), OTHERS)
+    terms = collected(places, array, D, 2)
+    if terms.indices.shape[1] < places.shape[1]:
+        raise wrong("indices", "hold each term once", "one of them again")
+    return terms
+
+
+def _indices(name: str, given: Any, ends: tuple[int, ...]) -> Any:
+    """Return integers (rows, T), those of each row below its end."""
+    indices = np.asarray(given)
+    if indices.size == 0:
+        return np.zeros((len(ends), 0), np.int64)
+    if indices.dtype.kind not in "iu" or indices.shape != (len(ends), indices.shape[-1]):
+        raise wrong(name, f"integers of the shape ({len(ends)}, T)", checks.short(given))
+    if ((indices < 0) | (indices >= np.reshape(ends, (-1, 1)))).any():
+        raise wrong(name, f"integers from 0, in rows below {ends}", checks.short(given))
+    return indices.astype(np.int64)
+
+
+def _values(name: str, given: Any, count: int) -> Any:
+    """Return values (..., count) as they are."""
+    array = as_given(name, given)
+    if array.ndim == 0 or array.shape[-1] != count:
+        raise wrong(name, f"have the shape (..., {count}), one for each term", array.shape)
+    return array
+
+
+def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
+    """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values.
+
+    K is an array or the entry of a dictionary; by default it is canonical.
+    """
+    if K is None:
+        if D % 2:
+            raise wrong(
+                "names", "even in number where K is left out, the matrix of x' = K grad H", D
+            )
+        check_order(names)
+        q, p, one = np.arange(D // 2), np.arange(D // 2, D), np.full(D // 2, Fraction(1))
+        places, values = np.array([[*q, *p], [*p, *q]]), np.concatenate([one, -one])
+    elif isinstance(K, Mapping):
+        if {*K} != {"indices", "values"}:
+            raise wrong("K", "have the entries indices and values", ", ".join(map(str, K)))
+        places = _indices("K", K["indices"], (D, D))
+        (which,), values = entries("K", _values("K", K["values"], places.shape[1]))
+        places = places[:, which]
+    else:
+        if callable(K):
+            how = "a function: for K(x) pass Field(lambda x: K(x) @ dH(x), names)"
+            raise wrong("K", "a constant matrix", how, TypeError)
+        array = as_given("K", K)
+        if array.shape != (D, D):
+            raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
+        places, values = _of_array("K", array, 2, D)
+    values = fractions(values)
+    found = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
+    for (i, j), v in found.items():
+        if (w := found.get((j, i), Fraction(0))) != -v:
+            received = f"one with {float(v)} at {i, j} and {float(w)} at {j, i}"
+            raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
+    matrix: Any = np.empty((3, len(values)), object)
+    matrix[:2], matrix[2] = places, values
+    return matrix

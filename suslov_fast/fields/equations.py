@@ -1,0 +1,130 @@
+"""Equations that all members of a family share: the list of operations of f, and its uses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..core.expressions.derivative import gradients
+from ..core.expressions.kahan_step import evaluate
+from ..core.expressions.right_hand_side import RightHandSide, in_order
+from .equation_text import brief, written
+from .symbolic import Tracer
+
+LONGEST = 300  # characters of a text for readers
+
+
+class Equations:
+    """The equations that all members of a family share: lists of f and, if it is there, of H.
+
+    names, parameters  the variables, and the named parameters, in the order of values
+    values, results    `Expressions` of f and of H, in an order that these determine, and f
+    H, K               the operand of H, and the entries (i, j, value) of its matrix, or None
+    ratios             the fractions that were typed, by the floats nearest to them
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        parameters: Sequence[str],
+        values: Any,
+        results: Sequence[Any],
+        H: Any = None,
+        K: Any = None,
+        ratios: Mapping[float, Fraction] | None = None,
+    ) -> None:
+        self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
+        self.ratios = dict(ratios or {})
+        self.values, operands = in_order(values, [*results, *([] if H is None else [H])])
+        self.results = operands[: len(results)]
+        self.H = None if H is None else operands[-1]
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        return (*self.names, *self.parameters)
+
+    @cached_property
+    def key(self) -> Any:
+        """The part of a field that == compares, without texts and names."""
+        sizes = len(self.names), len(self.parameters)
+        return repr((sizes, self.values.operations, self.results, self.H, self.K))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Equations) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[Any, ...]:
+        return self.parameters, self.key
+
+    @cached_property
+    def right_hand_side(self) -> RightHandSide:
+        values, results = in_order(self.values, self.results)
+        return RightHandSide(values, results, len(self.parameters))
+
+    @cached_property
+    def texts(self) -> tuple[dict[str, str], list[str]]:
+        """Definitions, and the texts of f, or that of H, from which f follows."""
+        results = self.results if self.H is None else [self.H]
+        return written(self.values, results, self.all_names, self.ratios)
+
+    def shown(self, operand: Any) -> str:
+        """Return the text of f_i or H for readers."""
+        return brief(self.values, operand, self.all_names, LONGEST, self.ratios)
+
+    def energy(self, x: Any, parameters: Any) -> Any:
+        """Return H (...) at states (D, ...)."""
+        values, (H,) = in_order(self.values, [self.H])
+        known = dict(enumerate([*x, *parameters]))
+        with np.errstate(all="ignore"):
+            evaluate(values.operations, known)
+        return H if isinstance(H, float) else known[H]
+
+    def __reduce__(self) -> Any:
+        values = self.values
+        lists = values.operations, values.written, self.results, self.H, self.K, self.ratios
+        return _restored, (self.names, self.parameters, *lists)
+
+
+def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others: Any) -> Equations:
+    values = Tracer(names, parameters).values
+    for instruction, _, operands in operations:
+        values.emit(instruction, *operands)
+    values.written |= texts
+    return Equations(names, parameters, values, *others)
+
+
+def of_hamiltonian(
+    tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
+) -> Equations:
+    """Return the equations x' = K grad H, by the derivative of the list of H."""
+    # A list in its own order, so that the gradient is the same after reading a text of H.
+    values, [H] = in_order(tracer.values, [energy])
+    [slopes] = gradients(values, [*values.operations], [H], len(names))
+    rows: list[Any] = [None] * len(names)  # an operand may be 0, the number of the first variable
+    for i, j, c in matrix.T:
+        if j in slopes:
+            part = values.emit("fmul", float(c), slopes[j])
+            rows[i] = part if rows[i] is None else values.emit("fadd", rows[i], part)
+    entries = tuple((int(i), int(j), Fraction(c)) for i, j, c in matrix.T)
+    ratios = tracer.ratios | {float(c): c for _, _, c in entries if float(c) != c}
+    rates = [0.0 if row is None else row for row in rows]
+    return Equations(names, parameters, values, rates, H, entries, ratios)
+
+
+def check_equalities(values: Any, names: Sequence[str], rows: Sequence[Any]) -> None:
+    """Raise ValueError where f asks whether a clock equals a number: a step meets no such time."""
+    clocks = {i for i, rate in enumerate(rows) if isinstance(rate, float) and rate != 0.0}
+    for name, _, operands in values.operations:
+        for a, b in (operands, operands[::-1]) if name == "oeq" else ():
+            if type(a) is int and a in clocks and isinstance(b, float) and b != 0.0:
+                raise ValueError(
+                    f"f: {names[a]} == {b:g} holds at no step of the motion, whatever f is then: "
+                    f"what happens at that time is Event(times=[{b:g}], to=...)"
+                )

@@ -1,0 +1,151 @@
+"""Exact numbers, named parameters, and texts of polynomials."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from fractions import Fraction
+from functools import partial
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from ..checks import (
+    OF_SYMBOLS,
+    OTHERS,
+    common_shape,
+    kind_of,
+    real_array,
+    refuse,
+    short,
+    spelled,
+    within,
+    wrong,
+)
+from .names import check_parameter
+
+# Of a text "p/q" in a file, in characters; and of the exponent of 10 in a decimal.
+_LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
+
+
+def exact(name: str, value: Any) -> Fraction:
+    """Return a number of Python, NumPy or SymPy as a fraction; a float is exact as it is."""
+    is_ratio = isinstance(value, Rational)
+    if isinstance(value, complex):
+        how = "split complex variables into real and imaginary parts"
+        raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
+    if getattr(value, "is_number", False) and not is_ratio:  # of SymPy, as sqrt(2)
+        with suppress(TypeError):  # of a complex one
+            value = float(value)
+    if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
+        received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
+        if isinstance(value, str) and re.fullmatch(r"-?\d+(/\d+)?", value):
+            received += f": pass fractions.Fraction({value!r})"
+        if callable(value):
+            received += ": what changes in time is a formula in f, with a variable t of the rate 1"
+        if hasattr(value, "_mpf_"):
+            received += ": pass fractions.Fraction(str(value))"
+        if isinstance(value, dict):
+            how = f"**{name}, and let f take {', '.join(map(str, value))}"
+            received += f": pass {f'{name}={value[name]}' if name in value else how}"
+        received += f": {OF_SYMBOLS}" * hasattr(value, "free_symbols")
+        raise wrong(name, "integers, fractions or floats", received, TypeError)
+    try:
+        if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
+            raise OverflowError  # a decimal such as 1e99999999, whose ratio would take minutes
+        ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
+        return Fraction(*map(int, ratio))
+    except (OverflowError, ValueError):
+        raise wrong(name, "finite, and in the range of float64", short(value)) from None
+
+
+def as_given(name: str, value: Any) -> Any:
+    """Return an array that keeps every number as it is; lists become arrays of objects."""
+    refuse(name, value)
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def numbers(name: str, value: Any, is_batch: bool) -> Any:
+    """Return an array of floats for a batch, of fractions for a single field."""
+    if is_batch:
+        return real_array(name, value)
+    return np.vectorize(partial(exact, name), "O")(as_given(name, value))
+
+
+def coefficients(name: str, value: Any, is_batch: bool) -> Any:
+    """Return `numbers` that are in the range of coefficients."""
+    return within(name, numbers(name, value, is_batch), OTHERS)
+
+
+def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
+    """Return checked parameters by name: numbers as they are, arrays as floats."""
+    checked: dict[str, Any] = {}
+    for name, value in parameters.items():
+        check_parameter(name, variables)
+        array = as_given(name, value)
+        checked[name] = real_array(name, value) if array.ndim else array.item()
+        if not array.ndim:
+            exact(name, checked[name])
+    common_shape({name: np.shape(value) for name, value in checked.items()})
+    return checked
+
+
+def plain(value: Any) -> float | str:
+    """Return a number as a float if one equals it, else as the string "p/q"."""
+    number = exact("value", value) if value else 0  # most entries of tensors are 0
+    return float(number) if float(number) == number else str(number)
+
+
+def to_lists(value: Any) -> Any:
+    """Return an array, or a dictionary of arrays, as lists of floats and strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: to_lists(each) for name, each in value.items()}
+    array = np.asarray(value)
+    return array.tolist() if array.dtype.kind in "fi" else np.vectorize(plain, "O")(array).tolist()
+
+
+def from_lists(name: str, value: Any) -> Any:
+    """Return lists from `to_lists` with fractions in place of their strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: from_lists(name, each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [from_lists(name, each) for each in value]
+    try:
+        return from_text(value) if isinstance(value, str) else value
+    except ValueError:
+        raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
+
+
+def from_text(text: str) -> Fraction:
+    """Return the number in a text, such as 1/3, 0.1 or 1e6; ValueError if there is none.
+
+    Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
+    """
+    if len(text) > _LONGEST_NUMBER:
+        raise ValueError(text)
+    exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
+    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
+        raise ValueError(text)
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError(text) from error
+
+
+def text_of(terms: Mapping[tuple[int, ...], Any], names: Sequence[str]) -> str:
+    """Return a polynomial with these coefficients, by sorted indices, as text.
+
+    The indices (0, 0, 1) stand for the product of the first variable twice and the second.
+    """
+    text = ""
+    for indices, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
+        size = -c if c < 0 else c
+        factors = [] if indices and size == 1 else [spelled(size)]
+        for i in dict.fromkeys(indices):
+            power = indices.count(i)
+            factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
+        text += (" - " if c < 0 else " + ") + "*".join(factors)
+    return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"

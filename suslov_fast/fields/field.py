@@ -1,0 +1,506 @@
+"""Fields x' = f(x): equations of any right-hand side, and families of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, arguments_of, short, wrong
+from ..core.expressions.event_formulas import Act
+from ..keywords import public, public_class
+from . import coefficients, right_hand_sides
+from .base import Body, frozen
+from .equations import Equations, check_equalities, of_hamiltonian
+from .exact_numbers import from_text, named_parameters, to_lists
+from .mass import parted, rates
+from .names import check_for_map, variables
+from .right_hand_sides import OfMembers
+from .symbolic import Symbols
+from .terms import Terms, slopes_at, texts_of, values_at, without_zeros
+from .trace import check_function, operands_of_function
+from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
+
+_LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
+INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
+
+
+@public_class
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Field(Traced):
+    """The equations ``x' = f(x)``, or with a mass matrix ``M(x) x' = f(x)``; or a family of them.
+
+    :func:`flow` computes solutions of any field. A field whose f is a polynomial of degree 2 or
+    less also has Kahan's map, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for
+    each x_j x_k and (x_j + x_next_j) / 2 for each x_j, which :func:`iterate` iterates.
+
+    f is kept as a list of operations, from which its exact derivative follows. It is a formula of
+    + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their inverses,
+    arctan2, hypot, expm1, log1p, exp2, log2, log10, logaddexp, abs, sign, minimum, maximum, clip,
+    heaviside, floor, where, comparisons joined by & | ~, interp with a table of numbers, and
+    SciPy's expit and erf. Sums, products and shifts of arrays are made of these.
+
+    Parameters
+    ----------
+    f : callable
+        Takes the state x, an array of D variables, and parameters by name, and returns the D
+        derivatives. Time is a variable with the rate 1: ``lambda s: (..., 1.0)`` and names
+        ``"x v t"``. f is called with symbols, twice.
+    names : str, sequence of str or int
+        The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
+    mass : callable or array_like(float, shape=(D, D)), optional
+        The matrix M of equations ``M(x) x' = f(x)``: numbers, or a function of the state, and of
+        parameters by name, that returns it. M is eliminated as formulas, without row exchanges:
+        where it depends on x, for D up to some 12, if it is not sparse. Where a pivot becomes 0
+        solutions end. If f itself takes `mass`, it is a parameter.
+    **parameters : float or array_like(float, shape=(...))
+        Named parameters of f, and of `mass`. Arrays broadcast, and make a family of fields, of
+        which each parameter is one number. Names of variables, t and names in datasets are
+        refused.
+
+    Attributes
+    ----------
+    dimension, names : int, tuple of str
+        The number of variables, D, and their names. ``==`` ignores the names.
+    parameters : dict
+        Named parameters, which are coordinates of datasets. ``==`` ignores their names.
+    terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
+        Of a field of degree 2: i, j, k and v of the terms v x_j x_k of x_i', j <= k, sorted. The
+        index D stands for a factor 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If f does not take the state as one argument, lacks a parameter, returns another number of
+        derivatives, calls a function without a rule, asks for the value of a symbol as Python's
+        ``if`` does, or returns something else when it is called again; if M is singular, or has
+        another shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Field
+    >>> pendulum = Field(lambda x: (x[1], -np.sin(x[0])), "q p")
+    >>> pendulum
+    Field(q' = p, p' = -sin(q))
+    >>> pendulum([0.5, 2.0]).round(3)
+    array([ 2.   , -0.479])
+    >>> def lotka_volterra(x, a):
+    ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
+    >>> family = Field(lotka_volterra, "u v", a=[0.5, 1, 2])
+    >>> family
+    <Field, a family of shape (3,): variables u v, a: 3 values from 0.5 to 2>
+    >>> family.sel(a=2)
+    Field(u' = u - u*v, v' = a*(u*v - v), a = 2.0)
+
+    A bead on a parabola q**2 / 2, whose inertia depends on q:
+
+    >>> Field(
+    ...     lambda x: (x[1], -x[0] * (x[1] ** 2 + 1)),
+    ...     "q v",
+    ...     mass=lambda x: [[1, 0], [0, 1 + x[0] ** 2]],
+    ... )
+    Field(q' = v, v' = -q*(v**2 + 1)/(1 + q**2))
+    """
+
+    axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
+    texts: ClassVar[tuple[str, ...]] = (*Traced.texts, "H")
+    called: ClassVar[str] = "a field"
+    arrow: ClassVar[str] = "' ="
+    left: ClassVar[str] = r"\dot{%s}"
+
+    def __init__(
+        self,
+        f: Callable[..., Any],
+        /,
+        names: int | str | Sequence[str],
+        *,
+        mass: Any = None,
+        **parameters: Any,
+    ) -> None:
+        if not callable(f) and np.ndim(f):
+            how = "for coefficients Field.from_terms(quadratic, linear, constant)"
+            raise wrong("f", "a function of x", f"an array: {how}", TypeError)
+        names = variables("names", names)
+        if mass is not None and "mass" in arguments_of(f):
+            parameters, mass = {**parameters, "mass": mass}, None
+        if mass is None:
+            check_function("f", f, names, parameters)
+        else:
+            f, mass = parted(f, mass, names, parameters)
+        values = named_parameters(parameters, names)
+        tracer, rows = operands_of_function("f", f, names, values)
+        rows = rows if mass is None else rates(tracer, mass, rows)
+        check_equalities(tracer.values, names, rows)
+        equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
+        self._take({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        names: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> Field:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        If H is a polynomial of degree 3 or less, Kahan's map conserves
+        :func:`kahan.modified_energy` exactly, so that the energy does not drift; orders 4 to 8 of
+        the map do not conserve it.
+
+        Parameters
+        ----------
+        H : callable
+            Takes the state x, an array of D variables, and parameters by name, and returns a
+            number, a formula as in f of a field.
+        names : str, sequence of str or int
+            As of a field.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
+            canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
+            momenta.
+        **parameters : float or array_like(float, shape=(...))
+            As of a field.
+
+        Returns
+        -------
+        Field
+            Its method `energy` is H.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for a field; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field
+        >>> Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
+        """
+        names = variables("names", names)
+        check_function("H", H, names, parameters)
+        values = named_parameters(parameters, names)
+        matrix = coefficients.structure_matrix(K, len(names), names)
+        tracer, [energy] = operands_of_function("H", H, names, values)
+        equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
+        return cls._of({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_equations(cls, text: str, /, **parameters: Any) -> Field:
+        """Return the field of equations that are written as a text.
+
+        Parameters
+        ----------
+        text : str
+            An equation ``x' = formula`` for each variable, in the order of the state, on lines of
+            their own or between semicolons. Formulas are those of Python, with the functions of
+            NumPy by their names. ``a = 2`` gives the value of a parameter.
+        **parameters : float or array_like(float, shape=(...))
+            Values of further parameters; arrays make a family.
+
+        Returns
+        -------
+        Field
+
+        Raises
+        ------
+        ValueError
+            If the text cannot be read, or uses a name that has no equation and no value.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
+        Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
+        """
+        equations: dict[str, str] = {}
+        for part in filter(str.strip, re.split("[;\n]", text)):
+            name, sign, value = (each.strip() for each in part.partition("="))
+            name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
+            own = name.removesuffix("'").rstrip()
+            if not (sign and own and value) or "'" in own or re.search("(^|[^<>=!])=[^=]", value):
+                how = f"write equations of order 1, with a ; between two: {_LIKE}"
+                raise ValueError(f"equations: {part.strip()!r} cannot be read: {how}")
+            if own in equations or own in parameters:
+                raise ValueError(f"equations: {own} has two lines or values: write one")
+            if name.endswith("'"):
+                equations[own] = value
+                continue
+            try:
+                parameters[own] = from_text(value) if "/" in value else float(value)
+            except ValueError:
+                how = f"a parameter is a number; if it is an equation write {own}' = {value}"
+                raise ValueError(f"equations: {part.strip()}: {how}") from None
+        if not equations:
+            raise wrong("equations", f"like {_LIKE}", repr(text))
+        return cls.read([*equations], [*equations.values()], parameters=parameters)
+
+    @classmethod
+    @public
+    def from_terms(
+        cls,
+        quadratic: Any,
+        linear: Any = None,
+        constant: Any = None,
+        names: str | Sequence[str] | None = None,
+    ) -> Field:
+        """Return the field ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
+
+        Parameters
+        ----------
+        quadratic : array_like(shape=(..., D, D, D))
+            q, of which only the part symmetric in j and k counts. Coefficients are 0 or between
+            1e-60 and 1e60 in modulus, in any units.
+        linear : array_like(shape=(..., D, D)), optional
+            l, by default 0.
+        constant : array_like(shape=(..., D)), optional
+            c, by default 0.
+        names : str or sequence of str, optional
+            Names of the D variables, by default x1, ..., xD.
+
+        Returns
+        -------
+        Field
+            A single field, or a family of the batch shape of the arrays.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If shapes do not match, or a coefficient is not a number in its range.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field.from_terms([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
+        Field(x1' = x1*x2, x2' = -x1**2 + 1/2)
+        """
+        terms, D = coefficients.of_arrays(quadratic, linear, constant)
+        return cls.of_terms(terms, variables("names", names, D))
+
+    @classmethod
+    def of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
+        """Return the field with checked terms."""
+        return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
+
+    # ------------------------------------------------------------------------------ parts
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        if parts.get(EQUATIONS) is None:
+            indices, values = without_zeros(parts[INDICES], np.asarray(parts[VALUES]))
+            parts = {NAMES: parts[NAMES], INDICES: indices, VALUES: values}
+        super()._take(parts)
+
+    @public
+    def field(self) -> Field:
+        return self
+
+    # ------------------------------------------------------------------------------ values
+    def _value(self, x: FloatArray) -> FloatArray:
+        return super()._value(x) if self._equations else values_at(self._own_terms, x)
+
+    def _slopes(self, x: FloatArray) -> FloatArray:
+        return super()._slopes(x) if self._equations else slopes_at(self._own_terms, x)
+
+    def _traced_at(self, x: Symbols) -> Any:
+        return super()._traced_at(x) if self._equations else Symbols.of(self._of_symbols(x))
+
+    @public
+    def energy(self, x: Any) -> FloatArray:
+        """Return the Hamiltonian H(x) of a field that :meth:`from_hamiltonian` made.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the field.
+
+        Returns
+        -------
+        ndarray(float, shape=(...))
+
+        Raises
+        ------
+        TypeError
+            If the field has no Hamiltonian.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        >>> float(well.energy([2.0, 1.0]))
+        6.5
+        """
+        if not self.is_hamiltonian:
+            raise TypeError(
+                "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
+                "that of another field call another.energy(run.states)"
+            )
+        x = checks.states("x", x, self.names, later=True)
+        where, parameters = np.moveaxis(x, -1, 0), self._inputs
+        shape = np.broadcast_shapes(where.shape[1:], parameters.shape[1:])
+        found = np.array(np.broadcast_to(self._equations.energy(where, parameters), shape))
+        return found + 0.0 * x.sum(axis=-1)  # NaN where the state is
+
+    @property
+    def is_hamiltonian(self) -> bool:
+        return self._equations is not None and self._equations.H is not None
+
+    def _of_symbols(self, x: Symbols) -> list[Any]:
+        """Return f(x) of symbols by the terms of a single field."""
+        if self.shape:
+            raise TypeError("f(x) of a family has no symbols: take that of a single field")
+        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
+        for (i, *factors), value in self._own_terms.floats.members():
+            rows[i] = rows[i] + value * math.prod(x[k] for k in factors if k < len(rows))
+        return rows
+
+    # ------------------------------------------------------------------------------ motion
+    def motion_lists(
+        self, names: tuple[str, ...] = (), twice: bool = False, acts: tuple[Act, ...] = ()
+    ) -> list[OfMembers]:
+        """Return right-hand sides for the engine, as `right_hand_sides.of_equations` does."""
+        if self._equations is None:
+            return right_hand_sides.of_terms(self._own_terms, self.dimension, twice, acts)
+        return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, acts)
+
+    @cached_property
+    def right_hand_sides(self) -> list[OfMembers]:
+        return self.motion_lists()
+
+    @cached_property
+    def listed_right_hand_sides(self) -> list[OfMembers]:
+        return self.motion_lists(twice=True)
+
+    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+        """Return those of variational equations, with the derivatives of f by parameters."""
+        return self.motion_lists(names, twice=True)
+
+    # ------------------------------------------------------------------------------ degree 2
+    @property
+    def _own_terms(self) -> Terms:
+        return Terms(self.parts[INDICES], self.parts[VALUES])
+
+    def exact_terms(self, exactly: Any = Fraction, of_energy: bool = False) -> Terms:
+        """Return the terms of f, or of H, of a single field of degree 2, as fractions.
+
+        ``exactly(a)`` is the fraction as which a float counts. TypeError for other fields.
+        """
+        return self._terms_of(of_energy, exactly)
+
+    def _terms_of(self, of_energy: bool, exactly: Any = None) -> Terms:
+        shared, values = self._equations, [*self.parameters.values()]
+        if shared is None:
+            return self._own_terms if exactly is None else self._own_terms.read(exactly)
+        results, degree = ([shared.H], 3) if of_energy else (shared.results, 2)
+        try:
+            return coefficients.of_equations(shared, results, degree, values, exactly)
+        except coefficients.NotQuadratic as error:
+            what = "H is not of degree 3" if of_energy else "f is not of degree 2"
+            raise TypeError(
+                f"system: {what} ({error}), so it has no Kahan map: its motion is "
+                "flow(field, x0, time=T); to iterate f itself make Map(f, names)"
+            ) from None
+
+    @cached_property
+    def _terms(self) -> Terms:
+        """The terms of f for kernels of maps; TypeError if f is not of degree 2."""
+        terms = self._terms_of(of_energy=False).floats
+        check_for_map(self.names, self.coordinates)
+        return terms
+
+    @cached_property
+    def may_escape(self) -> bool:
+        """False for linear equations, whose solutions exist at all times."""
+        try:
+            return bool((self._terms.indices[2] < self.dimension).any())
+        except (TypeError, ValueError):
+            return True
+
+    @cached_property
+    def energy_terms(self) -> Terms:
+        """The terms of H for kernels of maps."""
+        return self._terms_of(of_energy=True).floats
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The terms that are not 0: i, j, k, an array (3, T), and v (..., T)."""
+        indices, values = self._terms
+        order = np.lexsort(indices[::-1])
+        return frozen(indices[:, order]), frozen(values[..., order])
+
+    # ------------------------------------------------------------------------------ texts
+    @property
+    def _formulas(self) -> Iterator[str]:
+        return super()._formulas if self._equations else texts_of(self._own_terms, self.names)
+
+    @property
+    def _numbers(self) -> list[tuple[str, Any]]:
+        """The Hamiltonian and the parameters of a single field, by name."""
+        H = [("H", self._equations.shown(self._equations.H))] if self.is_hamiltonian else []
+        return [*H, *super()._numbers]
+
+    def _described(self) -> dict[str, Any]:
+        if self._equations is None:
+            return to_lists({"indices": self.parts[INDICES], "values": self.parts[VALUES]})
+        found, entries = super()._described(), self._equations.K
+        if entries is None:
+            return found
+        i, j, values = map(list, zip(*entries, strict=True)) if entries else ([], [], [])
+        K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+        [H] = found.pop("equations")
+        return found | {"H": H, "K": K}
+
+    @classmethod
+    def read(
+        cls,
+        names: Any,
+        equations: Any = None,
+        definitions: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Any = None,
+        indices: Any = None,
+        values: Any = None,
+    ) -> Field:
+        names = variables("names", names)
+        rows = [H] if H is not None else equations
+        if indices is not None and rows is None and not parameters:
+            return cls.of_terms(coefficients.of_file(indices, values, len(names)), names)
+        is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
+        if not is_list or (H is None) == (equations is None):
+            expected = f"a list of {len(names)} texts, or left out beside H"
+            raise wrong("equations", expected, short(equations))
+        tracer, operands, given = operands_of_texts(names, rows, definitions, parameters)
+        if H is None:
+            shared = Equations(names, [*given], tracer.values, operands, ratios=tracer.ratios)
+        else:
+            matrix = coefficients.structure_matrix(K, len(names))
+            shared = of_hamiltonian(tracer, names, [*given], operands[0], matrix)
+        return cls._of({**given, NAMES: names, EQUATIONS: shared})
+
+
+def system_of(system: Any, x0: Any) -> Any:
+    """Return a system; a function of the state is a field with as many variables as x0 has.
+
+    It is for functions such as `flow`. Other objects than functions are returned as they are.
+    """
+    if isinstance(system, (Body, type)) or not callable(system):
+        return system
+    D = len(x0) if isinstance(x0, Mapping) else (1, *np.shape(x0))[-1]
+    others = arguments_of(system)[1:]
+    if others and not {"t", "time"} & {*arguments_of(system)}:
+        values = ", ".join(f"{name}=..." for name in others)
+        how = f"Field(f, {D}, {values})"
+        raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
+    return Field(system, D)

@@ -1,0 +1,128 @@
+"""Maps x -> f(x) of one's own, and families of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NoReturn
+
+import numpy as np
+
+from ..checks import FloatArray, arguments_of, short, wrong
+from ..core.expressions.map_step import MapStep, map_step
+from ..core.expressions.right_hand_side import in_order
+from ..keywords import public_class
+from .equations import Equations
+from .exact_numbers import named_parameters
+from .field import Field
+from .names import TIME, check_for_map, variables
+from .trace import check_function, operands_of_function
+from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
+
+
+@public_class
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Map(Traced):
+    """A map of one's own, ``x -> f(x)``, or a family of maps.
+
+    :func:`iterate` and :func:`lyapunov_exponents` iterate it, ``map(x)`` is one step, and
+    :func:`equilibria` finds fixed points. A step has no length in time: there is no eps, and
+    ``run.time`` counts steps. The laboratory ``integrability`` takes a rational map. f may
+    contain what the function of a :class:`Field` may, such as ``np.mod``, ``np.where`` and tables.
+
+    Parameters
+    ----------
+    f : callable
+        Takes the state x, an array of D variables, and parameters by name, and returns the D
+        components of the next state. f is called with symbols, twice.
+    names : str, sequence of str or int
+        The names of the variables, ``"x y"``, or their number, for x1, ..., xD.
+    **parameters : float or array_like(float, shape=(...))
+        Named parameters of f. Arrays broadcast, and make a family of maps.
+
+    Attributes
+    ----------
+    dimension, names : int, tuple of str
+        The number of variables, D, and their names. ``==`` ignores the names.
+    parameters : dict
+        Named parameters, which are coordinates of datasets. ``==`` ignores their names.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for a :class:`Field`.
+
+    Examples
+    --------
+    >>> from suslov_fast import Map, iterate, lyapunov_exponents
+    >>> henon = Map(lambda x, a, b: (1 - a * x[0] ** 2 + x[1], b * x[0]), "x y", a=1.4, b=0.3)
+    >>> henon
+    Map(x -> 1 - a*x**2 + y, y -> b*x, a = 1.4, b = 0.3)
+    >>> iterate(henon, [0.0, 0.0], steps=3)["x"]
+    array([ 0.   ,  1.   , -0.4  ,  1.076])
+    >>> lyapunov_exponents(henon, [0.0, 0.0], steps=100_000, transient=1000).round(2)
+    array([ 0.42, -1.62])
+    """
+
+    called: ClassVar[str] = "a map"
+    arrow: ClassVar[str] = " ->"
+    left: ClassVar[str] = r"\tilde{%s}"
+    has_eps: ClassVar[bool] = False
+
+    def __init__(
+        self, f: Callable[..., Any], /, names: int | str | Sequence[str], **parameters: Any
+    ) -> None:
+        names = variables("names", names)
+        if TIME & {*arguments_of(f), *parameters}:
+            call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
+            how = "the number of the step is a variable that grows by 1"
+            raise TypeError(f"f: {how}, as in {call}, and no argument t")
+        check_function("f", f, names, parameters)
+        values = named_parameters(parameters, names)
+        check_for_map((), [name for name in values if name != "eps"])
+        tracer, rows = operands_of_function("f", f, names, values)
+        equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
+        self._take({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    def read(
+        cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
+    ) -> Map:
+        names = variables("names", names)
+        if not isinstance(equations, (list, tuple)) or len(equations) != len(names):
+            raise wrong("equations", f"a list of {len(names)} texts", short(equations))
+        tracer, rows, given = operands_of_texts(names, equations, definitions, parameters)
+        shared = Equations(names, [*given], tracer.values, rows, ratios=tracer.ratios)
+        return cls._of({**given, NAMES: names, EQUATIONS: shared})
+
+    def _value(self, x: FloatArray) -> FloatArray:
+        found = super()._value(x)
+        exists = np.isfinite(found) & ~np.isnan(x)
+        return np.where(exists.all(axis=-1, keepdims=True), found, np.nan)
+
+    @property
+    def _field(self) -> NoReturn:
+        how = "iterate(map, x0, steps=N); for x' = f(x) make a Field"
+        raise TypeError(f"system: a Map is x -> f(x), without a motion or Kahan's map: use {how}")
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name != "field"]
+
+    @property
+    def displacement(self) -> Field:
+        """The field f(x) - x, of which fixed points of the map are equilibria."""
+        parts = self._equations
+        values, results = in_order(parts.values, parts.results)  # a copy
+        rates = [values.emit("fsub", a, i) for i, a in enumerate(results)]
+        equations = Equations(self.names, parts.parameters, values, rates)
+        return Field._of({**self.parts, NAMES: self.names, EQUATIONS: equations})
+
+    @property
+    def operations(self) -> MapStep:
+        """The list of operations of a step."""
+        return map_step(self._equations.right_hand_side)
+
+    @property
+    def rows(self) -> Any:
+        """The parameters (..., P) of all members."""
+        return np.moveaxis(self._inputs, 0, -1)

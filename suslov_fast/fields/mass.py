@@ -1,0 +1,241 @@
+"""Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
+
+The pivots are chosen once, by which entries are 0 and which are numbers: a symmetric matrix keeps
+those of its diagonal, M = L D L^T, others take any, M = L U. A formula that is 0 for all states is
+no pivot: rounding would leave a number in its place. A formula that changes its sign is 0 somewhere
+between, where M may be regular: a block of up to MOST rows without other pivots is solved by
+Cramer's rule, which divides by its determinant alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..checks import real_array, short, wrong
+from ..core.expressions.kahan_step import evaluate
+from .symbolic import Symbol, Tracer
+from .trace import alone, called, check_function, check_same, taken, taking
+
+_HOW = (
+    "for coordinates q and velocities v with M(q) v' = F it is "
+    "np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])"
+)
+_LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
+# States; a difference beside its terms that may be rounding; the part of states where it is, at
+# least, if it is 0: elimination amplifies rounding at some.
+_SAMPLES, _CANCELLED, _MOST = 32, 1e-11, 0.8
+MOST = 4  # rows of a block that Cramer's rule solves, because its minors are 2**n
+
+
+def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return f and M as functions of the state and of all parameters, each of which one takes."""
+    of_mass, own = taken(mass, parameters), taken(f, parameters)
+    of_f = [name for name in parameters if name in own or name not in of_mass]
+    check_function("f", f, names, {name: parameters[name] for name in of_f})
+    if callable(mass):
+        check_function("mass", mass, names, {name: parameters[name] for name in of_mass})
+        mass = taking(mass, of_mass)
+    return taking(f, of_f), mass
+
+
+def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
+    """Return the operands of M^-1 f for the operands `right` that are f."""
+    D = len(right)
+    rows = _entries(tracer, mass, D) if callable(mass) else real_array("mass", mass).tolist()
+    if np.shape(rows) != (D, D):
+        raise wrong("mass", f"have the shape ({D}, {D})", f"{np.shape(rows)}: {_HOW}")
+    b = [a if isinstance(a, float) else Symbol(tracer, a) for a in right]
+    if all(isinstance(a, float) for row in rows for a in row):
+        found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
+    else:
+        samples = _Samples(tracer)
+        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
+    return [tracer.result(a) for a in found]
+
+
+def _entries(tracer: Tracer, mass: Any, D: int) -> list[list[Any]]:
+    """Return the operands of the entries of M; the function is called twice."""
+    found = []
+    for _ in range(2):
+        result = called("mass", mass, tracer.state, tracer.parameters)
+        array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
+        if array.ndim != 2:
+            received = f"{short(result)} of shape {array.shape}"
+            raise wrong("mass", f"return a matrix of the shape ({D}, {D})", received)
+        try:
+            found.append([[tracer.result(alone(a)) for a in row] for row in array.tolist()])
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"mass: {error}") from None
+    check_same("mass", *found)
+    return found[0]
+
+
+def _as_symbol(tracer: Tracer, operand: Any) -> Any:
+    return operand if isinstance(operand, float) else Symbol(tracer, operand)
+
+
+def _inverse(matrix: Any) -> list[list[float]]:
+    rows = abs(matrix).max(axis=1, keepdims=True)
+    scaled = matrix / np.where(rows > 0, rows, 1.0)
+    if np.linalg.cond(scaled) * _LEAST > 1:
+        raise _singular()
+    return np.linalg.inv(matrix).tolist()
+
+
+def _singular() -> Any:
+    how = "write an equation without a derivative into the others, as a formula"
+    return wrong("mass", "a matrix that has an inverse", f"a singular one: {how}")
+
+
+def _is_zero(a: Any) -> bool:
+    return isinstance(a, float) and a == 0.0
+
+
+def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
+    """Return the sum of products, without factors 0 and 1."""
+    total: Any = 0.0
+    for a, b in products:
+        if not (_is_zero(a) or _is_zero(b)):
+            product = b if isinstance(a, float) and a == 1.0 else a * b
+            total = product if _is_zero(total) else total + product
+    return total
+
+
+class _Samples:
+    """Formulas at states that are chosen at random, where some are 0, or change their sign."""
+
+    def __init__(self, tracer: Tracer) -> None:
+        numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))
+        self._expressions, self._done = tracer.values, 0
+        self._values = dict(enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, _SAMPLES)))
+
+    def is_zero(self, a: Any) -> bool:
+        """Return whether a formula is a difference of equal terms at nearly all states."""
+        if not isinstance(a, Symbol):
+            return _is_zero(a)
+        instruction, operands = self._expressions.of.get(a.operand, ("", ()))
+        if instruction not in ("fadd", "fsub"):
+            return False
+        difference = abs(self._at(a.operand))
+        with np.errstate(all="ignore"):
+            terms = sum(abs(self._at(each)) for each in operands)
+            is_small = (difference <= _CANCELLED * terms)[np.isfinite(difference)]
+        return bool(len(is_small) and is_small.mean() >= _MOST)
+
+    def changes_sign(self, a: Any) -> bool:
+        """Return whether a formula is above 0 at some states, and below 0 at others."""
+        values = self._at(a.operand if isinstance(a, Symbol) else a)
+        return bool((values > 0.0).any() and (values < 0.0).any())
+
+    def _at(self, operand: Any) -> Any:
+        """Return the values of an operand at all states."""
+        if isinstance(operand, float):
+            return np.array(operand)
+        operations = self._expressions.operations
+        with np.errstate(all="ignore"):
+            evaluate(operations[self._done :], self._values)
+        self._done = len(operations)
+        return np.asarray(self._values[operand])
+
+
+def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
+    """Return the solution of a x = b, numbers and symbols; `samples` tell what is no pivot."""
+    D = len(b)
+    is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
+    rows, columns = [*range(D)], [*range(D)]
+    steps, x = [], [0.0] * D
+    while rows:
+        i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero)
+        if len(rows) <= MOST and samples.changes_sign(a[i][j]):
+            for j, value in zip(columns, _by_cramer(a, b, rows, columns, samples), strict=True):
+                x[j] = value
+            break
+        is_symmetric &= i == j
+        rows.remove(i)
+        columns.remove(j)
+        after = [c for c in columns if not _is_zero(a[i][c])]
+        below = [r for r in rows if not _is_zero(a[r][j])]
+        inverse = 1.0 / a[i][j] if below and not _same(a[i][j], 1.0) else 1.0
+        for r in below:
+            factor = _sum(iter([(inverse, a[r][j])]))
+            for c in after:
+                if is_symmetric and c < r:
+                    a[r][c] = a[c][r]  # found before
+                else:
+                    a[r][c] = _less(a[r][c], factor, a[i][c])
+            b[r] = _less(b[r], factor, b[i])
+        steps.append((i, j, inverse if below else None, after))
+    for i, j, inverse, after in reversed(steps):
+        rest = b[i]
+        for c in after:
+            rest = _less(rest, a[i][c], x[c])
+        x[j] = rest / a[i][j] if inverse is None else _sum(iter([(inverse, rest)]))
+    return x
+
+
+def _by_cramer(
+    a: list[list[Any]], b: list[Any], rows: list[int], columns: list[int], samples: _Samples
+) -> list[Any]:
+    """Return the solution of the equations in some rows and columns, by minors of a."""
+    whole = [[*row, value] for row, value in zip(a, b, strict=True)]  # b is the last column
+
+    @cache
+    def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
+        """Return a determinant, expanded along its first column."""
+        if not columns:
+            return 1.0
+        j, *others = columns
+        cofactors = [minor((*rows[:k], *rows[k + 1 :]), (*others,)) for k in range(len(rows))]
+        parts = [_sum(iter([(whole[i][j], c)])) for i, c in zip(rows, cofactors, strict=True)]
+        total = _sum(((-1.0) ** k, part) for k, part in enumerate(parts))
+        return 0.0 if samples.is_zero(total) else total
+
+    determinant = minor((*rows,), (*columns,))
+    if _is_zero(determinant):
+        raise _singular()
+    places = [(len(b), *columns[:k], *columns[k + 1 :]) for k in range(len(columns))]
+    signed = ((-1.0) ** k * minor((*rows,), place) for k, place in enumerate(places))
+    return [each if _same(determinant, 1.0) else each / determinant for each in signed]
+
+
+def _less(a: Any, factor: Any, b: Any) -> Any:
+    """Return a - factor b."""
+    product = _sum(iter([(factor, b)]))
+    if _is_zero(product):
+        return a
+    return -product if _is_zero(a) else a - product
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, Symbol) and isinstance(b, Symbol):
+        return bool(a.operand == b.operand)
+    return isinstance(a, float) and isinstance(b, float) and a == b
+
+
+def _pivot(
+    a: Any,
+    rows: list[int],
+    columns: list[int],
+    is_symmetric: bool,
+    is_zero: Callable[[Any], bool],
+) -> tuple[int, int]:
+    """Return the place of the next pivot: a number, else one that fills few places."""
+    places = [(i, j) for i in rows for j in columns if not _is_zero(a[i][j])]
+    is_pivot = [not is_zero(a[i][j]) for i, j in places]
+    if not any(is_pivot):
+        raise _singular()
+    allowed = [place for place, is_allowed in zip(places, is_pivot, strict=True) if is_allowed]
+    diagonal = [(i, j) for i, j in allowed if i == j]
+    in_row = {i: sum(place[0] == i for place in places) for i in rows}
+    in_column = {j: sum(place[1] == j for place in places) for j in columns}
+
+    def order(place: tuple[int, int]) -> Any:
+        i, j = place
+        size = abs(a[i][j]) if isinstance(a[i][j], float) else 0.0
+        return not size, (in_row[i] - 1) * (in_column[j] - 1), -size, i != j, place
+
+    return min(diagonal if is_symmetric and diagonal else allowed, key=order)

@@ -1,0 +1,160 @@
+"""Names of the variables and of the parameters of fields."""
+
+import re
+import unicodedata
+from collections.abc import Collection, Sequence
+from keyword import iskeyword
+from typing import Any
+
+import numpy as np
+
+from ..checks import integer, short, wrong
+
+# What a file may ask for at most.
+_LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
+TIME = {"t", "time"}
+# Names that parameters of fields cannot have, and what they stand for.
+_TAKEN = {
+    **dict.fromkeys(TIME, "time, which is a variable"),
+    "method": "an argument of sel",
+    **dict.fromkeys(("x", "states"), "the name of the states"),
+    **dict.fromkeys(
+        (
+            *("before", "component", "count", "end", "event", "final", "space", "status"),
+            *("steps", "trajectory", "which"),
+        ),
+        "a name in datasets",
+    ),
+}
+# Further ones, of fields with which maps are iterated.
+_OF_MAPS = {
+    "eps": "the step size",
+    **dict.fromkeys(
+        ("n", "failed_at", "first_pole", "attitude", "after", "fraction"),
+        "a name in datasets of runs and crossings",
+    ),
+}
+# A letter, or the name of a Greek one, and an index: digits, with n after them in n dimensions.
+_SYMBOL = re.compile(
+    r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
+    r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
+    r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
+)
+_OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
+_AXIS = re.compile(r"batch_\d+")
+
+
+def of_time(names: Sequence[str], f: str = "...", more: str = "") -> str:
+    """Return, for messages, how time enters a field with these variables, and `more` arguments."""
+    given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
+    field = f"Field(lambda s{more}: ({f}, 1.0), {given}{', a=1.0' * bool(more)})"
+    return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
+
+
+def labels(D: int) -> tuple[str, ...]:
+    """Return the default names of variables: x1, ..., xD."""
+    return tuple(f"x{i}" for i in range(1, D + 1))
+
+
+def latex(name: str) -> str:
+    r"""Return `\Omega_{1}` for "Omega1", `p_{x}` for "px"; "" for a name without an index."""
+    if match := _OF_COORDINATE.fullmatch(name):
+        return f"{match[1]}_{{{match[2]}}}"
+    if not (match := _SYMBOL.fullmatch(name)):
+        return ""
+    letter = rf"\{match['greek']}" if match["greek"] else match["letter"]
+    return f"{letter}_{{{match['index']}}}" if match["index"] else letter
+
+
+def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
+    """Return the checked names of variables; x1, ..., xD if only their number is known.
+
+    `given` is a text with names between spaces or commas, a sequence of names, the number of
+    variables, or None. If D is known there must be D names.
+    """
+    if given is None and D:
+        return labels(D)
+    if hasattr(given, "__code__"):
+        raise wrong(argument, "a number or names", "a function, which comes first", TypeError)
+    if isinstance(given, str):
+        names = re.split(r"[\s,]+", given.strip(" ,\t\n"))
+    elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
+        names = [str(each) if hasattr(each, "free_symbols") else each for each in given]
+    elif D is None:
+        expected = f'an integer from 1 to {_MOST_VARIABLES}, or names: "u v w"'
+        return labels(integer(argument, given, 1, expected, _MOST_VARIABLES))
+    else:
+        raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
+    if not all(isinstance(name, str) for name in names):
+        raise wrong(argument, 'names of variables, such as "u v w"', short(given), TypeError)
+    names = [str(name) for name in names if name]
+    if not names:
+        raise wrong(argument, "the name of at least one variable", short(given))
+    if D is not None and len(names) != D:
+        raise wrong(
+            argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
+        )
+    if len(names) > _MOST_VARIABLES:
+        raise wrong(argument, f"at most {_MOST_VARIABLES} names", f"{len(names)}")
+    before: set[str] = set()
+    for name in names:
+        reason = _refused(name)
+        if name in before:
+            reason = "appears twice: give each variable its own name"
+        before.add(name)
+        if reason:
+            raise ValueError(f"{argument}: the variable {short(name)} {reason}")
+    return tuple(names)
+
+
+def _refused(name: str) -> str:
+    """Return why nothing can have this name; "" if it can."""
+    if len(name) > _LONGEST_NAME:
+        return f"is longer than {_LONGEST_NAME} characters"
+    plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
+    if plain != name or not name.isidentifier() or iskeyword(name):
+        return "is no name in Python: use letters, digits and _, and begin with a letter"
+    return ""
+
+
+def check_order(names: Sequence[str]) -> None:
+    """Raise ValueError if each momentum follows its coordinate, as in "x px y py"."""
+    q, p = names[::2], names[1::2]
+    if len(q) > 1 and all(
+        b in (f"p{a}", f"p_{a}") or (a[0] == "q" and b == f"p{a[1:]}")
+        for a, b in zip(q, p, strict=True)
+    ):
+        right, given = " ".join([*q, *p]), " ".join(names)
+        raise ValueError(
+            "names: all coordinates come first, then all momenta, here and in the state of H: "
+            f"{right!r}, not {given!r}; for another order pass K"
+        )
+
+
+def clash(name: str, names: Collection[str]) -> str:
+    """Return what the name of a parameter already stands for; "" if it is free.
+
+    `names` are those of the variables.
+    """
+    if name in names:
+        return "the variable of that name"
+    return "a name in datasets" if _AXIS.fullmatch(name) else _TAKEN.get(name, "")
+
+
+def check_parameter(name: str, names: Sequence[str]) -> None:
+    """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
+    if name in TIME:
+        raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
+    if reason := _refused(name):
+        raise ValueError(f"parameters: {short(name)} {reason}")
+    if what := clash(name, names):
+        how = f"rename it, to {name}_ for example"
+        raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")
+
+
+def check_for_map(variables: Sequence[str], parameters: Collection[str]) -> None:
+    """Raise ValueError if a name of a field stands for something else in runs of its map."""
+    for name in (*(each for each in variables if each == "eps"), *parameters):
+        if what := _OF_MAPS.get(name):
+            how = f"make it again with another name, {name}_ for example"
+            raise ValueError(f"system: {name!r} clashes with {what}: {how}")

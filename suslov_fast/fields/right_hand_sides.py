@@ -1,0 +1,131 @@
+"""Right-hand sides of fields for the engine of the motion: of equations, and of terms."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core.expressions.branches import with_fixed_choices
+from ..core.expressions.event_formulas import Act, with_parameters
+from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
+from ..core.expressions.quadratic import expressions_of, parameters_of
+from ..core.expressions.right_hand_side import RightHandSide, in_order
+from .equations import Equations
+from .terms import Terms
+
+_MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
+_LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
+
+
+class OfMembers(NamedTuple):
+    """The right-hand side of some members of a family, or of a single field."""
+
+    members: NDArray[np.int64]  # their numbers (K,)
+    f: Any  # a `RightHandSide`
+    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
+
+@lru_cache(64)
+def _of_list(
+    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...], constants: int
+) -> RightHandSide:
+    values, results = in_order(equations.values, equations.results, constants)
+    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    P = len(equations.parameters) + constants
+    return with_fixed_choices(values, results, P, by, twice, acts)
+
+
+def of_equations(
+    equations: Equations,
+    parameters: FloatArray,
+    names: tuple[str, ...] = (),
+    twice: bool = False,
+    acts: tuple[Act, ...] = (),
+) -> list[OfMembers]:
+    """Return the right-hand side of all members, whose choices are fixed within a step.
+
+    Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
+    differentiate f by, `twice` asks for second derivatives, and `acts` are events.
+    """
+    acts, constants = with_parameters(acts, len(equations.names) + len(parameters))
+    f = _of_list(equations, names, twice, acts, len(constants))
+    shape, P = parameters.shape[1:], len(parameters)
+    given = np.zeros((f.P, *shape))  # choices and starts of clocks are last, of no state yet
+    given[:P], given.T[..., P : P + len(constants)] = parameters, constants
+    count = math.prod(shape)
+    table = f.table_of(given).reshape(len(f.table), count)
+    return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+
+def of_terms(
+    terms: Terms, D: int, twice: bool = False, acts: tuple[Act, ...] = ()
+) -> list[OfMembers]:
+    """Return the right-hand sides of members of a family of terms, by the terms that are not 0.
+
+    Arguments are as in `of_equations`.
+    """
+    (indices, values), found = terms.floats, []
+    rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+    exists = rows != 0.0
+    patterns, which = exists[:1], np.zeros(len(rows), np.int64)
+    if not exists.all():
+        patterns, which = np.unique(exists, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
+        members = np.flatnonzero(which.reshape(-1) == k)
+        places, own = indices[:, pattern], rows[np.ix_(members, pattern)]
+        if not (acts or twice) and _LONG < places.shape[1] > D**3 / 4:
+            f, parameters = _dense(D), dense_parameters(places, own, D)
+        else:
+            units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
+            given = [*parameters_of(own, *units)]
+            of_code, constants = with_parameters(acts, D + len(given))
+            form = [each.tobytes() for each in (places, *units)]
+            f = _of_form(*form, D, of_code, twice, len(constants))
+            given += [np.full(len(members), c) for c in constants]
+            given += [np.zeros(len(members))] * (f.P - len(given))  # starts of clocks
+            parameters = np.array(given).reshape(-1, len(members))
+        found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+    return found
+
+
+_dense = lru_cache(16)(DenseRightHandSide)
+
+
+@lru_cache(256)
+def _of_form(
+    indices: bytes,
+    one: bytes,
+    minus_one: bytes,
+    D: int,
+    acts: tuple[Act, ...],
+    twice: bool,
+    constants: int,
+) -> Any:
+    """Return the right-hand side that fields of the same form share."""
+    places = np.frombuffer(indices, np.int64).reshape(3, -1)
+    is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
+    values, results, count = expressions_of(places, D, is_one, is_minus_one)
+    if not acts:
+        return RightHandSide(values, results, count)
+    values, results = in_order(values, results, constants)
+    return with_fixed_choices(values, results, count + constants, (), twice, acts)
+
+
+def with_changes(
+    field: Any, acts: tuple[Act, ...], names: tuple[str, ...] = (), twice: bool = False
+) -> list[OfMembers]:
+    """Return the right-hand sides of members of a field with events.
+
+    Arguments are as in `of_equations`, with `acts` in the order of code.
+    """
+    key, known = (acts, names, twice), vars(field).setdefault("_with_changes", {})
+    if key not in known:
+        if len(known) >= _MOST_EVENTS:
+            known.clear()
+        known[key] = field.motion_lists(names, twice, acts)
+    return known[key]

@@ -1,0 +1,486 @@
+"""Symbolic numbers, with which functions of users are called, and arrays of them.
+
+A symbolic number is a value of a list of operations (`core.expressions`). NumPy hands its functions
+of symbolic numbers, and of arrays that hold them, to the methods here; arrays keep the class
+`Symbols`, so that comparisons, `np.where` and the like work entry by entry.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from numbers import Rational
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..checks import OF_SYMBOLS, short
+from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
+from ..core.expressions.kahan_step import OF_TRUTH_VALUES
+from ..core.expressions.right_hand_side import Expressions
+from ..words import OF_ARRAYS, STEPS
+from .equation_text import brief
+
+TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
+
+
+class Untraceable(TypeError):
+    """An operation of f of which there is no list."""
+
+
+class Tracer:
+    """The list of operations of a function that is called with symbolic numbers."""
+
+    def __init__(self, names: Sequence[str], parameters: Sequence[str]) -> None:
+        self.names = (*names, *parameters)
+        D, count = len(names), len(self.names)
+        self.values = Expressions(count, range(D, count))
+        self.state = Symbols.of([Symbol(self, i) for i in range(D)])
+        self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, D)}
+        self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest ones
+
+    def is_truth(self, operand: Any) -> bool:
+        of: Mapping[Any, Any] = self.values.of
+        return bool(type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES)
+
+    def operand(self, value: Any) -> Any:
+        """Return the operand that a symbolic number, or a number, is; a truth value as it is."""
+        if isinstance(value, Symbol):
+            if value.tracer is not self:
+                raise Untraceable("f keeps symbols of an earlier call: compute all from x")
+            return value.operand
+        if isinstance(value, (bool, np.bool_)):
+            return bool(value)
+        operand = constant(value)
+        if isinstance(value, Rational) and value != operand:
+            self.ratios[operand] = Fraction(value)
+        return operand
+
+    def number(self, value: Any) -> Any:
+        """Return the operand of a number; a truth value counts as 0 or 1."""
+        if type(value) is float:
+            return value
+        operand = self.operand(value)
+        if isinstance(operand, bool):
+            return float(operand)
+        if self.is_truth(operand):
+            return self.values.emit("select", operand, 1.0, 0.0)
+        return operand
+
+    def truth(self, value: Any) -> Any:
+        """Return the operand of a truth value; a number is true unless it is 0."""
+        operand = self.operand(value)
+        if self.is_truth(operand):
+            return operand
+        if isinstance(operand, (bool, float)):
+            return self.values.emit("oeq", 1.0 if operand else 0.0, 1.0)
+        return (~self.values.number(operand).equals(0.0)).number
+
+    def asked(self, operand: Any) -> Exception:
+        """Return the error of a question whether a value is true."""
+        return Untraceable(_asked(self.text(operand)))
+
+    def text(self, operand: Any) -> str:
+        return brief(self.values, operand, self.names)
+
+    def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
+        """Return the value of a function of operands, and note what was written."""
+        if name in _ARITHMETIC and float in map(type, operands):
+            _check_arithmetic(name, operands)
+        count, rule = self.values.count, interp if name == "interp" else FUNCTIONS[name].rule
+        result = rule(self.values, *operands, *tables)
+        if not isinstance(result, float) and result >= count:
+            self.values.written.setdefault(result, (name, tuple(operands), *tables))
+        return Symbol(self, result)
+
+    def result(self, value: Any) -> Any:
+        """Return the operand that a component of f, or H, is."""
+        operand = self.number(value)
+        if isinstance(operand, float) and not math.isfinite(operand):
+            raise Untraceable(f"a component is {operand}, not a finite number or a formula")
+        return operand
+
+
+_ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
+
+
+def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
+    """Raise an error where a constant is infinite or NaN, but for a quotient by infinity.
+
+    Such constants are limits of `clip` and values of `where`; a sum with one has no other value.
+    """
+    for k, a in enumerate(operands):
+        is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
+        if isinstance(a, float) and not math.isfinite(a) and not is_limit:
+            sign = FUNCTIONS[name].sign
+            raise Untraceable(f"a constant beside {sign} is {a}, and must be a finite number")
+
+
+def constant(value: Any) -> float:
+    """Return a real number as a float."""
+    if type(value) is float:
+        return value
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, (complex, np.complexfloating)):
+        how = "split complex variables into real and imaginary parts"
+        raise Untraceable(f"{value} is complex: {how}")
+    if hasattr(value, "free_symbols") and value.free_symbols:
+        raise Untraceable(f"{short(value)} is an expression of SymPy: {OF_SYMBOLS}")
+    is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")
+    if not is_number and not hasattr(value, "free_symbols"):
+        raise Untraceable(f"a number is wanted, not {short(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        raise Untraceable(f"{short(value)} is beyond the range of float64") from None
+    return number
+
+
+def applied(name: str, *values: Any) -> Any:
+    """Return the value of a function of numbers, some of which may be symbolic."""
+    for value in values:
+        if isinstance(value, Symbol):
+            tracer = value.tracer
+            break
+    else:  # entries of arrays may be numbers
+        return _of_numbers(name, values)
+    if name == "where":
+        condition, *rest = values
+        if not isinstance(condition, Symbol):
+            return rest[0] if condition else rest[1]
+        operands = [tracer.truth(condition), *map(tracer.number, rest)]
+    elif name.startswith(("logical", "bitwise")):
+        if name.startswith("bitwise") and not all(map(_is_truth, values)):
+            raise Untraceable(
+                "& | ^ and ~ join comparisons, as in (x > 0) & (y > 0): a power is x**2"
+            )
+        operands = [*map(tracer.truth, values)]
+        name = OTHER_NAMES.get(name, name)
+    else:
+        operands = [*map(tracer.number, values)]
+    return tracer.applied(name, operands)
+
+
+def _is_truth(value: Any) -> bool:
+    if isinstance(value, Symbol):
+        return bool(value.tracer.is_truth(value.operand))
+    return isinstance(value, (bool, np.bool_))
+
+
+def _of_numbers(name: str, values: Sequence[Any]) -> Any:
+    if name in _OF_PYTHON:  # integers and fractions stay exact
+        return getattr(operator, _OF_PYTHON[name])(*values)
+    if not hasattr(np, name):
+        from scipy import special
+
+        return getattr(special, name)(*values)
+    return getattr(np, name)(*values)
+
+
+_OF_PYTHON = {
+    "add": "add", "subtract": "sub", "multiply": "mul", "divide": "truediv", "negative": "neg"
+}  # fmt: skip
+_SHORTER: dict[str, Callable[[Any], Any]] = {
+    "square": lambda a: applied("power", a, 2.0),
+    "reciprocal": lambda a: applied("divide", 1.0, a),
+}
+
+
+@functools.cache
+def _function(name: str) -> tuple[Callable[..., Any], int]:
+    """Return the function of symbolic numbers with a name of NumPy, and the number of operands."""
+    if name in _SHORTER:
+        return _SHORTER[name], 1
+    own = {"invert": "bitwise_not"}.get(name, name)
+    own = own if own.startswith("bitwise") else OTHER_NAMES.get(own, own)
+    record = FUNCTIONS.get(OTHER_NAMES.get(own, own))
+    if record is None:
+        known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
+        how = OF_ARRAYS.get(name)
+        how = f"write {how}" if how else f"f may call {', '.join(known)}"
+        raise Untraceable(f"calls {name}, which has no rule: {how}")
+    return functools.partial(applied, own), record.operands
+
+
+@functools.cache
+def _on_arrays(name: str) -> Any:
+    return np.frompyfunc(*_function(name), 1)
+
+
+def _holds_symbols(value: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return bool(value.dtype == object)
+    return isinstance(value, Symbol)
+
+
+def _carried_out(
+    called: Any, method: str, inputs: Sequence[Any], options: Mapping[str, Any]
+) -> Any:
+    """Return what a function of NumPy is of symbolic numbers; `out` and `where` are honoured."""
+    name, options = called.__name__, dict(options)
+    is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
+    if called.signature is not None or is_of_user:  # NumPy computes with objects
+        return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
+    function, _ = _function(name)
+    if method == "__call__" and not options and not any(map(_is_array, inputs)):
+        return function(*inputs)
+    out = options.get("out")
+    vector = _on_arrays(name)
+    result = getattr(vector, method)(*map(_base, inputs), **_bases(name, options))
+    return out[0] if out and out[0] is not None else _wrapped(result)
+
+
+def _is_array(value: Any) -> bool:
+    return isinstance(value, (np.ndarray, list, tuple))
+
+
+def _bases(name: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of a function of NumPy for arrays of objects."""
+    for each in options.get("out", ()):
+        if isinstance(each, np.ndarray) and each.dtype != object:
+            how = "make it np.zeros(n, object), or write a = a + b in place of a += b"
+            raise Untraceable(f"np.{name} writes symbols into an array of {each.dtype}: {how}")
+    if _holds_symbols(options.get("where")):
+        raise Untraceable(f"where of np.{name} depends on x: write np.where(condition, a, b)")
+    others = {key: value for key, value in options.items() if key not in ("dtype", "subok")}
+    if "out" in others:
+        others["out"] = tuple(map(_base, others["out"]))
+    return others
+
+
+def _base(value: Any) -> Any:
+    """Return an array of symbolic numbers as one that NumPy computes with entry by entry."""
+    if isinstance(value, Symbols):
+        return value.view(np.ndarray)
+    if isinstance(value, Symbol):
+        array = np.empty((), object)
+        array[()] = value
+        return array
+    return np.asarray(value, object) if _is_array(value) else value
+
+
+def _wrapped(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and any(map(_holds_symbols, value)):
+        return type(value)(map(_wrapped, value)) if type(value) in (list, tuple) else value
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return value.view(Symbols)
+    return value
+
+
+def _where(condition: Any, *values: Any) -> Any:
+    if len(values) != 2:
+        raise Untraceable("np.where(condition) finds places: write np.where(condition, a, b)")
+    return _wrapped(_on_arrays("where")(_base(condition), *map(_base, values)))
+
+
+def _clip(a: Any, a_min: Any = None, a_max: Any = None, **options: Any) -> Any:
+    least, most = options.pop("min", a_min), options.pop("max", a_max)
+    if least is None or most is None or options:
+        a = a if least is None else np.maximum(a, least, **options)
+        return a if most is None else np.minimum(a, most, **options)
+    return _wrapped(_on_arrays("clip")(*map(_base, (a, least, most))))
+
+
+def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:
+    result = default
+    for condition, choice in reversed([*zip(condlist, choicelist, strict=True)]):
+        result = _where(condition, choice, result)
+    return result
+
+
+def interpolated(
+    x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
+) -> Any:
+    """Return np.interp of symbolic x in a table of numbers."""
+    if period is not None:
+        raise Untraceable("period of np.interp has no rule: write np.interp(x % period, xp, fp)")
+    try:
+        knots, heights = (np.array(a, np.float64) for a in (xp, fp))
+        ends = [heights[0] if left is None else left, heights[-1] if right is None else right]
+        low, high = map(float, ends)
+    except (TypeError, IndexError):
+        how = "a table of numbers, with x alone a symbol"
+        raise Untraceable(f"np.interp takes {how}: for other points write np.where") from None
+    is_table = knots.ndim == 1 and knots.shape == heights.shape
+    if not is_table or not (np.isfinite(knots).all() and np.isfinite(heights).all()):
+        raise Untraceable("xp and fp of np.interp must be finite, and have one length")
+    if (np.diff(knots) < 0).any():
+        raise Untraceable("xp of np.interp must not decrease; equal neighbours are a jump")
+    tables = tuple(knots.tolist()), tuple(heights.tolist()), low, high
+
+    def of_one(each: Any) -> Any:
+        if not isinstance(each, Symbol):
+            return np.interp(each, knots, heights, low, high)
+        return each.tracer.applied("interp", [each.tracer.number(each)], *tables)
+
+    if not _is_array(x):
+        return of_one(x)
+    if isinstance(x, np.ndarray) and x.dtype != object:  # of a formula along a map
+        return np.interp(x, knots, heights, low, high)
+    return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
+
+
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.where: _where,
+    np.clip: _clip,
+    np.interp: interpolated,
+    np.select: _select,
+    np.real: lambda a: a,
+}
+
+
+def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
+    """Return what a function of NumPy, written in Python, is of arrays of symbolic numbers."""
+    if called in _FUNCTIONS:
+        return _FUNCTIONS[called](*args, **options)
+    if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
+        _function(called.__name__)
+    return _wrapped(called._implementation(*args, **options))
+
+
+class Symbols(np.ndarray[Any, Any]):
+    """An array of symbolic numbers, or of these and numbers."""
+
+    _op_priority = 20.0  # numbers of SymPy, which have 10, leave operations to symbols
+
+    @classmethod
+    def of(cls, symbols: Sequence[Symbol]) -> Symbols:
+        array = np.empty(len(symbols), object)
+        array[:] = symbols
+        return array.view(cls)
+
+    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+        return _carried_out(ufunc, method, inputs, kwargs)
+
+    def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
+        return _of_function(called, args, options)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, (Symbol, Symbols)):
+            how = f"write np.where(condition, a, b), {STEPS}, or a sum over all entries"
+            raise Untraceable(f"an index of an array depends on x, such as x[x > 0]: {how}")
+        if isinstance(index, (str, float)):
+            raise Untraceable(f"the index {short(index)} is no integer: write x[0] for a component")
+        try:
+            return super().__getitem__(index)
+        except IndexError:
+            if self.ndim == 1 and isinstance(index, int):
+                text = f"x[{index}] is used, but the dimension is {len(self)}"
+                raise IndexError(text) from None
+            raise
+
+    if not TYPE_CHECKING:
+
+        def __bool__(self) -> bool:
+            if self.size == 1:
+                return bool(self.item())
+            raise Untraceable(_asked("an array of conditions"))
+
+
+def _asked(what: str) -> str:
+    how = "np.where(condition, a, b), & | ~ in place of and, or, not, np.maximum in place of max"
+    return (
+        f"asks whether {what} is true, as if, and, or, max, and comparisons of np.array(x) do: "
+        f"write {how}, and x itself, which is an array"
+    )
+
+
+class Symbol:
+    """A symbolic number: f is called with it as a number."""
+
+    __slots__ = ("operand", "tracer")
+    tracer: Any
+    __hash__ = object.__hash__
+    _op_priority = Symbols._op_priority
+
+    def __init__(self, tracer: Any, operand: Any) -> None:
+        self.tracer, self.operand = tracer, operand
+
+    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+        return _carried_out(ufunc, method, inputs, kwargs)
+
+    def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
+        return _of_function(called, args, options)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a method: NumPy calls that of an object for each entry of an array."""
+            if name.startswith("_") or not (name in _METHODS or name in OF_ARRAYS):
+                raise AttributeError(f"a symbol has no attribute {name!r}: it is a number")
+            return functools.partial(_function(name)[0], self)
+
+    def conjugate(self) -> Symbol:
+        """Return the number itself, which is real; products in NumPy call this."""
+        return self
+
+    @property
+    def real(self) -> Symbol:
+        return self
+
+    def __bool__(self) -> bool:
+        raise self.tracer.asked(self.operand)
+
+    def _converted(self, *_: Any) -> Any:
+        why = "is a symbol without a value, so float and math cannot convert it"
+        how = "write np.sin for sin of math or SymPy, x for float(x), "
+        how += f"np.zeros_like(x) for np.zeros(n), {TABLES}"
+        raise Untraceable(f"{self} {why}: {how}")
+
+    __float__ = __complex__ = _converted
+
+    def _as_integer(self) -> int:
+        why = "is a symbol without a value, so it is no index, and int cannot convert it"
+        how = f"np.floor(x) for int(x), {STEPS} for values[k] from knots[k] on"
+        raise Untraceable(f"{self} {why}: write {how}")
+
+    __int__ = __index__ = _as_integer
+
+    def __floor__(self) -> Any:
+        return applied("floor", self)
+
+    def __ceil__(self) -> Any:
+        return applied("ceil", self)
+
+    def __round__(self, digits: Any = None) -> Any:
+        return _function("round")
+
+    def __repr__(self) -> str:
+        return str(self.tracer.text(self.operand))
+
+
+_METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}
+_OPERATORS = {
+    "add": "add", "sub": "subtract", "mul": "multiply", "truediv": "divide", "pow": "power",
+    "mod": "remainder", "floordiv": "floor_divide", "lt": "less", "gt": "greater",
+    "le": "less_equal", "ge": "greater_equal", "eq": "equal", "ne": "not_equal",
+    "and": "bitwise_and", "or": "bitwise_or", "xor": "bitwise_xor",
+}  # fmt: skip
+
+
+def _operator(name: str) -> Callable[[Symbol, Any], Any]:
+    def of_two(a: Symbol, b: Any) -> Any:
+        return getattr(np, name)(a, b) if isinstance(b, np.ndarray) else applied(name, a, b)
+
+    return of_two
+
+
+def _reflected(name: str) -> Callable[[Symbol, Any], Any]:
+    def of_two(a: Symbol, b: Any) -> Any:
+        return applied(name, b, a)
+
+    return of_two
+
+
+for _short, _long in _OPERATORS.items():
+    setattr(Symbol, f"__{_short}__", _operator(_long))
+    if _short not in ("lt", "gt", "le", "ge", "eq", "ne"):
+        setattr(Symbol, f"__r{_short}__", _reflected(_long))
+for _short, _long in {
+    "neg": "negative", "pos": "positive", "abs": "absolute", "invert": "bitwise_not"
+}.items():  # fmt: skip
+    setattr(Symbol, f"__{_short}__", functools.partialmethod(lambda a, n: applied(n, a), _long))

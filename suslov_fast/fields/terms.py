@@ -1,0 +1,125 @@
+"""Fields of degree 2 as lists of terms, which Kahan's map takes.
+
+With x_D = 1, component i of a field is the sum of v x_j x_k over its terms (i, j, k), j <= k, and a
+Hamiltonian that of v x_i x_j x_k over terms with i <= j <= k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from .exact_numbers import text_of
+
+
+class Terms(NamedTuple):
+    """Terms at different places, none of which is 0 for all members of a family.
+
+    They are sorted by their indices, except that those with a factor 1 are last: kernels add up in
+    this order.
+    """
+
+    indices: NDArray[np.int64]  # (3, T)
+    values: Any  # (..., T), floats or fractions
+
+    @property
+    def exact(self) -> Terms:
+        """The terms of a single polynomial with fractions as values."""
+        return Terms(self.indices, fractions(self.values))
+
+    @property
+    def floats(self) -> Terms:
+        """The terms with floats, each rounded once; a copy, for kernels."""
+        return Terms(self.indices.copy(), np.ascontiguousarray(self.values.astype(np.float64)))
+
+    def read(self, exactly: Callable[[Any], Fraction]) -> Terms:
+        """Return the terms of a single polynomial with ``exactly(v)`` in place of a value v."""
+        found: Any = np.empty(self.values.shape, object)
+        found[:] = [*map(exactly, self.values.tolist())]
+        return Terms(self.indices, found)
+
+    def members(self) -> zip[tuple[tuple[int, ...], Any]]:
+        """Yield the indices and the value of each term of a single polynomial."""
+        return zip(map(tuple, self.indices.T.tolist()), self.values.tolist(), strict=True)
+
+
+def fractions(values: Any) -> Any:
+    """Return an array of floats or fractions as fractions."""
+    if values.dtype == object:
+        return values
+    found: Any = np.empty(values.shape, object)
+    found.flat = [*map(Fraction, values.ravel().tolist())]
+    return found
+
+
+def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
+    """Return the sum of terms at any places: of a field with the degree 2, of a Hamiltonian with 3.
+
+    Fractions are added exactly.
+    """
+    indices = np.array(indices, np.int64).reshape(3, -1)
+    indices[3 - degree :].sort(axis=0)
+    order = np.lexsort((*indices[::-1], indices[2] == D))
+    indices, values = indices[:, order], values[..., order]
+    is_first = np.ones(len(order), bool)
+    is_first[1:] = (indices[:, 1:] != indices[:, :-1]).any(axis=0)
+    if not is_first.all():
+        values = np.add.reduceat(values, np.flatnonzero(is_first), axis=-1)
+    return without_zeros(indices[:, is_first], values)
+
+
+def without_zeros(indices: Any, values: Any) -> Terms:
+    """Return sorted terms without those that are 0 for all members."""
+    is_there = np.asarray(values != 0, bool).any(axis=tuple(range(values.ndim - 1)))
+    return Terms(np.ascontiguousarray(indices[:, is_there]), values[..., is_there])
+
+
+def joined(parts: Sequence[Any]) -> Any:
+    """Return values (..., T) of several lists of terms as one: fractions if one list has them."""
+    is_exact = any(values.dtype == object for values in parts)
+    return np.concatenate([fractions(v) if is_exact else v for v in parts], axis=-1)
+
+
+def values_at(terms: Terms, x: FloatArray) -> FloatArray:
+    """Return the values (..., D) of a field at states (..., D)."""
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    (i, j, k), values = terms.floats
+    with np.errstate(all="ignore"):
+        return sums_at(i, values * y[..., j] * y[..., k], x.shape[-1]) + 0.0 * x
+
+
+def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
+    """Return the sums (..., count) of those numbers (..., T) that have the same place."""
+    order = np.argsort(places, kind="stable")
+    there, first = np.unique(places[order], return_index=True)
+    sums = np.zeros((*numbers.shape[:-1], count))
+    if len(there):
+        sums[..., there] = np.add.reduceat(numbers[..., order], first, axis=-1)
+    return sums
+
+
+def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
+    """Return the derivatives (..., D, D) of the terms of a field at states (..., D)."""
+    D = x.shape[-1]
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    (i, j, k), values = terms.floats
+    # v x_j x_k has the derivative v x_k by x_j, and v x_j by x_k.
+    places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])
+    with np.errstate(all="ignore"):
+        products = np.concatenate([values, values], axis=-1) * y[..., others]
+        sums = sums_at(places, products, D * (D + 1))
+        slopes: FloatArray = sums.reshape(*sums.shape[:-1], D, D + 1)[..., :D]
+        return slopes + 0.0 * x[..., np.newaxis, :]
+
+
+def texts_of(terms: Terms, names: Sequence[str]) -> Iterator[str]:
+    """Yield the components of a single field as texts."""
+    rows: list[dict[tuple[int, ...], Any]] = [{} for _ in names]
+    for (i, *factors), v in sorted(terms.exact.members()):
+        rows[i][*(k for k in factors if k < len(names)),] = v
+    return (text_of(row, names).replace("^", "**") for row in rows)

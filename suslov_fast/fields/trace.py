@@ -1,0 +1,188 @@
+"""Calls of functions of users with symbolic numbers, and what is wrong with such functions."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from ..checks import OF_SYMBOLS, arguments_of, either, short, wrong
+from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
+from ..words import STEPS
+from .names import TIME, of_time
+from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
+
+_OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
+
+
+def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless a user's function takes the state and these parameters.
+
+    `names` are those of the variables, and `argument` is that of the public function, "f" or "H".
+    """
+    if not callable(f):
+        raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
+    try:
+        signature = inspect.signature(getattr(f, "py_func", f))
+    except (TypeError, ValueError):  # it does not tell its arguments
+        return
+    given: list[Any] = [*signature.parameters.values()] or [None]
+    state, own = given[0], given[1:]
+    by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    known = [each.name for each in own]
+    missing = [name for name in arguments_of(f)[1:] if name not in parameters]
+    unknown = [name for name in parameters if name not in known]
+    try:
+        signature.bind(None, **parameters)
+        how = "" if state.kind in by_position else "pass lambda x: ..."
+    except TypeError:
+        how = "pass lambda x: ..."
+        if any(each.kind is each.VAR_POSITIONAL for each in own):
+            how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
+        elif unknown and isinstance(parameters.get("names"), (str, list, tuple)):
+            how = 'pass the names of variables in place of the dimension, as "u v w"'
+        elif argument == "H" and unknown and unknown[0] in ("J", "poisson", "structure"):
+            how = "pass a constant matrix as K, of x' = K H'(x)"
+        elif unknown:
+            near = get_close_matches(unknown[0], known, 1, 0.6)
+            how = f"it has no parameter {unknown[0]!r}, but {either(near or known or ['none'])}"
+            if known and not near:
+                call = "Field(lambda x, a, b: ..., names, a=1.0, b=2.0)"
+                how += f": pass the value of each by its name, as {call}"
+        elif missing:
+            values = ", ".join(f"{name}=1.0" for name in missing)
+            how = f"pass values of its parameters, as {values}"
+            each, more = divmod(len(names), len(missing) + 1)
+            if not more:
+                parts = ", ".join(f"x[{k}:{k + each}]" for k in range(0, len(names), each))
+                split, rest = "*x" if each == 1 else parts, ", **p" * bool(parameters)
+                split = f"lambda x{rest}: {argument}({split}{rest})"
+                how += f", or {split} if these are the variables"
+    if TIME & {*signature.parameters}:
+        now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
+        rest = ", **p" * (len(arguments_of(f)) > 2)
+        how = of_time(names, f"*f({now}{rest})", rest)
+        how += f", or without time pass lambda x{rest}: f({x}{rest})"
+        how = how if state.name in TIME or own[0].name in TIME else of_time(names)
+    if how:
+        expected = "a function of the state, one array, and of its parameters by name"
+        raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
+
+
+def taken(f: Any, names: Iterable[str]) -> list[str]:
+    """Return which parameters a function of the state takes; none if it does not tell."""
+    try:
+        own = [*inspect.signature(getattr(f, "py_func", f)).parameters.values()]
+    except (TypeError, ValueError):
+        return []
+    takes_all = any(each.kind is each.VAR_KEYWORD for each in own)
+    known = {each.name for each in own[1:]}
+    return [name for name in names if takes_all or name in known]
+
+
+def taking(f: Any, names: Sequence[str]) -> Any:
+    """Return f as a function of the state and of all parameters, of which it takes these."""
+    plain = getattr(f, "py_func", f)  # if Numba compiled f
+    return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
+
+
+def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
+    """Return the value of f; raise TypeError or ValueError where it does not take symbols.
+
+    An error of another class, which has nothing to do with symbols, is raised as it is.
+    """
+    try:
+        return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
+    except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
+        text = " ".join(str(error).split())
+        if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
+            symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
+            how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
+            if "subscriptable" in text:
+                how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
+            elif "enough dimensions" in text:
+                how = "a parameter is one number: leave a matrix out of the parameters"
+            elif "is used, but the dimension" in text:
+                how = "name all variables, as 'x y'"
+            elif "'Symbols' object is not callable" in text:
+                how = "x is an array, no function of time: delays need another package"
+            elif "valid indices" in text:
+                how = f"write {STEPS} for values[k] from knots[k] on"
+            elif "'Symbols' object has no" in text:
+                how = f"write x[0] for a component, and {TABLES}"
+            elif "Cannot cast ufunc" in text:
+                how = "for M(x) x' = f(x) pass mass=M to Field, or formulas"
+            text += f": it is called with {len(state)} symbols, {symbols}: {how}"
+        kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
+        raise kind(f"{argument}: {text}") from error
+
+
+def components(result: Any, D: int) -> Any:
+    """Return the result of f, if it has D components."""
+    if hasattr(result, "free_symbols"):
+        raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
+    is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if D == 1 and not is_sequence:
+        return [result]
+    shape = np.shape(result) if isinstance(result, np.ndarray) else ()
+    if not is_sequence or len(result) != D or shape == (D, 1):
+        received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
+        raise ValueError(f"must return {D} components, not {received}")
+    if len(shape) > 1:
+        how = "for a matrix B of one column write B[:, 0]"
+        raise ValueError(f"must return {D} components, not an array of shape {shape}: {how}")
+    return result
+
+
+def check_same(argument: str, first: Any, second: Any) -> None:
+    """Raise ValueError if the results of two calls of f differ."""
+    if first != second:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
+
+
+def operands_of_function(
+    argument: str,
+    f: Any,
+    names: Sequence[str],
+    parameters: Mapping[str, Any],
+    tracer: Tracer | None = None,
+) -> tuple[Tracer, list[Any]]:
+    """Return the tracer with which f was called, and the operands that are f, or [H]."""
+    tracer = tracer or Tracer(names, [*parameters])
+    first, second = (operands_of_call(argument, f, tracer) for _ in range(2))
+    check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
+    return tracer, first
+
+
+def operands_of_call(argument: str, f: Any, tracer: Tracer) -> list[Any]:
+    """Return the operands that are f, or [H], of one call."""
+    result = called(argument, f, tracer.state, tracer.parameters)
+    try:
+        parts = [result] if argument in ("H", "surface") else components(result, len(tracer.state))
+        return [tracer.result(alone(part)) for part in parts]
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{argument}: {error}") from None
+
+
+def alone(value: Any) -> Any:
+    """Return the entry of an array of one, and anything else as it is."""
+    return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+
+
+def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
+    """Return the value of a function in the text of an equation."""
+    if name == "interp":
+        return interpolated(*arguments)
+    own = OTHER_NAMES.get(name, name)
+    record = FUNCTIONS.get(own)
+    if record is None or record.sign or len(arguments) != record.operands:
+        raise ValueError(f"equations: there is no function {name} of {len(arguments)}")
+    if any(isinstance(a, tuple) for a in arguments):
+        raise ValueError(f"equations: {name} takes numbers")
+    with np.errstate(all="ignore"):
+        value = applied(own, *arguments)
+    return value if isinstance(value, (Symbol, np.ndarray)) else float(value)

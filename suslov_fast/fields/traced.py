@@ -1,0 +1,251 @@
+"""What fields and maps share: a function of the state, traced, with names and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from textwrap import shorten
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray
+from ..keywords import public
+from .base import Body, Parameters, frozen, summary
+from .equation_text import values_of
+from .equations import LONGEST, Equations
+from .exact_numbers import named_parameters, to_lists
+from .latex import symbol
+from .names import labels
+from .symbolic import Symbol, Symbols, Tracer
+from .trace import called_by_name
+
+# Parts other than named parameters. They hold spaces, because a parameter can have any name that
+# Python accepts.
+NAMES, EQUATIONS = "names of variables", "equations"
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class Traced(Body):
+    """The base of `Field` and `Map`, whose function f is kept as a list of operations.
+
+    In texts, `arrow` stands between a variable and its formula, and `left` is the LaTeX of the left
+    side, with %s for the variable.
+    """
+
+    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
+    variable: ClassVar[str] = "x"
+    arrow: ClassVar[str]
+    left: ClassVar[str]
+
+    names: tuple[str, ...]
+    _equations: Equations | Any  # None where terms are the parts of a field
+
+    @public
+    def with_parameters(self, /, **parameters: Any) -> Self:
+        """Return the field or map with other values of parameters; f is not called again.
+
+        Parameters
+        ----------
+        **parameters : float or array_like(float, shape=(...))
+            New values; the other parameters stay as they are.
+
+        Returns
+        -------
+        Field or Map
+            A single one, or a family.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such parameter, or a value is not a finite number.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> decay = Field(lambda x, k: (-k * x[0],), "c", k=1.0)
+        >>> decay.with_parameters(k=2.0)([3.0])
+        array([-6.])
+        """
+        known = self.parameters
+        if unknown := [name for name in parameters if name not in known]:
+            how = f"it has {', '.join(known)}" if known else "it has none"
+            kind = type(self).__name__
+            how += f": {kind} takes the value of each, and defaults of f are constants"
+            raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
+        return self.with_parts({**self.parts, **named_parameters(parameters, self.names)})
+
+    # ------------------------------------------------------------------------------ parts
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        names, axes = parts[NAMES], self.axes
+        kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
+        vars(self).update(
+            parts=kept,
+            coordinates=tuple(name for name in kept if name not in axes),
+            dimension=len(names),
+            names=names,
+            labels=names,
+            _equations=parts.get(EQUATIONS),
+        )
+
+    @property
+    def _shared(self) -> dict[str, Any]:
+        """The parts that all members share, beside arrays."""
+        return {NAMES: self.names, EQUATIONS: self._equations}
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Any:
+        return self._of({**parts, **self._shared})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self.parts, **self._shared},)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        arrays = [np.asarray(a, np.float64) for a in self.parts.values()]
+        values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
+        return self.dimension, self._equations and self._equations.key, values
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return Parameters({name: self.parts[name] for name in self.coordinates})
+
+    # ------------------------------------------------------------------------------ values
+    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
+        """Return f(x) (..., D) at states x (..., D)."""
+        if others or named:
+            own = type(self).__name__.lower()
+            how = ": for solve_ivp pass lambda t, x: field(x)" * (own == "field")
+            if named:
+                how = f": for another value {own}.with_parameters({next(iter(named))}=...)(x)"
+            raise TypeError(f"a {own} takes the state alone, {own}(x), one array or a dict{how}")
+        if isinstance(x, Symbols):
+            return self._traced_at(x)
+        return self._value(checks.states("x", x, self.names, later=True))
+
+    def _value(self, x: FloatArray) -> FloatArray:
+        """Return f(x) (..., D) at checked states."""
+        found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
+        return np.moveaxis(found, 0, -1)
+
+    @public
+    def jacobian(self, x: Any) -> FloatArray:
+        """Return the exact derivative f'(x) of the right-hand side, or of the map.
+
+        :func:`kahan.jacobian` is the derivative of a step of Kahan's map of a field.
+
+        Parameters
+        ----------
+        x : array_like(float, shape=(..., D))
+            States, which broadcast with the batch of the system.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i with respect to variable j at [..., i, j]. Where f
+            chooses, as ``np.where`` does, it is that of the branch.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> field = Field(lambda x: (x[0] * x[1], 3 - x[0]), 2)
+        >>> field.jacobian([2.0, 5.0])
+        array([[ 5.,  2.],
+               [-1.,  0.]])
+        """
+        return self._slopes(checks.states("x", x, self.names))
+
+    def _slopes(self, x: FloatArray) -> FloatArray:
+        """Return f'(x) (..., D, D) at checked states."""
+        found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
+        return np.moveaxis(found, (0, 1), (-2, -1))
+
+    @property
+    def _inputs(self) -> FloatArray:
+        """The parameters (P, ...) of all members."""
+        rows = [np.broadcast_to(a, self.shape) for a in self.arrays.values()]
+        return np.array(rows, np.float64).reshape(len(rows), *self.shape)
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        """The values of f that depend on parameters alone, of all members."""
+        return self._equations.right_hand_side.table_of(self._inputs)
+
+    def _traced_at(self, x: Symbols) -> Any:
+        """Return f(x) of symbols."""
+        tracer, D = x[0].tracer, self.dimension
+        known = {i: x[i].operand for i in range(D)}
+        given = tracer.parameters
+        for k, (name, value) in enumerate(self.parameters.items(), D):
+            if self.shape and name not in given:
+                raise TypeError(f"f(x) of a family needs its parameter {name} here")
+            known[k] = given[name].operand if name in given else float(value)
+        for instruction, number, operands in self._equations.values.operations:
+            of = (a if isinstance(a, float) else known[a] for a in operands)
+            known[number] = tracer.values.emit(instruction, *of)
+        results = (a if isinstance(a, float) else known[a] for a in self._equations.results)
+        return Symbols.of([Symbol(tracer, a) for a in results])
+
+    # ------------------------------------------------------------------------------ texts
+    @property
+    def _formulas(self) -> Iterator[str]:
+        return map(self._equations.shown, self._equations.results)
+
+    @property
+    def _numbers(self) -> list[tuple[str, Any]]:
+        """The parameters of a single field or map, by name."""
+        return [*self.parameters.items()]
+
+    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
+        names = [self.left % symbol(name) for name in self.names]
+        rows = [*zip(names, self._formulas, strict=True)]
+        return rows + [(symbol(name), str(value)) for name, value in self._numbers], {}
+
+    def __repr__(self) -> str:
+        kind = type(self).__name__
+        if self.shape:
+            is_named = self.names != labels(self.dimension)
+            names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
+        rows, length = [], 0
+        for name, formula in zip(self.names, self._formulas, strict=True):
+            rows.append(f"{name}{self.arrow} {formula}")
+            length += len(rows[-1])
+            if length > LONGEST:
+                break
+        rows += [f"{name} = {value}" for name, value in self._numbers]
+        return f"{kind}({shorten(', '.join(rows), LONGEST, placeholder=' ...')})"
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        found = {"body": type(self).__name__, "names": [*self.names], **self._described()}
+        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
+
+    def _described(self) -> dict[str, Any]:
+        """Return the entries of `to_dict` for f."""
+        definitions, texts = self._equations.texts
+        return ({"definitions": definitions} if definitions else {}) | {"equations": texts}
+
+
+def operands_of_texts(
+    names: Sequence[str], rows: Sequence[Any], definitions: Any, parameters: Any
+) -> tuple[Tracer, list[Any], dict[str, Any]]:
+    """Return the tracer and the operands of formulas in a dictionary, and checked parameters."""
+    checks.instance("parameters", parameters or {}, Mapping)
+    checks.instance("definitions", definitions or {}, Mapping)
+    given = named_parameters(parameters or {}, names)
+    tracer = Tracer(names, [*given])
+    known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
+    texts = [*(definitions or {}).items(), *enumerate(rows)]
+    found = values_of(texts, known, called_by_name)
+    try:
+        return tracer, [tracer.result(found[k]) for k in range(len(rows))], given
+    except TypeError as error:
+        raise ValueError(f"equations: {error}") from None

@@ -1,0 +1,495 @@
+"""Birational maps, exact, x_i~ = F_i(x) / F_0(x): what Kahan maps and other maps have in common.
+
+Images, derivatives and orbits of points of any kind of numbers, the pullback F_0**d P(F / F_0) of a
+polynomial, det DPhi in factors, and the cofactors that are products of these factors.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..checks import integer, wrong
+from ..fields.map import Map
+from ..fields.names import labels
+from ..keywords import public
+from . import arithmetic
+from .arithmetic import EPS, Point, Values
+from .interpolation import MOST
+from .own_map import function_of
+from .polynomials import (
+    cleared,
+    coprime,
+    degree_of,
+    determinant,
+    divided_out,
+    exponents_in_x,
+    homogenized,
+    irreducible_factors,
+    modulo,
+    ring_with_letters,
+    sort_key,
+    value_at,
+)
+from .rational_functions import (
+    RationalFunction,
+    WithLetters,
+    as_function,
+    check_letter,
+    factored,
+    over_common_denominator,
+    traced,
+)
+
+TERMS = 300_000  # of the largest polynomial that is factored
+TERMS_IN_LETTERS = 20_000  # the same with several letters
+LONGEST = 6.0  # seconds that a pullback may take, as estimated
+_POINTS = 3  # random points: their common roots in eps are those of all points
+_FEW = 100  # monomials times the degree of a map
+
+
+class RationalMap(WithLetters):
+    """A birational map, exact, with components F_i / F_0; made by `rational_map`.
+
+    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
+    pole, a point without an image, its methods raise `ZeroDivisionError`. `inverse` is None if it
+    was not given.
+    """
+
+    letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
+    names: tuple[str, ...] | None  # of the variables, if they are not x1, ..., xD
+    inverse: Any
+    forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
+    hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
+    _latest: tuple[Any, Any] = None, None  # a modulus, and the forms for it
+    modified_energy: Any = None  # the integral of such a map, if it is not constant
+
+    def __init__(
+        self,
+        forms: Sequence[Any],
+        inverse: RationalMap | None = None,
+        letters: Sequence[str] = (),
+        names: tuple[str, ...] | None = None,
+    ) -> None:
+        if callable(forms):
+            raise TypeError("RationalMap: a function f of x makes a map by Map(f, names)")
+        self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
+        self.letters, self.names = tuple(letters), names
+
+    @property
+    def formulas(self) -> tuple[RationalFunction, ...]:
+        """The components of the image, in the variables and the symbolic letter."""
+        return self._in_letters(self.forms)
+
+    def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
+        """Return F_i / F_0 of polynomials in factors, with the names of variables."""
+        *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
+        return tuple(F / denominator for F in numerators)
+
+    def __repr__(self) -> str:
+        return f"rational_map({', '.join(map(str, self.formulas))})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
+
+    def __hash__(self) -> int:
+        return hash(self.dimension)  # cheap: points are cached by map
+
+    def __reduce__(self) -> Any:
+        return RationalMap, (self.forms, self.inverse, self.letters, self.names)
+
+    def _with(self, numbers: Mapping[str, Fraction]) -> RationalMap:
+        values = [arithmetic.fmpq(a) for a in self._all_numbers(numbers)]
+        forms = cleared(*(modulo(F, 0, values) for F in self.forms))
+        if not any(forms) or forms[-1] == 0:
+            where = ", ".join(f"{name} = {a}" for name, a in numbers.items())
+            raise ArithmeticError(f"{self} is no map at {where}")
+        inverse = self.inverse and self.inverse._with(numbers)
+        return RationalMap(coprime(forms), inverse, names=self.names)
+
+    def at_eps(self, values: Values) -> RationalMap:
+        """Return the map for numbers in place of letters, or the map itself if it has none."""
+        if not self.is_symbolic:
+            return self
+        return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
+
+    @cached_property
+    def degenerate_eps(self) -> tuple[Fraction, ...]:
+        """The rational values of a letter without a map, or where det DPhi is 0 everywhere.
+
+        They are common roots of `_degeneracy` for all x: here for a few x.
+        """
+        rng, common = random.Random(0), self.ring.constant(0)
+        for _ in range(_POINTS):
+            numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
+            common = common.gcd(self._degeneracy([self.ring.constant(a) for a in numbers]))
+        return factored(common).special
+
+    def _degeneracy(self, x: Sequence[Any]) -> Any:
+        """Return F_0^(D + 1) det DPhi at a point, a polynomial in the letter."""
+        letters = self.ring.gens()[: len(self.letters)]
+        rows = ([P.compose(*letters, *x[:-1]) for P in row] for row in self._rows())
+        return determinant([*rows])
+
+    @cached_property
+    def coefficients(self) -> list[int]:
+        """The integers that define the map."""
+        return [int(c) for F in self.forms for c in F.coeffs()]
+
+    def generator(self, number: int = 0) -> random.Random:
+        """Return a generator of random numbers for computations with the map.
+
+        It depends on the coefficients: one may be a multiple of primes that do not.
+        """
+        return random.Random(f"{number} {self.prime}")
+
+    @cached_property
+    def prime(self) -> int:
+        """The prime of computations that need only one."""
+        return arithmetic.prime_for(self.coefficients)
+
+    # Points are (x1, ..., xD, 1), of numbers of any kind.
+
+    def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
+        """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
+        if self.is_symbolic:
+            return [self.pullback(F, self.degree, x) for F in self.forms]
+        if isinstance(x[0], flint.nmod | flint.fmpq):
+            return self._values(x)[0]
+        return [value_at(F, x, self.degree) for F in self.forms]
+
+    def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
+        """Return the forms at a point of numbers, and the derivatives of each if wanted."""
+        modulus = arithmetic.moduli(x[0])
+        if self._latest[0] != modulus:
+            forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
+            derivatives = ([P.derivative(i) for i in range(self.dimension)] for P in forms)
+            self._latest = modulus, [forms, *derivatives]
+        rows, number = self._latest[1], type(x[0])
+        rows = rows if slopes else rows[:1]
+        return [[number(P(*x[:-1]), *modulus) for P in row] for row in rows]
+
+    def coprime_image(self, x: Sequence[Any]) -> list[Any]:
+        """Return F at polynomials, without a common factor."""
+        return coprime(self.homogeneous_image(x))
+
+    def image(self, x: Sequence[Any]) -> list[Any]:
+        try:
+            *numerators, denominator = self.homogeneous_image(x)
+            return [*(a / denominator for a in numerators), x[-1] ** 0]
+        except ZeroDivisionError:
+            where = ", ".join(map(str, x[:-1]))
+            raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
+
+    def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
+        for k in range(length):
+            if k:
+                x = self.image(x)
+            yield x
+
+    def variations(self, x: Sequence[Any], length: int) -> Iterator[tuple[Sequence[Any], Any]]:
+        """Yield the points of an orbit modulo a prime, and their derivatives by the first one."""
+        p, identity = int(x[0].modulus()), np.eye(self.dimension, dtype=int)
+        derivative = flint.nmod_mat(identity.tolist(), p)
+        for y in self.orbit(x, length):
+            yield y, derivative
+            derivative = self.derivative(y) * derivative
+
+    def derivative(self, x: Sequence[Any]) -> Any:
+        """Return the matrix of derivatives: (dF_i - Phi_i dF_0) / F_0."""
+        y, columns = self.image(x), range(self.dimension)
+        (*_, below), *numerators, denominator = self._values(x, slopes=True)
+        rows = [
+            [row[i] - a * denominator[i] for i in columns]
+            for a, row in zip(y, numerators, strict=False)
+        ]
+        return arithmetic.matrix(rows) * (1 / below)
+
+    @public
+    def __call__(self, point: Any) -> tuple[Any, ...]:
+        """Return the image of a point, exactly; functions of eps if it is symbolic.
+
+        It may be called in the function of `rational_map`: ``lambda x: map(map(x))``.
+        """
+        if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
+            coordinates = over_common_denominator(map(as_function, point), self.ring)
+            *numerators, denominator = map(factored, self.homogeneous_image(coordinates))
+            return tuple(a / denominator for a in numerators)
+        if not self.is_symbolic:
+            return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
+        x = arithmetic.rationals("point", point, self.dimension)
+        scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
+        constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
+        return self._in_letters(self.homogeneous_image(constants))
+
+    @public
+    def jacobian(self, point: Any) -> tuple[Point, ...]:
+        """Return the derivatives at a point, D exact numbers, as a tuple of rows of fractions."""
+        rows = self.derivative(self._numbers(point)).tolist()
+        return tuple(tuple(map(arithmetic.fraction, row)) for row in rows)
+
+    @public
+    def determinant(self, point: Any) -> Fraction:
+        """Return the determinant of :meth:`jacobian` at a point, an exact fraction."""
+        return arithmetic.fraction(self.derivative(self._numbers(point)).det())
+
+    def _numbers(self, point: Any) -> list[Any]:
+        if self.is_symbolic:
+            how = f"set it by map.subs({self.letters[0]}=Fraction(1, 3)); for a formula of it "
+            how += "sympy.Matrix([sympy.sympify(F) for F in map.formulas]).jacobian(symbols)"
+            raise TypeError(f"{self.letters[0]} is symbolic here: {how}")
+        x = arithmetic.rationals("point", point, self.dimension)
+        return [arithmetic.fmpq(a) for a in (*x, 1)]
+
+    # Kinds of maps.
+
+    @cached_property
+    def is_invertible(self) -> bool:
+        """True if det DPhi is not 0 at a random point modulo a prime; False without a map."""
+        try:
+            x = arithmetic.random_point(self.dimension, self.prime)
+            return bool(self.at_eps(EPS).derivative(x).det() != 0)
+        except ZeroDivisionError:
+            return False
+
+    @cached_property
+    def is_planar(self) -> bool:
+        """True for a birational map of the plane."""
+        return self.dimension == 2 and self.is_invertible and self.inverse is not None
+
+    # Polynomials.
+
+    @cached_property
+    def ring(self) -> Any:
+        """The ring of polynomials in x, and in the letters."""
+        return ring_with_letters(self.dimension, self.letters)
+
+    @property
+    def variables(self) -> list[Any]:
+        """The variables x1, ..., xD and 1."""
+        return [*self.ring.gens()[len(self.letters) :], self.ring.constant(1)]
+
+    @cached_property
+    def degree(self) -> int:
+        """The degree of the map of projective space."""
+        return max(map(degree_of, self.forms))
+
+    @property
+    def denominator(self) -> Any:
+        """The polynomial F_0, or a multiple whose factors a cofactor may have too."""
+        return self.forms[-1]
+
+    def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
+        """Return F_0^degree P(F / F_0), with the forms F of the map or with other ones."""
+        return homogenized(P, degree, forms or self.forms, self.ring)
+
+    def terms_of_degree(self, degree: int) -> int:
+        """Return the number of terms of a polynomial of a degree in x, and in the letters."""
+        degrees = zip(*(F.degrees()[: len(self.letters)] for F in self.forms), strict=True)
+        letters = math.prod(1 + int(max(of_letter)) for of_letter in degrees)
+        return math.comb(self.dimension + degree, self.dimension) * letters
+
+    @cached_property
+    def _fraction_of_monomials(self) -> float:
+        """The number of monomials of the map, relative to that of all monomials of its degree."""
+        monomials = {e for F in self.forms for e in exponents_in_x(F)}
+        return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
+
+    @cached_property
+    def length(self) -> float:
+        """The cost of an image on a line, at least 1: the cost for a map of few monomials."""
+        monomials = {e for F in self.forms for e in exponents_in_x(F)}
+        return max(1.0, len(monomials) * self.degree / _FEW)
+
+    def cost_of_pullback(self, P: Any, degree: int) -> float:
+        """Return an estimate of the seconds that the pullback of P and its factors take.
+
+        Each term of P adds the product of a power and a form, sums of as many terms as there are
+        monomials of their degree, if the map had all of its own degree, or less if it is sparse.
+        """
+        most = self.terms_of_degree(degree * self.degree) * self._fraction_of_monomials
+        lengths = [len(F) for F in self.forms]
+        exponents = ((*e, degree - sum(e)) for e in exponents_in_x(P))
+        powers = (zip(lengths, e, strict=True) for e in exponents)
+        # The power t^n of t terms has as many as there are monomials of degree n in t variables.
+        terms = (math.prod(math.comb(t + n - 1, n) for t, n in product) for product in powers)
+        return 1e-9 * sum(min(most, count) for count in terms) * max(lengths)
+
+    # The Jacobian determinant, its factors, and the cofactors that are products of these.
+
+    def _determinant(self) -> RationalFunction | None:
+        """Return det DPhi in factors; None if they are too long."""
+        # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
+        n = self.dimension
+        if self.cost_of_factors > LONGEST:
+            return None
+        return factored(determinant(self._rows())) / factored(self.forms[-1]) ** (n + 1)
+
+    def _rows(self) -> list[list[Any]]:
+        places = range(len(self.letters), len(self.letters) + self.dimension)
+        return [[*(F.derivative(i) for i in places), F] for F in self.forms]
+
+    @cached_property
+    def jacobian_cofactor(self) -> RationalFunction | None:
+        """The determinant of the derivative, in factors; None if they are too long."""
+        return self._determinant() if self.is_invertible else None
+
+    @property
+    def cost_of_factors(self) -> float:
+        """An estimate of the seconds that `factors` takes."""
+        return 2e-6 * self.terms_of_degree((self.dimension + 1) * (self.degree - 1))
+
+    @cached_property
+    def factors(self) -> list[Any] | None:
+        """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
+        if self.jacobian_cofactor is None:
+            return None
+        powers = (*self.jacobian_cofactor.factors, *irreducible_factors(self.denominator))
+        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=sort_key)
+
+    @cached_property
+    def _on_random_line(self) -> tuple[Any, ...]:
+        """A random line with the parameter x1, and F and the factors on this line."""
+        (t, *_, one), rng = self.variables, random.Random(0)
+        ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
+        line = [*(a * t + b for a, b in ends), one]
+        factors = [self.pullback(f, degree_of(f), line) for f in self.factors or ()]
+        return line, self.homogeneous_image(line), factors
+
+    def cofactor(self, P: Any) -> RationalFunction | None:
+        """Return C with P(Phi) = C P, a product of powers of factors; None if there is none.
+
+        On a random line, all factors are divided out of P(Phi) and of P: constants are left.
+        """
+        degree, (line, F, factors) = degree_of(P), self._on_random_line
+        numerator = self.pullback(P, degree, F)
+        denominator = self.pullback(P, degree, line) * F[-1] ** degree
+        C = RationalFunction(())
+        for f, f_on_line in zip(self.factors or (), factors, strict=True):
+            content, divisor = f_on_line.primitive()
+            numerator, more = divided_out(numerator, divisor)
+            denominator, less = divided_out(denominator, divisor)
+            C *= RationalFunction(((f, 1),), Fraction(1, int(content))) ** (more - less)
+        numerator, denominator = coprime([numerator, denominator])
+        if degree_of(numerator) or degree_of(denominator):
+            return None
+        return C * factored(numerator) / factored(denominator)
+
+
+@public
+def rational_map(
+    f: Map | Callable[..., Any],
+    dimension: int | None = None,
+    inverse: Map | Callable[..., Any] | None = None,
+    *,
+    letter: str = "",
+    decimals: bool = True,
+) -> RationalMap:
+    """Return a birational map with its inverse, or with letters, for the functions of this module.
+
+    They take a :class:`suslov_fast.Map` itself, too, which has no inverse.
+
+    Parameters
+    ----------
+    f : Map or callable
+        A callable maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``,
+        ``*``, ``/`` and integer powers. It is called with symbols; its integers and fractions
+        remain exact, and floats are what was written: 0.1 is 1/10.
+    dimension : int
+        The number D of variables, left out beside a `Map`.
+    inverse : Map or callable, optional
+        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at
+        three random points modulo a prime of 62 bits. Without it the map may not be birational, and
+        `RationalMap.inverse` is None.
+    letter : str, optional
+        The name of an argument of f and of `inverse` after x, or of a parameter of the `Map`: it
+        stays symbolic, as eps does in `kahan`. What is found then holds for general values, and
+        `subs` sets one. There may be several names, ``"a b"``.
+    decimals : bool, optional
+        As in :func:`report`, for a `Map`.
+
+    Returns
+    -------
+    RationalMap
+        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
+
+    Examples
+    --------
+    The map of Lyness:
+
+    >>> from suslov_fast import Map
+    >>> from suslov_fast.integrability import degrees, rational_map, report
+    >>> lyness = Map(lambda x: (x[1], (x[1] + 3) / x[0]), "x y")
+    >>> degrees(lyness, 10)
+    [2, 2, 3, 4, 5, 7, 9, 11, 14, 16]
+    >>> report(lyness).integrals
+    ((x + 1)*(y + 1)*(x + y + 3)/(x*y),)
+    >>> back = Map(lambda x: ((x[0] + 3) / x[1], x[0]), "x y")
+    >>> [str(a) for a in rational_map(lyness, inverse=back).inverse([2, 5])]
+    ['1', '2']
+    """
+    names = None
+    if isinstance(f, Map):
+        names, dimension = f.names if f.names != labels(f.dimension) else None, f.dimension
+        f = function_of(f, decimals)
+    if isinstance(inverse, Map):
+        inverse = function_of(inverse, decimals)
+    n = integer("dimension", dimension, 1)
+    letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
+    for name in letters:
+        check_letter(name, labels(n))
+    if len(letters) > MOST:
+        raise wrong("letter", f"at most {MOST} names", len(letters))
+
+    forms = traced("f", f, n, letters)
+    map = RationalMap(forms, None, letters, names)
+    if inverse is None:
+        return map
+    back = RationalMap(traced("inverse", inverse, n, letters), map, letters, names)
+    map = RationalMap(forms, back, letters, names)
+    if not _takes_images_back(map):
+        raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
+    return map
+
+
+def _takes_images_back(map: RationalMap) -> bool:
+    """Return True if the inverse of a map takes back the images of random points modulo a prime."""
+    rng, at_number, returned = map.generator(), map.at_eps(EPS), []
+    for _ in range(_POINTS):
+        x = arithmetic.random_point(map.dimension, map.prime, rng)
+        try:
+            returned.append(at_number.inverse.image(at_number.image(x)) == x)
+        except ZeroDivisionError:
+            returned.append(False)
+    return all(returned)
+
+
+def check_one_letter(map: RationalMap) -> None:
+    """Raise an error for a map with several letters."""
+    if len(map.letters) > 1:
+        numbers = ", ".join(f"{name}=1" for name in map.letters)
+        received = f"{', '.join(map.letters)}: pass map.subs({numbers}), for example"
+        raise wrong("map", "one with at most one letter", received)
+
+
+def check_map(map: Any) -> None:
+    """Raise an error for anything but a map, and for equations that define none."""
+    if not isinstance(map, RationalMap):
+        how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse=g)"
+        raise TypeError(f"map is a {type(map).__name__}: {how}")
+    at_number = map.at_eps(EPS)
+    try:
+        image = at_number.image(arithmetic.random_point(map.dimension, map.prime))
+    except ZeroDivisionError:
+        raise ArithmeticError(f"{map} is no map, because its equations have no solution") from None
+    try:
+        at_number.image(image)
+    except ZeroDivisionError:
+        raise ArithmeticError(f"{map}: its image consists of poles") from None

@@ -1,0 +1,471 @@
+"""Curves that a birational map of the plane contracts, and the orbits of their images.
+
+A contracted curve C goes to a point q, and on to points f(q), f(f(q)), ... If one of them has no
+image, the singularity may be confined: a neighbourhood of C then goes to one of another curve. The
+degrees of iterates follow from orders in t along a germ c + t v, with a generic point c of C: of
+the common factor of the coordinates of its image, and of each contracted curve. They are computed
+modulo a prime, for two germs.
+
+Then they are proved at the general point of the curve, with a parameter s: of a line, of one of
+several conjugate lines, or of a conic. The coordinates of the germ are polynomials in s, in eps if
+it is symbolic, and in r, an algebraic number: that of one of the lines, or of a point of the conic.
+Orders of a curve that is no line are exact, too, if the forms have them as multiplicities at the
+points of the orbit of one point.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import flint
+
+from . import arithmetic
+from .arithmetic import Values
+from .birational_maps import RationalMap
+from .degrees_of_iterates import common_series, rational_series
+from .pencils import count_factors
+from .polynomials import (
+    coefficients_in,
+    cramer,
+    decoded,
+    degree_of,
+    determinant,
+    homogenized,
+    irreducible_factors,
+    modulo,
+    monomial_values,
+    polynomial_ring,
+    primitive,
+    renamed,
+    value_at,
+)
+
+_PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
+_TERMS = 8, 32, 128, 512, 2048, 8192, 32768  # of power series in t, until they suffice
+_ENOUGH = 128  # for endless passages whose orders show a rule
+_RULE = 20  # steps that show a rule, if there is one
+_LINES = 20  # on which a point of a curve is sought
+_PRIMES = 80
+_BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coefficients
+
+
+class Passage(NamedTuple):
+    """The orders of a germ across a contracted curve, step by step.
+
+    After k steps the germ is at a point if k < `steps`; then it crosses a curve again, or `steps`
+    is None if it does not within the steps that were computed. `common_orders[k - 1]` is the order
+    of the common factor of the next image, `curve_orders[k - 1]` those of the contracted curves, up
+    to the last point without an image. If such points come again and again, the passage is
+    `endless`, and has the orders of all steps that were computed.
+    """
+
+    common_orders: tuple[int, ...]
+    curve_orders: tuple[tuple[int, ...], ...]
+    steps: int | None
+    endless: bool = False
+
+    @property
+    def series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
+        """Polynomials P, Q with P / Q = sum of orders z^k: of `common_orders`, and of each curve.
+
+        None if the passage is endless and its orders show no such quotient.
+        """
+        if not self.endless:
+            return [(orders, (1,)) for orders in self._sequences]
+        # Orders that grow fast are known for a few steps only, which suffice for all together.
+        return self.own_series or common_series(self._sequences)  # type: ignore[return-value]
+
+    @property
+    def own_series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
+        """P and Q of an endless passage if the orders show them, each sequence by itself."""
+        quotients = [rational_series(orders) for orders in self._sequences]
+        return None if None in quotients else quotients  # type: ignore[return-value]
+
+    @property
+    def _sequences(self) -> list[tuple[int, ...]]:
+        of_curves = zip(*self.curve_orders, strict=True)
+        return [(0, *orders) for orders in (self.common_orders, *of_curves)]
+
+
+class Plane:
+    """A birational map of the plane in homogeneous coordinates, and the curves it contracts."""
+
+    def __init__(self, map: RationalMap) -> None:
+        self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
+        self.ring = polynomial_ring(3, self.symbolic)
+        x = self.ring.gens()[self.symbolic :]
+        self.forms = [homogenized(F, self.degree, x, self.ring) for F in map.forms]
+        derivatives = [[F.derivative(self.symbolic + j) for j in range(3)] for F in self.forms]
+        powers = irreducible_factors(determinant(derivatives)) if self.degree > 1 else []
+        self.curves = [P for P, _ in powers if degree_of(P)]
+        self.degrees = [degree_of(P) for P in self.curves]
+
+    def text(self, number: int) -> str:
+        """Return the equation of a curve."""
+        P = renamed(self._affine(number), self.map.names, self.map.letter)
+        return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
+
+    def count(self, number: int) -> int:
+        """Return the number of conjugate curves."""
+        return max(1, count_factors(self._affine(number)))
+
+    def _affine(self, number: int) -> Any:
+        ring = self.map.ring
+        return primitive(self.curves[number].compose(*ring.gens(), ring.constant(1), ctx=ring))
+
+
+class Step(NamedTuple):
+    """The image of a germ without its common factor, the order of this, and those of curves.
+
+    The latter are at most the number of terms.
+    """
+
+    germ: list[Any]
+    common_order: int
+    curve_orders: tuple[int, ...]
+
+
+class PlaneModulo:
+    """The forms and curves of a `Plane` modulo a prime, and at a number in place of eps."""
+
+    def __init__(self, plane: Plane, p: int, eps: Values, seed: int) -> None:
+        self.p, self.rng = p, random.Random(seed)
+        self.forms = [modulo(F, p, eps) for F in plane.forms]
+        self.curves = [modulo(C, p, eps) for C in plane.curves]
+        # The monomials that forms and curves have in common are evaluated once.
+        terms = [P.to_dict() for P in (*self.forms, *self.curves)]
+        self._monomials = tuple({e: None for of_one in terms for e in of_one})
+        self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
+
+    def component(self, number: int) -> Any:
+        """Return a factor of a curve on which there are points with coordinates modulo p, if any.
+
+        Conjugate lines are one curve over the rationals; their points go to different points.
+        """
+        P = self.curves[number]
+        if P == 0:
+            return None
+        for factor, _ in sorted(P.factor()[1], key=lambda f: int(f[0].total_degree())):
+            if factor.total_degree() > 0 and self.germ(factor) is not None:
+                return factor
+        return None
+
+    def germ(self, component: Any) -> list[Any] | None:
+        """Return a germ across a component at a random point: three polynomials in t.
+
+        The point is where a random line meets the component.
+        """
+        p = self.p
+        for _ in range(_LINES):
+            ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
+            on_line = value_at(component, [flint.nmod_poly([*end], p) for end in ends])
+            if on_line.degree() < 1:
+                continue
+            for factor, power in on_line.factor()[1]:
+                if factor.degree() == 1 and power == 1:
+                    root = int(-factor[0] / factor[1])
+                    point = [a + b * root for a, b in ends]
+                    return [flint.nmod_poly([c, self.rng.randrange(p)], p) for c in point]
+        return None
+
+    def step(self, germ: Sequence[Any], terms: int) -> Step | None:
+        """Return the next step of a germ; None if all terms of the next germ are 0."""
+        values = monomial_values(self._monomials, germ)
+        by_monomial = dict(zip(self._monomials, values, strict=True))
+        series = [
+            sum((c * by_monomial[e] for e, c in of_one), 0 * germ[0]) for of_one in self._terms
+        ]
+        image, curve_orders = series[:3], tuple(_order(P, terms) for P in series[3:])
+        common_order = min(_order(P, terms) for P in image)
+        if common_order == terms:
+            return None
+        divided = [flint.nmod_poly(P.coeffs()[common_order:terms], self.p) for P in image]
+        return Step(divided, common_order, curve_orders)
+
+    def passage(self, component: Any, most: int) -> Passage | None:
+        """Return the passage of a germ across a curve; None if two germs disagree."""
+        for terms in _TERMS:
+            germs = [self.germ(component) for _ in range(2)]
+            if None in germs:
+                return None
+            passage = self._follow(germs, terms, most)
+            if passage is None or not passage.endless:
+                return passage
+            shows_all = len(passage.common_orders) >= _RULE or passage.own_series is not None
+            if terms >= _ENOUGH and shows_all:
+                return passage
+        return passage
+
+    def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
+        """Return the passage of two germs, endless if there are too few terms."""
+        common_orders: list[int] = []
+        curve_orders: list[tuple[int, ...]] = []
+        exact = 0  # steps whose orders of curves are less than the number of terms
+        steps: int | None = None
+        has_terms = True
+        for k in range(most + 1):
+            if k and not self._at_one_point(*germs):
+                steps = k
+                break
+            first, second = (self.step(germ, terms) for germ in germs)
+            if first is None or second is None:
+                has_terms = False
+                break
+            if first._replace(germ=second.germ) != second:
+                return None
+            germs = first.germ, second.germ
+            if k:
+                if exact == k - 1 and max(first.curve_orders) < terms:
+                    exact = k
+                common_orders.append(first.common_order)
+                curve_orders.append(first.curve_orders)
+            terms -= first.common_order
+        # After k = last steps the germ is at the last point without an image.
+        last = max((k for k, order in enumerate(common_orders, start=1) if order), default=0)
+        never_stops = steps is None and last > len(common_orders) // 2
+        if not has_terms or last > exact or never_stops:
+            orders_known = tuple(common_orders[:exact]), tuple(curve_orders[:exact])
+            return Passage(*orders_known, None, endless=True)
+        return Passage(tuple(common_orders[:last]), tuple(curve_orders[:last]), steps)
+
+    def _at_one_point(self, first: Sequence[Any], second: Sequence[Any]) -> bool:
+        """Return True if two germs begin at the same point."""
+        a, b = ([int(P[0]) for P in germ] for germ in (first, second))
+        return all((a[i] * b[j] - a[j] * b[i]) % self.p == 0 for i, j in _PAIRS)
+
+
+def _order(P: Any, terms: int) -> int:
+    """Return the order of a power series, or the number of terms if they are all 0."""
+    return next((k for k, c in enumerate(P.coeffs()[:terms]) if c), terms)
+
+
+def passages_across(plane: Plane, most: int) -> list[Passage] | None:
+    """Return the passages across all contracted curves, of which two primes have the same.
+
+    None if no primes show them.
+    """
+    rng, numbers = plane.map.generator(), range(len(plane.curves))
+    by_prime: list[list[Passage]] = [[] for _ in numbers]
+    for _ in range(_PRIMES):
+        p = arithmetic.random_prime(rng, _BITS)
+        residues = PlaneModulo(plane, p, (rng.randrange(2, p),), rng.getrandbits(30))
+        for number in numbers:
+            if _agree(by_prime[number]) or (component := residues.component(number)) is None:
+                continue
+            if (passage := residues.passage(component, most)) is not None:
+                by_prime[number].append(passage)
+        if all(map(_agree, by_prime)):
+            return [passages[-1] for passages in by_prime]
+    return None
+
+
+def _agree(passages: list[Passage]) -> bool:
+    """Return True if the last passage is one that another prime has shown."""
+    return bool(passages) and passages[-1] in passages[:-1]
+
+
+_TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
+LONGEST = 20_000  # bits of coordinates, at most
+_MONOMIALS = 2_000  # of coordinates, at most
+_NUMBERS = range(1, 9)  # in place of s
+
+
+def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
+    """Return True if the orders of a passage are exact, up to its last point without an image.
+
+    The orders modulo a prime are at least the true ones, so those that are 0 are exact.
+    """
+    if passage.endless:
+        return False
+    if not passage.common_orders:
+        return passage.steps is None
+    germs = _Germs(plane, number)
+    if plane.degrees[number] > 1 and germs.have_multiplicities(passage):
+        return True
+    expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
+    for terms in _TERMS_OF_PROOFS if germs.first else ():
+        followed = germs.orders(terms, len(expected))
+        if followed is None:
+            return False
+        orders, last = followed
+        if orders == expected:
+            return germs.begin_at_point(last) == (passage.steps is None)
+    return False
+
+
+class _Germs:
+    """Germs across a curve, at its general point: polynomials in eps, r, s, and t as the last."""
+
+    def __init__(self, plane: Plane, number: int) -> None:
+        self._plane, self._curve = plane, plane.curves[number]
+        names = ["eps"] * plane.symbolic + ["r", "s", "t"]
+        self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
+        *self._eps, self._r, self._s, self._t = self._ring.gens()
+        self._modulus = self._r  # a polynomial with the root r and the leading coefficient 1
+        degree, count = plane.degrees[number], 1
+        self._point = [self._ring.constant(1)] * 3
+        if degree > 1:
+            self._point, count = self._point_of_curve(), plane.count(number)
+        gradient = self._values(self._slopes(self._curve), self._point)
+        self.first: list[Any] = []  # none for curves of higher degree
+        if degree == count:
+            self.first = self._across_line(gradient)
+        elif degree == 2:
+            self.first = self._across_conic(gradient)
+        if self.first and _order_in_t(self._values([self._curve], self.first, 2)[0], 2) != 1:
+            self.first = []
+
+    def _point_of_curve(self) -> list[Any]:
+        """Return a point of the curve on a line; conjugate ones behave alike."""
+
+        def on_line(unit: Any) -> list[Any]:
+            return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
+
+        P = self._curve.compose(*self._eps, *on_line(self._ring.constant(1)), ctx=self._ring)
+        every = (coefficients_in(f, -3) for f, _ in irreducible_factors(P))
+        *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
+        n = len(lower)
+        terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
+        self._modulus = sum(terms, self._r**n)  # of r times the leading coefficient
+        return on_line(leading)
+
+    def _across_line(self, line: list[Any]) -> list[Any]:
+        # Two coordinates depend on s alone; the third makes line . germ a multiple of t.
+        pivot = next(j for j in range(3) if line[j] != 0)
+        i, j = (k for k in range(3) if k != pivot)
+        u, v = 2 + 3 * self._s, 5 + 7 * self._s
+        germ = [0 * self._s] * 3
+        germ[i], germ[j] = line[pivot] * u, line[pivot] * v
+        germ[pivot] = self._t - line[i] * u - line[j] * v
+        return germ
+
+    def _across_conic(self, gradient: list[Any]) -> list[Any]:
+        # The other point of the conic on the line through a point with a direction d.
+        d = [2 + 3 * self._s, 5 - self._s, 1 + 7 * self._s]
+        (square,) = self._values([self._curve], d)
+        slope = sum(a * b for a, b in zip(gradient, d, strict=True))
+        across = (self._t, -2 * self._t, 5 * self._t)
+        parts = zip(self._point, d, across, strict=True)
+        return [square * a - slope * b + c for a, b, c in parts]
+
+    def _slopes(self, P: Any) -> list[Any]:
+        return [P.derivative(self._plane.symbolic + j) for j in range(3)]
+
+    def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
+        """Return the values of forms, without powers of t from a number of terms on."""
+        values = (F.compose(*self._eps, *x, ctx=self._ring) for F in forms)
+        return [self._reduced(_cut(P, terms)) for P in values]
+
+    def _reduced(self, P: Any) -> Any:
+        """Return a polynomial modulo that of r."""
+        n = int(self._modulus.degrees()[-3])
+        while (k := int(P.degrees()[-3])) >= n:
+            P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
+        return P
+
+    def orders(
+        self, terms: int, steps: int
+    ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
+        """Return the orders after each step, as in a `Passage`, and the last germ.
+
+        There are fewer steps if there are too few terms; None if coordinates become too large.
+        """
+        germ, orders = self.first, []
+        for k in range(steps + 1):
+            image = self._values(self._plane.forms, germ, terms)
+            order = min(_order_in_t(P, terms) for P in image)
+            if order == terms:
+                break
+            if k:
+                curves = self._values(self._plane.curves, germ, terms)
+                orders.append((order, tuple(_order_in_t(P, terms) for P in curves)))
+            germ, terms = without_common_factor([_divided(P, order) for P in image]), terms - order
+            if _is_large(germ):
+                return None
+        return orders, germ
+
+    def have_multiplicities(self, passage: Passage) -> bool:
+        """Return True if forms have the orders of a passage with one base point as multiplicities.
+
+        That is, if all of their derivatives below this order vanish at the points of the orbit.
+        """
+        x, steps = self._point, len(passage.common_orders)
+        if any(passage.common_orders[:-1]) or passage.steps is None:
+            return False
+        for k in range(steps + 1):
+            if k:
+                orders = [*zip(self._plane.curves, passage.curve_orders[k - 1], strict=True)]
+                orders += [(F, passage.common_orders[k - 1]) for F in self._plane.forms]
+                for P, order in orders:
+                    derivatives = [P] if order else []
+                    for _ in range(order - 1):
+                        derivatives = [slope for D in derivatives for slope in self._slopes(D)]
+                    if any(self._values(derivatives, x)):
+                        return False
+            image = self._values(self._plane.forms, x)
+            if not any(image) or k == steps:
+                return not any(image) and k == steps
+            x = self._simplest(without_common_factor(image))
+            if _is_large(x):
+                return False
+        return False
+
+    def _simplest(self, x: list[Any]) -> list[Any]:
+        """Return the multiple of a point with a coordinate in which r does not occur."""
+        n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
+        zeros = [self._ring.constant(0)] * n
+
+        def coefficients(P: Any) -> list[Any]:
+            return [*coefficients_in(P, -3), *zeros][:n]
+
+        # The inverse of this coordinate solves a linear system, up to a factor.
+        products = [coefficients(self._reduced(last * self._r**k)) for k in range(n)]
+        *inverse, _ = cramer([*map(list, zip(*products, coefficients(self._r**0), strict=True))])
+        multiple = sum(c * self._r**k for k, c in enumerate(inverse))
+        return without_common_factor([self._reduced(P * multiple) for P in x])
+
+    def begin_at_point(self, germ: Sequence[Any]) -> bool:
+        """Return True if a germ begins at a point that does not depend on s."""
+        x = [_cut(P, 1) for P in germ]
+        for number in _NUMBERS:
+            y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
+            if any(y):
+                return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in _PAIRS)
+        return False
+
+
+def _cut(P: Any, terms: int) -> Any:
+    """Return a polynomial without powers of t from a number of terms on."""
+    return P.context().from_dict({e: c for e, c in P.to_dict().items() if e[-1] < terms})
+
+
+def _order_in_t(P: Any, terms: int) -> int:
+    """Return the order in t, or the number of terms if all are 0."""
+    return min((int(e[-1]) for e in P.monoms()), default=terms)
+
+
+def _divided(P: Any, order: int) -> Any:
+    """Return a polynomial divided by a power of t."""
+    terms = P.to_dict().items()
+    return P.context().from_dict({(*e[:-1], e[-1] - order): c for e, c in terms})
+
+
+def without_common_factor(x: Sequence[Any]) -> list[Any]:
+    """Divide polynomials by their common factor that does not depend on the last variable."""
+    ring = x[0].context()
+    common = ring.constant(0)
+    for P in x:
+        by_power: dict[int, dict[Any, Any]] = {}
+        for e, c in P.to_dict().items():
+            by_power.setdefault(int(e[-1]), {})[(*e[:-1], 0)] = c
+        for terms in by_power.values():
+            common = common.gcd(ring.from_dict(terms))
+    return [P // common for P in x]
+
+
+def _is_large(x: Sequence[Any]) -> bool:
+    """Return True if coordinates have too many terms, or too long ones, to go on."""
+    bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
+    return bits > LONGEST or sum(map(len, x)) > _MONOMIALS

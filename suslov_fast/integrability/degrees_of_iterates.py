@@ -1,0 +1,272 @@
+"""Degrees of iterates, and their growth: ``lim log(d_n) / n`` is the algebraic entropy.
+
+The degree of an iterate is that of its restriction to a random line modulo a prime, without common
+factors (Bellon and Viallet 1999). Degrees mostly satisfy a linear recurrence with integer
+coefficients; the largest root of its characteristic polynomial is the limit of d_(n+1) / d_n.
+"""
+
+import math
+import operator
+import random
+from collections.abc import Iterator, Sequence
+from itertools import count, islice, pairwise
+from typing import Any, NamedTuple
+
+import flint
+import numpy as np
+
+from ..checks import integer, short, wrong
+from ..fields.base import Body
+from ..keywords import public
+from .arithmetic import DRAWS, Values, random_prime, random_values
+from .birational_maps import RationalMap
+from .letters import checked_map
+from .polynomials import random_line
+
+
+@public
+def degrees(map: RationalMap | Body, n: int) -> list[int]:
+    """Degrees of the first n iterates of a map, as maps of projective space.
+
+    The degree is the largest of those of the numerators and their common denominator, without
+    common factors; it is found on random lines modulo primes, two of which must agree.
+
+    Parameters
+    ----------
+    map
+        As in :func:`darboux_polynomials`.
+    n : int
+        Number of iterates.
+
+    Returns
+    -------
+    list of int
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, or every line runs into points without an image.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, Suslov3D
+    >>> from suslov_fast.integrability import degrees, kahan
+    >>> degrees(kahan(Suslov3D(4, 1, -0.5, -0.25).field(), 0.25), 8)
+    [2, 4, 6, 8, 10, 12, 14, 16]
+    """
+    map = checked_map(map)
+    return [*islice(agreed_degrees(map), integer("n", n, 0))]
+
+
+def agreed_degrees(map: RationalMap) -> Iterator[int]:
+    """Yield the degrees of iterates, as found on random lines modulo two primes that agree."""
+    rng = map.generator()
+    runs: list[tuple[Iterator[int], list[int]]] = []  # on one line each, with the degrees so far
+    for length in count(1):
+        for _ in range(DRAWS):
+            for run, sequence in runs:
+                sequence += islice(run, length - len(sequence))
+            sequences = [sequence for _, sequence in runs if len(sequence) == length]
+            agreed = next((d for d in sequences if sequences.count(d) > 1), None)
+            if agreed:
+                runs = [(run, sequence) for run, sequence in runs if sequence == agreed][:2]
+                yield agreed[-1]
+                break
+            p = random_prime(rng)
+            runs.append((_degrees_on_a_line(map, p, random_values(rng, p)), []))
+        else:
+            raise ArithmeticError("the iterates reach poles of the map")
+
+
+def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
+    """Yield the degrees of iterates on a random line; end where the line has no image."""
+    line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
+    while True:
+        try:
+            line = map.coprime_image(line)
+        except ZeroDivisionError:
+            return
+        yield max(x.degree() for x in line)
+
+
+class Growth(NamedTuple):
+    """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof.
+
+    `kind` is "bounded", "linear", "quadratic", "cubic", "polynomial of degree 4" and so on,
+    "exponential" or "unclear". `entropy` is the logarithm of the limit of d_(k+1) / d_k, NaN
+    without a recurrence. `based_on` is the recurrence, or the range of the last quotients.
+    """
+
+    kind: str
+    entropy: float
+    based_on: str
+
+
+_SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
+_ROUNDING = 1e-9  # of the modulus of a root
+# The number of last quotients that tell without a recurrence; where growth is called exponential,
+# the least of them, and the ratio of the largest to it.
+_LAST, _LEAST, _RATIO = 3, 1.5, 1.1
+_HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
+
+
+@public
+def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
+    """Growth of a sequence of degrees, and its entropy.
+
+    They follow from a linear recurrence with integer coefficients that all degrees after a
+    transient satisfy: the one with the least transient plus order, then the one of least order. At
+    least three terms, and as many as the transient has, must confirm it. Degree 1, of the identity,
+    is an additional first term if the recurrence holds for it. The largest root, which
+    must be simple, gives the entropy, and the multiplicity of the roots of modulus 1 the kind. A
+    recurrence may still be accidental: a singularity that is confined late leaves no other trace at
+    first.
+
+    Without a recurrence the growth is called exponential if the last three quotients d_(k+1) / d_k
+    are above 1.5 and differ by at most a tenth, and unclear otherwise. In the plane, linear growth
+    shows an invariant fibration, whose fibres the map may move.
+
+    Parameters
+    ----------
+    degrees : sequence of int
+        Degrees of consecutive iterates, as `degrees` returns them.
+    planar : bool, optional
+        True for a birational map of the plane. Then at most one root of a recurrence, counted with
+        multiplicity, lies outside the unit circle, and without such a root growth is at most
+        quadratic (Diller and Favre 2001); recurrences with other roots are left out as accidental.
+
+    Returns
+    -------
+    Growth
+        A named tuple `kind, entropy, based_on`.
+
+    Examples
+    --------
+    >>> from suslov_fast.integrability import growth
+    >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
+    'd(k+2) = 2 d(k+1) - 1 d(k), all 7 degrees'
+    >>> found = growth([5, 21, 85, 341, 1365, 5461])
+    >>> found.kind, round(found.entropy, 12)
+    ('exponential', 1.38629436112)
+    >>> growth([3, 7, 17, 39, 93, 215, 495]).based_on
+    '7 degrees without a short recurrence; the last d(k+1) / d(k) are from 2.302 to 2.385'
+    """
+    try:
+        d = [operator.index(degree) for degree in degrees]
+    except TypeError:
+        expected = "a list of integers, as degrees(map, n) returns it"
+        raise wrong("degrees", expected, short(degrees), TypeError) from None
+    if min(d, default=0) < 0:
+        raise wrong("degrees", "0 or more", min(d))
+    if not isinstance(planar, bool | np.bool_):
+        raise wrong("planar", "True or False", short(planar), TypeError)
+    return _by_recurrence(d, bool(planar)) or _by_quotients(d)
+
+
+def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
+    """Return polynomials P and Q with P / Q = sum of terms[k] z**k; None if none are evident."""
+    found = common_series([terms])
+    return found[0] if found else None
+
+
+def common_series(
+    sequences: Sequence[Sequence[int]],
+) -> list[tuple[list[int], list[int]]] | None:
+    """Return P and Q of `rational_series` for sequences of one length, with one Q for all.
+
+    Sequences that are independent need fewer terms, because each tests the same recurrence.
+    """
+    for total in range(len(sequences[0])):
+        for order in range(total + 1):
+            tails = [[*terms[total - order :]] for terms in sequences]
+            spare = max(_SPARE, total - order)
+            if (recurrence := _recurrence(tails, order, spare)) is not None:
+                Q = recurrence[::-1]
+                return [(_numerator(terms, Q, total), Q) for terms in sequences]
+    return None
+
+
+def _numerator(terms: Sequence[int], Q: list[int], total: int) -> list[int]:
+    """Return the first coefficients of the product of a series and Q."""
+    return [sum(Q[j] * terms[k - j] for j in range(min(k + 1, len(Q)))) for k in range(total)]
+
+
+def _kind(power: int) -> str:
+    kinds = "bounded", "linear", "quadratic", "cubic"
+    return kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
+
+
+def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
+    """Return the growth by the shortest recurrence with suitable roots; None without one."""
+    for total in range(len(d) - _SPARE + 2):
+        for order in range(total + 1):
+            transient = total - order
+            # Where no transient is needed, the recurrence may hold from the identity on.
+            sequences = ([1, *d], d) if transient == 0 else (d,)
+            for terms in sequences:
+                recurrence = _recurrence([terms[transient:]], order, max(_SPARE, transient))
+                if recurrence and (growth := _growth_of(recurrence, planar)):
+                    text = _text_of(recurrence, len(d), transient, from_identity=terms is not d)
+                    return Growth(*growth, text)
+    return None
+
+
+def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int] | None:
+    """Return the coefficients of a recurrence of sequences, of this order but no lower one.
+
+    None if there is none, or if they have too few terms: so many equations have to be to spare.
+    """
+    steps = len(sequences[0]) - order
+    if steps < _SPARE:
+        return None
+    independent = flint.fmpz_mat(sequences).rank() if len(sequences) > 1 else 1
+    if max(independent, 1) * steps < order + spare:
+        return None
+    rows = [terms[i : i + order + 1] for terms in sequences for i in range(steps)]
+    reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
+    # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
+    coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
+    is_minimal = rank == order  # else lower ones hold, which were refused, and extra roots
+    return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
+
+
+def moduli_outside(factor: Any) -> list[float]:
+    """Return the moduli of the roots outside the unit circle of an irreducible polynomial."""
+    roots = () if factor.is_cyclotomic() else factor.complex_roots()
+    return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
+
+
+def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
+    """Return the kind and entropy of a monic recurrence; None if its roots are not suitable."""
+    factors = flint.fmpz_poly(recurrence).factor()[1]
+    # The power of n with which terms grow, if no root is outside the unit circle.
+    power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
+    outside = [(modulus, m) for factor, m in factors for modulus in moduli_outside(factor)]
+    largest = max((modulus for modulus, _ in outside), default=1.0)
+    largest_is_simple = all(m == 1 for modulus, m in outside if modulus > largest * (1 - _ROUNDING))
+    fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)
+    if not largest_is_simple or (planar and not fits_the_plane):
+        return None
+    return "exponential" if outside else _kind(power), math.log(largest)
+
+
+def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
+    """Return a recurrence in words, and which of a number of degrees satisfy it."""
+    order = len(recurrence) - 1
+    terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
+    text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"
+    text = text.replace("+ -", "- ").replace("k+0", "k")
+    text += " and that of the identity" if from_identity else ""
+    return text + (f" but the first {transient}" if transient else "")
+
+
+def _by_quotients(d: list[int]) -> Growth:
+    """Return what the last quotients of degrees without a recurrence tell."""
+    last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
+    if len(last) <= _LAST or min(last) == 0:
+        return Growth("unclear", math.nan, text)
+    quotients = [b / a for a, b in pairwise(last)]
+    low, high = min(quotients), max(quotients)
+    kind = "exponential" if low > _LEAST and high <= _RATIO * low else "unclear"
+    text += f"; the last d(k+1) / d(k) are from {low:.4g} to {high:.4g}"
+    return Growth(kind, math.nan, text)

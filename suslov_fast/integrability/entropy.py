@@ -1,0 +1,310 @@
+"""Exact algebraic entropy of birational maps of the plane, from the curves that they contract.
+
+It is the log of the largest root of the characteristic polynomial of the action on the plane that
+is blown up at the points of confined orbits (Diller and Favre 2001).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from operator import itemgetter
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..checks import wrong
+from ..fields.base import Body
+from ..keywords import public
+from .birational_maps import RationalMap, check_one_letter
+from .contracted_curves import Passage, Plane, is_proved, passages_across
+from .degrees_of_iterates import agreed_degrees, moduli_outside, rational_series
+from .letters import checked_map
+from .polynomials import determinant, exponents_in_x
+from .rational_functions import IDENTITY, RationalFunction
+from .singular_orbits import POINTS, points_of_line, why_never
+
+_STEPS = 80  # of an orbit that are computed
+_DEGREES = 24  # that are predicted
+_HIGHEST = 1_000  # of degrees that are compared with those on random lines
+_TERMS = 60  # degrees of a monomial map from which their recurrence follows
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """A curve that a map contracts to a point, and what becomes of it.
+
+    Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
+    `length` is the number of points from the image of the curve to the last one without an image;
+    else None. `how` says how this was decided, and `proved` whether it is a proof. `orbit` are the
+    points, in homogeneous coordinates (x1, x2, 1) times an integer: up to one without an image, or
+    the first ones; without repetition. It is empty for conjugate curves and if eps is symbolic.
+    """
+
+    curve: str
+    count: int
+    length: int | None
+    proved: bool
+    how: str
+    orbit: tuple[tuple[int, ...], ...] = ()
+
+    def __str__(self) -> str:
+        points = "1 point" if self.length == 1 else f"{self.length} points"
+        confined = f"confined after {points}, " if self.length else ""
+        curves = f" ({self.count} conjugate curves)" if self.count > 1 else ""
+        return f"{self.curve}{curves}: {confined}{self.how}"
+
+
+@dataclass(frozen=True, repr=False)
+class PlanarEntropy:
+    """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.
+
+    The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
+    of the action on the plane blown up at the points of the confined orbits; `minimal` is its
+    factor with this root. `degrees` are those of the first iterates, as they follow from it.
+    `proved` says whether it is proved, and `based_on` by what. Without an entropy, `reason` says
+    why there is none.
+    """
+
+    contractions: tuple[Contraction, ...] = ()
+    polynomial: Any = None  # flint.fmpz_mpoly in x
+    minimal: Any = None
+    entropy: float | None = None
+    degrees: tuple[int, ...] = ()
+    proved: bool = False
+    based_on: str = ""
+    reason: str = ""
+
+    @property
+    def lengths(self) -> tuple[int | None, ...]:
+        """The lengths of the orbits, one for each curve; None for those that are not confined."""
+        return tuple(curve.length for curve in self.contractions for _ in range(curve.count))
+
+    @property
+    def root(self) -> float | None:
+        """The limit of the ratio of consecutive degrees: the largest root of `polynomial`."""
+        return None if self.entropy is None else math.exp(self.entropy)
+
+    @property
+    def certainty(self) -> str:
+        """The certainty of the entropy, in words: proved or not."""
+        return "proved" if self.proved else "not proved"
+
+    def contradiction(self, degrees: Sequence[int]) -> str:
+        """Return how degrees of the first iterates contradict those that are expected, or ""."""
+        expected = [*self.degrees[: len(degrees)]]
+        if [*degrees[: len(expected)]] == expected:
+            return ""
+        return f"the degrees are {degrees}, but {expected} by the contracted curves"
+
+    def __repr__(self) -> str:
+        if self.entropy is None:
+            return f"PlanarEntropy(none: {self.reason})"
+        root = f", the largest root of {self.minimal}" if self.entropy else ""
+        lines = "".join(f"\n  {curve}" for curve in self.contractions)
+        return f"PlanarEntropy({self.entropy:.10g}{root}; {self.certainty}){lines}"
+
+
+@public
+def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
+    """Find the algebraic entropy of a birational map of the plane from its singularities.
+
+    The map contracts some curves to points. If the orbit of such a point comes to a point without
+    an image, the singularity may be confined, and the degrees of iterates are lower; how much
+    follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
+    80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
+    rational numbers, or a number field for conjugate lines and conics. An orbit is never confined
+    if it is periodic modulo a small prime, with images at all points. The entropy of a monomial map
+    is the logarithm of the spectral radius of its exponents (Hasselblatt and Propp 2007); its
+    curves are not followed. An entropy that is not proved is compared with the degrees of iterates
+    on random lines, and not given if they contradict it.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        A birational map of two variables. If eps is symbolic, the entropy is that of a general eps.
+
+    Returns
+    -------
+    PlanarEntropy
+        Its entropy is None if it could not be found; `reason` then says why.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field
+    >>> from suslov_fast.integrability import kahan, planar_entropy
+    >>> def f(x):
+    ...     return x[0]**2 + 3*x[0]*x[1], 2*x[0]*x[1] - x[1]**2
+    >>> found = planar_entropy(kahan(Field(f, 2), "1/3"))
+    >>> found.lengths, found.minimal, round(found.entropy, 6), found.proved
+    ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
+    """
+    map = checked_map(map)
+    check_one_letter(map)
+    if map.dimension != 2:
+        raise wrong("map", "one of two variables", f"of {map.dimension}: use degrees(map, 8)")
+    if not map.is_planar:
+        missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
+        return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
+    if (A := _exponents_of_monomials(map)) is not None:
+        return _of_monomials(A)
+    plane = Plane(map)
+    passages = passages_across(plane, _STEPS)
+    if passages is None:
+        return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
+    contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
+    if (series := series_of_degrees(plane, passages)) is None:
+        steps = min(len(each.common_orders) for each in passages if each.series is None)
+        why = "a contracted curve comes to points without an image again and again, without a rule"
+        return PlanarEntropy(reason=f"{why} in the {steps} steps that could be computed")
+    found = _from_series(series, contractions)
+    proved = all(curve.proved for curve in contractions)
+    if why := found.contradiction([] if proved else [*_few_degrees(map)]):
+        return PlanarEntropy(reason=why)
+    based_on = "; ".join(str(curve) for curve in contractions) or "no contracted curve"
+    return replace(found, proved=proved, based_on=based_on)
+
+
+def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
+    """Return the entropy of degrees with the generating function P / Q, without what proves it."""
+    P, Q = series
+    # A root 0 of the polynomial for each term that precedes the recurrence.
+    transient = max(0, P.degree() + 1 - Q.degree())
+    polynomial = flint.fmpz_poly([0] * transient + Q.coeffs()[::-1])
+    minimal, root = _factor_with_largest_root(polynomial)
+    d: list[int] = []
+    for k in range(_DEGREES + 1):
+        d.append(int(P[k] - sum(Q[j] * d[k - j] for j in range(1, min(k, Q.degree()) + 1))))
+    return PlanarEntropy(
+        contractions, _in_x(polynomial), _in_x(minimal), math.log(root), degrees=tuple(d[1:])
+    )
+
+
+def proved_by_integral(
+    found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
+) -> PlanarEntropy | None:
+    """Return the entropy 0 if a first integral is known by identity, else what was found.
+
+    A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
+    """
+    proofs = [f for f in integrals if f.basis == IDENTITY]
+    if not proofs or found is None or found.proved:
+        return found
+    known = found if found.entropy == 0 else PlanarEntropy(found.contractions)
+    facts = {"minimal": _in_x(flint.fmpz_poly([-1, 1])), "based_on": f"the integral {proofs[0]}"}
+    return replace(known, entropy=0.0, proved=True, **facts)
+
+
+def _few_degrees(map: RationalMap) -> Iterator[int]:
+    """Yield the degrees of iterates on random lines as long as they take little time."""
+    for degree in islice(agreed_degrees(map), _DEGREES):
+        yield degree
+        if degree > _HIGHEST:
+            break
+
+
+def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
+    """Return what becomes of a curve, with a proof if one is found."""
+    exact = is_proved(plane, number, passage)
+    length = None if passage.steps is None else passage.steps - 1
+    if passage.endless:
+        how = "again and again at points without an image, by a rule that the first steps show"
+    elif length is not None:
+        field = "the rationals" if plane.degrees[number] == 1 else "a number field"
+        how = f"exact over {field}" if exact else "modulo two primes, at random points"
+    elif reason := why_never(plane, number, passage):
+        how = reason if exact else f"{reason}; orders modulo two primes, at random points"
+    else:
+        exact, how = False, f"not confined within {_STEPS} steps"
+    orbit = tuple(dict.fromkeys(points_of_line(plane, number, length or POINTS)))
+    return Contraction(plane.text(number), plane.count(number), length, exact, how, orbit)
+
+
+# The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. It is a factor
+# of P(F) after k more steps, for P = C and for the common factor of the next iterate, with the
+# orders of a germ. So, with d_0 = 1 and the degree d of the map,
+#   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
+#   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
+
+
+def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
+    """Return polynomials P and Q in z, P / Q = 1 + sum of d_n z^n, from the equations above.
+
+    For generating functions the equations are linear; Q is their determinant, and the polynomial of
+    1 / z that of the recurrence of degrees. If a passage has no end, the generating functions of
+    its orders are quotients; None if none are seen.
+    """
+    one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
+    used = [k for k, passage in enumerate(passages) if passage.common_orders]
+    # The unknowns are the generating functions of d, and of s for each curve that is used; a column
+    # is multiplied by the common denominator of its entries.
+    columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
+    for k in used:
+        if (quotients := passages[k].series) is None:
+            return None
+        pairs = [[flint.fmpz_poly([*part]) for part in pair] for pair in quotients]
+        pairs = [pairs[0], *(pairs[1 + i] for i in used)]
+        common = math.prod((Q for _, Q in pairs), start=one)
+        column = [P * (common // Q) for P, Q in pairs]
+        column[0] *= z
+        column[1 + used.index(k)] += common
+        columns.append(column)
+    rows = [*zip(*columns, strict=True)]
+    # Cramer's rule: only 1 is on the right, in the first equation.
+    P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
+    if any(passages[k].endless for k in used):
+        common = P.gcd(Q)
+        P, Q = P // common, Q // common
+    sign = 1 if Q[0] > 0 else -1
+    return sign * P, sign * Q
+
+
+def _in_x(polynomial: Any) -> Any:
+    terms = {(k,): c for k, c in enumerate(polynomial.coeffs())}
+    return flint.fmpz_mpoly_ctx.get(("x",), ordering="deglex").from_dict(terms)
+
+
+def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
+    """Return the factor with the largest root, and this root; x - 1 if no root is larger."""
+    moduli = ((max(moduli_outside(f), default=1.0), f) for f, _ in polynomial.factor()[1])
+    modulus, factor = max(moduli, key=itemgetter(0), default=(1.0, None))
+    return (factor, modulus) if modulus > 1.0 else (flint.fmpz_poly([-1, 1]), 1.0)
+
+
+# Monomial maps, x_i~ = c_i x1^a_i1 ... xD^a_iD: their iterates have the powers of A as exponents.
+
+
+def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
+    """Return the entropy of a monomial map: the log of the spectral radius of its exponents."""
+    sequence = [1, *islice(_degrees_of_monomials(A), _TERMS)]
+    series = rational_series(sequence)
+    assert series, sequence  # they are largest entries of sums of powers of A, which has a rule
+    found = _from_series(tuple(map(flint.fmpz_poly, series)), ())
+    based_on = f"a monomial map, with the exponents {A}: their spectral radius"
+    return replace(found, proved=True, based_on=based_on)
+
+
+def _exponents_of_monomials(map: RationalMap) -> list[list[int]] | None:
+    """Return the matrix A of a monomial map; None for other maps."""
+    if any(len(F) != 1 for F in map.forms):
+        return None
+    *rows, denominator = (exponents_in_x(F)[0] for F in map.forms)
+    return [[int(a - b) for a, b in zip(row, denominator, strict=True)] for row in rows]
+
+
+def _degrees_of_monomials(A: Sequence[Sequence[int]]) -> Iterator[int]:
+    """Yield the degrees of the iterates of a monomial map, as maps of projective space."""
+    power = [[*row] for row in A]
+    while True:
+        # The common denominator has the largest negative exponents of each variable.
+        negative = sum(max(0, *(-a for a in column)) for column in zip(*power, strict=True))
+        yield max(0, *map(sum, power)) + negative
+        power = (np.array(power, object) @ np.array(A, object)).tolist()

@@ -1,0 +1,208 @@
+"""Hirota-Kimura bases: the linear relations of `linear_relations`, over the rationals, and integrals.
+
+The relations hold for all points of an orbit, so that quotients of their coefficients are first
+integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..checks import integer, short, wrong
+from ..fields.base import Body
+from ..keywords import public
+from . import arithmetic
+from .arithmetic import Point, Residues, Values
+from .birational_maps import RationalMap
+from .darboux import check_unknowns
+from .interpolation import over_rationals
+from .letters import checked_map
+from .linear_relations import count_relations, integrals_of_relations, relations_along
+from .polynomials import (
+    Exponents,
+    Polynomials,
+    exponents_up_to,
+    polynomials_with,
+    renamed,
+    sort_key,
+)
+from .rational_functions import (
+    RationalFunction,
+    over_common_denominator,
+    quotient_of,
+    rank_of_quotients,
+)
+from .search import Search
+
+_MOST = 500  # monomials of relations along orbits
+
+
+@dataclass(frozen=True)
+class HKBasis:
+    """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
+
+    The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
+    `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
+    or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
+    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, over which a
+    loop runs, and `complete` is True if as many of these are independent. `degree` is that of the
+    monomials.
+    """
+
+    degree: int
+    monomials: Exponents
+    dimension: int
+    independent: int
+    forms: Polynomials
+    complete: bool
+    point: Point
+    basis: tuple[Point, ...] | None
+    names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
+
+    @property
+    def integrals(self) -> tuple[RationalFunction, ...]:
+        """First integrals, as `report` returns them: the quotients of `forms` by the last one."""
+        return tuple(quotient_of(P, self.forms[-1], "") for P in self.forms[:-1])
+
+    def __iter__(self) -> Iterator[RationalFunction]:
+        return iter(self.integrals)
+
+    @property
+    def polynomials(self) -> Polynomials:
+        """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
+        one = {(): Fraction(1)}
+        rows = [[({(): a}, one) for a in row] for row in self.basis or ()]
+        polynomials = polynomials_with(rows, self.monomials)
+        return tuple(renamed(P, self.names) for P in polynomials)
+
+    def __repr__(self) -> str:
+        text = (
+            f"HKBasis(degree={self.degree}, dimension={self.dimension}, "
+            f"independent={self.independent}, integrals={self.integrals}, complete={self.complete})"
+        )
+        if self.complete:
+            return text
+        missing = self.independent - rank_of_quotients(self.forms)
+        return f"{text}; {missing} more independent: try a higher degree, or `report`"
+
+
+@public
+def hk_bases(
+    map: RationalMap | Body,
+    monomials: int | Sequence[Sequence[int]],
+    *,
+    point: Any = None,
+    letters: Any = None,
+) -> HKBasis:
+    """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
+
+    The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
+    their derivatives is the number of independent ones. If the relations of all orbits span one
+    dimension more than those of one orbit, quotients of relations are also first integrals. If a
+    degree is given, quotients of Darboux polynomials are sought as well. An orbit has 10 points
+    more than there are monomials.
+
+    Parameters
+    ----------
+    map
+        As in :func:`darboux_polynomials`.
+    monomials : int or sequence of exponents
+        The exponents (e1, ..., eD) of each monomial, or a largest degree: then the basis is that of
+        the lowest degree that shows as many independent integrals.
+    point : sequence of D rational numbers, optional
+        Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
+    letters : str or sequence of str, optional
+        As in :func:`darboux_polynomials`: then `integrals` hold for all values of these parameters.
+
+    Returns
+    -------
+    HKBasis
+        If its `dimension` is 0, no quotient of two linear combinations of the monomials is a first
+        integral.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, or the orbit of `point`, or of most points, ends at a pole.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, Suslov3D
+    >>> from suslov_fast.integrability import hk_bases, kahan
+    >>> map = kahan(Suslov3D(4, 1, -0.5, -0.25).field(), eps=0.25)
+    >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
+    (0, 1)
+    >>> hk_bases(map, 4).integrals
+    ((4*Omega1^2 + Omega2^2)/(Omega1*Omega2 + 1024),)
+    """
+    map = checked_map(map, letters)
+    n = map.dimension
+    exponents = _exponents_of(monomials, n)
+    given = random.Random(0).sample(range(2, 100), n) if point is None else point
+    start = arithmetic.rationals("point", given, n)
+    dimension, independent = count_relations(map, exponents)
+    integrals: Polynomials = ()
+    if independent and isinstance(monomials, int | np.integer):
+        integrals = _integrals_up_to(map, int(monomials), independent)
+        for d in range(1, int(monomials)):
+            lower = exponents_up_to(d, n)
+            counted = count_relations(map, lower)
+            if counted.integrals == independent:
+                exponents, dimension = lower, counted.relations
+                break
+    elif independent:
+        integrals = integrals_of_relations(map, exponents)
+    complete = rank_of_quotients(integrals) == independent
+    basis: tuple[Point, ...] | None = None if map.is_symbolic else ()
+    if not map.is_symbolic and (dimension > 0 or point is not None):
+
+        def search(p: int, eps: Values) -> Residues:
+            return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
+
+        rows = over_rationals(map.generator(), search)
+        basis = None if rows is None else tuple(tuple(N[()] for N, _ in row) for row in rows)
+        dimension = dimension if basis is None else len(basis)
+    return HKBasis(
+        max(sum(e) for e in exponents),
+        exponents,
+        dimension,
+        independent,
+        tuple(renamed(P, map.names, map.letter) for P in integrals),
+        complete,
+        start,
+        basis,
+        map.names,
+    )
+
+
+def _exponents_of(monomials: Any, n: int) -> Exponents:
+    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
+    if isinstance(monomials, int | np.integer):
+        degree = integer("monomials", monomials, 0)
+        check_unknowns("monomials", degree, n, _MOST)
+        return exponents_up_to(degree, n)
+    expected = f"a degree, or a list of at most {_MOST} different tuples of {n} exponents"
+    try:
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
+    except TypeError:
+        raise wrong("monomials", expected, short(monomials), TypeError) from None
+    are_different = len({*exponents}) == len(exponents)
+    if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
+        raise wrong("monomials", expected, short(monomials))
+    return exponents
+
+
+def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
+    """Return polynomials whose quotients are first integrals, until enough are independent."""
+    search = Search(map, degree, only_integrals=True)
+    for _ in search.queue:
+        if len(search.known.integrals) >= enough:
+            break
+    polynomials = over_common_denominator(search.known.integrals, map.ring)
+    return tuple(sorted(polynomials, key=sort_key))

@@ -1,0 +1,376 @@
+"""Kahan maps of quadratic fields, exact: the solution of A(x; eps) x~ = b(x; eps).
+
+The inverse has -eps, det DPhi = det A(x~; -eps) / det A(x; eps), and for x' = K grad H the modified
+energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import flint
+import numpy as np
+
+from ..checks import kind_of, wrong
+from ..fields.base import Body
+from ..fields.field import Field
+from ..fields.names import labels
+from ..fields.terms import Terms, collected
+from ..keywords import public
+from .arithmetic import Values, as_written, constant, matrix
+from .birational_maps import LONGEST, TERMS, TERMS_IN_LETTERS, RationalMap
+from .polynomials import coprime, cramer, degree_of, letters_in, primitive
+from .rational_functions import (
+    MODULAR,
+    RationalFunction,
+    factored,
+    over_common_denominator,
+    quotient_of,
+)
+
+_LARGEST = 10  # number of variables of a field for which a Hamiltonian is looked for
+
+
+class InLetters(NamedTuple):
+    """The coefficients of f and H, functions of letters, by the indices of variables."""
+
+    letters: tuple[str, ...]
+    rates: dict[tuple[int, ...], RationalFunction]
+    energy: dict[tuple[int, ...], RationalFunction] | None
+
+
+class KahanMap(RationalMap):
+    """The Kahan map of a quadratic field, exact; made by `kahan`.
+
+    A `RationalMap`. If `eps` is None, the step size is symbolic; `subs` replaces it by a number.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        eps: Fraction | None,
+        sign: int = 1,
+        decimals: bool = True,
+        in_letters: InLetters | None = None,
+    ) -> None:
+        if not isinstance(field, Field) or not isinstance(eps, Fraction | None):
+            raise TypeError("field: a KahanMap is made by kahan(field, eps)")
+        self.decimals = decimals
+        self.field, self.eps, self._sign = field, eps, sign
+        self.dimension, self.in_letters = field.dimension, in_letters
+        self.letters = ("eps",) * (eps is None) + (in_letters.letters if in_letters else ())
+        self.names = None if field.names == labels(field.dimension) else field.names
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The terms of the field, exact."""
+        return self.field.exact_terms(as_written if self.decimals else Fraction)
+
+    @cached_property
+    def inverse(self) -> KahanMap:
+        """The inverse map, which is the Kahan map of the same field with -eps."""
+        return self._at(None if self.eps is None else -self.eps, -self._sign)
+
+    def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
+        """Return the map for another eps; for a symbolic one with its sign."""
+        sign = sign if eps is None else 1
+        map = KahanMap(self.field, eps, sign, self.decimals, self.in_letters)
+        # These take long, and do not depend on eps.
+        map.terms, map._equations = self.terms, self._equations
+        return map
+
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        return "eps"
+
+    def _with(self, numbers: Mapping[str, Fraction]) -> KahanMap:
+        eps = self._sign * self._all_numbers(numbers)[0]
+        if self.in_letters is None:
+            return self._at(eps)
+        indices, rates = zip(*self.in_letters.rates.items(), strict=True)
+        constants = np.array([c._with(numbers).constant for c in rates], object)
+        terms = collected(np.array(indices).T, constants, self.dimension, 2)
+        return KahanMap(Field.of_terms(terms, self.field.names), eps)
+
+    def at_eps(self, values: Values) -> KahanMap:
+        if self.in_letters is None:
+            return self._at(self._sign * Fraction(values[0])) if self.is_symbolic else self
+        point = [*values[: len(self.letters)], *[0] * self.dimension]
+        forward, backward = KahanMap(self.field, Fraction(1)), KahanMap(self.field, Fraction(-1))
+        for map, at in ((self, forward), (self.inverse, backward)):
+            at._forms = [
+                [[(j, int(a(*point))) for j, a in form] for form in row] for row in map._forms
+            ]
+        forward.inverse, backward.inverse = backward, forward
+        return forward
+
+    @cached_property
+    def _rates(self) -> tuple[list[tuple[tuple[int, ...], Any]], Any]:
+        """The terms of the field with integers, or polynomials in letters, over a denominator."""
+        if self.in_letters is None:
+            return _integers(self.terms)
+        *values, common = over_common_denominator(self.in_letters.rates.values(), self.ring)
+        return [*zip(self.in_letters.rates, values, strict=True)], common
+
+    @cached_property
+    def coefficients(self) -> list[int]:
+        """Numerators and denominators of the terms of the field, and of eps."""
+        if self.in_letters:
+            terms, common = self._rates
+            return [int(c) for P in (common, *(v for _, v in terms)) for c in P.coeffs()]
+        numbers = [*self.terms.values, *([] if self.eps is None else [self.eps])]
+        return [part for c in numbers for part in (c.numerator, c.denominator)]
+
+    def __repr__(self) -> str:
+        if self.in_letters:
+            return f"Kahan map of {self._equations_in_letters()}"
+        eps = "" if self._sign > 0 else ", eps=-eps"
+        return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
+
+    def _equations_in_letters(self) -> str:
+        x, (terms, common), rows = self.variables, self._rates, []
+        for i, name in enumerate(self.field.names):
+            products = (v * x[j] * x[k] for (row, j, k), v in terms if row == i)
+            rate = factored(sum(products, self.ring.constant(0))) / factored(common)
+            rows.append(f"{name}' = {rate.renamed(self.field.names)}")
+        return ", ".join(rows)
+
+    def __reduce__(self) -> Any:
+        return KahanMap, (self.field, self.eps, self._sign, self.decimals, self.in_letters)
+
+    @cached_property
+    def _equations(self) -> list[Any]:
+        """The rows of (A | b) of the equations A(x) x~ = b(x), times a common denominator.
+
+        Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
+        """
+        # Half of a product belongs to each order of its two factors.
+        if self.in_letters:
+            terms, common = self._rates
+            doubled = [((i, j, k), (1 + (j == k)) * v) for (i, j, k), v in terms]
+            return rows_of(doubled, 2 * common, self.dimension)
+        indices, values = self.terms
+        halves = np.where(indices[1] == indices[2], values, values / 2)
+        return rows_of(*_integers(Terms(indices, halves)), self.dimension)
+
+    @cached_property
+    def _forms(self) -> list[Any]:
+        """Return `_equations` with entries (j, a), for terms a x_j, at eps."""
+        if self.eps is None:
+            eps, unit = self._sign * self.ring.gens()[0], 1
+        else:
+            eps, unit = self.eps.numerator, self.eps.denominator
+        return [
+            [[(j, c * unit + d * eps) for j, c, d in form] for form in row]
+            for row in self._equations
+        ]
+
+    def _system(self, x: Sequence[Any]) -> list[list[Any]]:
+        """Return the rows of (A | b) at a point."""
+        zero = 0 * x[-1]
+        return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms]
+
+    def _left(self, x: Sequence[Any]) -> Any:
+        """Return A at a point of numbers."""
+        return matrix([row[:-1] for row in self._system(x)])
+
+    def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
+        system = self._system(x)
+        if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
+            return cramer(system)
+        A, b = matrix([row[:-1] for row in system]), matrix([row[-1:] for row in system])
+        return [*A.solve(b).entries(), x[-1]]
+
+    def derivative(self, x: Sequence[Any]) -> Any:
+        # A(x; eps) DPhi(x) = A(Phi(x); -eps)
+        return self._left(x).solve(self.inverse._left(self.image(x)))
+
+    @cached_property
+    def _solution(self) -> list[Any]:
+        return self.homogeneous_image(self.variables)
+
+    @cached_property
+    def forms(self) -> list[Any]:
+        return coprime(self._solution)
+
+    @property
+    def denominator(self) -> Any:
+        """The determinant of A."""
+        return self._solution[-1]
+
+    def _determinant(self) -> RationalFunction | None:
+        # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
+        backward = factored(cramer(self.inverse._system(self.variables))[-1])
+        determinant = RationalFunction((), backward.constant) / factored(self.denominator)
+        determinant /= factored(self.forms[-1]) ** backward.degree
+        for f, e in backward.factors:
+            if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
+                return None
+            P = self.pullback(f, degree_of(f))
+            if len(P) > (TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS):
+                return None
+            determinant *= factored(P) ** e
+        return determinant
+
+    @property
+    def cost_of_factors(self) -> float:
+        """An estimate of the seconds that `factors` takes: those of a pullback like det A."""
+        return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
+
+    @cached_property
+    def degenerate_eps(self) -> tuple[Fraction, ...]:
+        """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is symbolic.
+
+        They come in pairs eps, -eps: where the image of the map is of lower dimension, so is that
+        of its inverse, or there is none.
+        """
+        return tuple(sorted({sign * eps for eps in super().degenerate_eps for sign in (1, -1)}))
+
+    def _degeneracy(self, x: Sequence[Any]) -> Any:
+        """Return det A times the numerator of det DPhi at a point."""
+        y = self.homogeneous_image(x)
+        # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
+        determinant = cramer(self.inverse._system(y))[-1]
+        return determinant // determinant.gcd(y[-1] ** (self.dimension + 1)) * y[-1]
+
+    @cached_property
+    def hamiltonian(self) -> Any:
+        """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
+        if self.in_letters:
+            if not (energy := self.in_letters.energy):
+                return None
+            *values, _ = over_common_denominator(energy.values(), self.ring)
+            terms = [*zip(energy, values, strict=True)]
+        elif not self.field.is_hamiltonian:
+            return self._found_hamiltonian()
+        else:
+            exactly = as_written if self.decimals else Fraction
+            terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
+        products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
+        return sum(products, 0 * self.variables[-1])
+
+    def _found_hamiltonian(self) -> Any:
+        """Return H with grad H = L f for a constant antisymmetric regular L; None without one."""
+        D, x, zero = self.dimension, self.variables, 0 * self.variables[-1]
+        if D % 2 or D > _LARGEST:
+            return None
+        f, pairs = [zero] * D, [*combinations(range(D), 2)]
+        for (i, j, k), v in _integers(self.terms)[0]:
+            f[i] += v * x[j] * x[k]
+        conditions = []  # for L f to be a gradient, for each L with the entries 1 and -1
+        for k, l in pairs:
+            g = [zero] * D
+            g[k], g[l] = f[l], -f[k]
+            curl = {(i, j): _slope(g[j], i) - _slope(g[i], j) for i, j in pairs}
+            conditions.append({(ij, e): int(c) for ij, P in curl.items() for e, c in P.terms()})
+        places = {place for each in conditions for place in each}
+        rows = [[each.get(place, 0) for each in conditions] for place in places]
+        columns, count = flint.fmpz_mat(rows or [[0] * len(pairs)]).nullspace()
+        rng, L = random.Random(0), flint.fmpz_mat(D, D)
+        weights = [rng.randrange(1, 99) for _ in range(count)]
+        for (k, l), row in zip(pairs, columns.tolist(), strict=True):
+            L[k, l] = sum(w * c for w, c in zip(weights, row, strict=False))
+            L[l, k] = -L[k, l]
+        if L.det() == 0:
+            return None
+        products = (int(L[i, k]) * x[i] * f[k] for i in range(D) for k in range(D))
+        of_H = sum(products, zero)  # its part of degree d is d times the part of H
+        return primitive(zero.context().from_dict({e: 6 // sum(e) * c for e, c in of_H.terms()}))
+
+    @cached_property
+    def modified_energy(self) -> RationalFunction | None:
+        """The integral H + grad H (x~ - x) / 3 of a field K grad H; None if it is constant."""
+        if (H := self.hamiltonian) is None:
+            return None
+        *numerators, F_0 = self.forms
+        energy = 3 * H * F_0
+        for i, (F, a) in enumerate(zip(numerators, self.variables, strict=False)):
+            energy += _slope(H, i) * (F - a * F_0)
+        modified = quotient_of(energy, F_0, MODULAR)
+        return modified if modified.degree else None
+
+
+def _slope(P: Any, i: int) -> Any:
+    """Return the derivative of a polynomial by the variable x of a number, from 0."""
+    return P.derivative(i + letters_in(P))
+
+
+def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
+    """Return `KahanMap._equations` of terms v x_j x_k, halved for j < k, over a denominator."""
+    forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
+    for i in range(D):  # at eps = 0, A is the unit matrix and b is x
+        forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]
+    for (i, *pair), v in terms:
+        for j, k in {(*pair,), (*pair[::-1],)}:
+            forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
+    return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
+
+
+def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
+    """Return exact terms with integers in place of fractions, and their common denominator."""
+    denominator = math.lcm(*(c.denominator for c in terms.values))
+    return [(place, int(denominator * c)) for place, c in terms.members()], denominator
+
+
+@public
+def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
+    """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
+
+    Parameters
+    ----------
+    field : Field or body
+        The field to discretize, a single one.
+    eps : int, Fraction, float or str, optional
+        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
+        found for the map.
+    decimals : bool, optional
+        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
+        and 8/3 is a ratio. If False, they are binary numbers.
+
+    Returns
+    -------
+    KahanMap
+        It is callable, and has `formulas`, `inverse`, `jacobian`, `determinant`, `dimension`,
+        `field`, `eps`, and `subs`.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field
+    >>> from suslov_fast.integrability import kahan
+    >>> map = kahan(Field.from_terms([[[1]]]), eps=1)  # x' = x**2
+    >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
+    (['-2'], ['2'])
+    >>> kahan(map.field)([2]), kahan(map.field).formulas
+    ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
+    """
+    if not isinstance(field, Body):
+        received = f"{kind_of(field)}"
+        raise wrong("field", "a Field or a body", received, TypeError)
+    _ = field.has_eps or field.field()  # which raises
+    if field.shape:
+        raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
+    if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
+        how = "leave it out, kahan(field), for formulas in eps"
+        raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
+    step = None if eps is None else constant("eps", eps, decimals)
+    if isinstance(field, Field):
+        map = KahanMap(field, step, decimals=decimals)
+    else:
+        map = KahanMap(exact_body(field, decimals).field(), step, decimals=False)
+    _ = map.terms  # raises for a field that is not of degree 2
+    return map
+
+
+def exact_body(body: Any, decimals: bool) -> Any:
+    """Return a single body with its fractions, and with its floats as what was written."""
+
+    def read(a: Any) -> Fraction:
+        return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)
+
+    exact = (np.vectorize(read, "O")(body.exact_parts.get(n, a))[()] for n, a in body.parts.items())
+    return body._of(dict(zip(body.parts, exact, strict=True)))

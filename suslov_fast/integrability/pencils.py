@@ -1,0 +1,117 @@
+"""Reducible members of a pencil of polynomials, over the complex numbers too.
+
+On a plane with coordinates u and v, f = f_1 ... f_r has r independent pairs (g, h) of polynomials
+of lower degree with d/dv (g / f) = d/du (h / f): those with g = f (d/du f_i) / f_i (Ruppert 1986,
+Gao 2003). One combination of them is the gradient of f. So the pencil first + t second has a matrix
+that is linear in t, and loses rank at the reducible members: at eigenvalues.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import flint
+
+from .arithmetic import EPS, Residues, Values
+from .interpolation import over_rationals
+from .polynomials import (
+    degree_of,
+    exponents_up_to,
+    letters_in,
+    modulo,
+    prime_of,
+    rank,
+    ring_modulo,
+    variables_of,
+    without_content,
+)
+from .rational_functions import rational_roots
+
+_HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
+
+
+class _Equations:
+    """Equations for the pairs (g, h) of polynomials f in x of a degree, on a random plane."""
+
+    def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
+        self._p, self._ring = p, ring_modulo(p, 2)
+        u, v = self._ring.gens()
+        draws = [[rng.randrange(1, p) for _ in range(3)] for _ in range(n)]
+        self._points = [a + b * u + c * v for a, b, c in draws]
+        self._lower = [self._ring.from_dict({e: 1}) for e in exponents_up_to(degree - 1, 2)]
+        self._exponents = exponents_up_to(2 * degree - 2, 2)
+
+    def equations(self, P: Any, eps: Values) -> Any:
+        """Return the matrix of the equations for f = P, without its first column.
+
+        The columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for g, then h, a monomial.
+        Without the first one, the gradient of f, which always solves the equations, does not.
+        """
+        f = modulo(P, self._p, eps).compose(*self._points, ctx=self._ring)
+        columns = []
+        for variable, sign in ((1, 1), (0, -1)):
+            slope = f.derivative(variable)
+            for g in self._lower:
+                terms = (sign * (g.derivative(variable) * f - g * slope)).to_dict()
+                columns.append([int(terms.get(e, 0)) for e in self._exponents])
+        return flint.nmod_mat(columns[1:], self._p).transpose()
+
+
+def count_factors(P: Any) -> int:
+    """Return the number of irreducible factors over the complex numbers, if all are single."""
+    degree, n = degree_of(P), variables_of(P)
+    if degree < 1 or n < 2:
+        return degree
+    matrix = _Equations(n, degree, prime_of([P]), random.Random(0)).equations(P, EPS)
+    return 1 + int(matrix.ncols() - matrix.rank())
+
+
+def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
+    """Yield the reducible members of a space of dimension 2 with rational coordinates."""
+    degree, n = max(degree_of(P) for P in space), variables_of(space[0])
+    if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
+        return
+    rng = random.Random(0)
+    # Generic members, so that those that are sought are first + t second with finite t.
+    first, second = (sum(rng.randrange(1, 100) * P for P in space) for _ in space)
+    if rank([first, second]) < 2:
+        return
+
+    def search(p: int, eps: Values) -> Residues:
+        rng = random.Random(p)
+        common = flint.nmod_poly([0], p)
+        for _ in range(2):  # roots that depend on the plane are left out
+            on_plane = _Equations(n, degree, p, rng)
+            A, B = (on_plane.equations(P, eps) for P in (first, second))
+            if A.rank() < A.ncols():  # all members are reducible
+                return []
+            common = common.gcd(_values_of_lost_rank(A, B, p, rng))
+        # A root is multiple if the rank falls further there; each is wanted once.
+        common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
+        return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []
+
+    found = over_rationals(random.Random(prime_of([first, second])), search, letters_in(first))
+    for t in rational_roots(found[0], first.context()) if found else ():
+        numerator, denominator = t.as_quotient(first.context())
+        yield without_content(denominator * first + numerator * second)
+
+
+def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
+    """Return the polynomial whose roots t are those where first + t second loses rank.
+
+    The matrices have more rows than columns; random combinations of rows make them square, and
+    roots that depend on these are left out.
+    """
+    columns, rows = first.ncols(), first.nrows()
+    common = flint.nmod_poly([0], p)
+    for _ in range(2):
+        mix = flint.nmod_mat(columns, rows, [rng.randrange(p) for _ in range(columns * rows)], p)
+        A, B = mix * first, mix * second
+        # det(A + t B) = 0 for t = -1 / s with eigenvalues s of the inverse of A times B. So the
+        # coefficients are those of its characteristic polynomial, backwards, with changing signs.
+        backward = A.solve(B).charpoly().coeffs()[::-1]
+        coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
+        common = common.gcd(flint.nmod_poly(coefficients, p))
+    return common

@@ -1,0 +1,485 @@
+"""Rational functions, ``c P_1**e_1 ... P_n**e_n`` with irreducible polynomials P_i.
+
+Their arithmetic and their text; they are independent if the gradients of their logarithms,
+``sum_i e_i grad P_i / P_i``, at a random point modulo a prime are.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import reduce
+from typing import Any, TypeVar
+
+import flint
+import numpy as np
+
+from ..checks import FloatArray, extra, real_array, short, wrong
+from ..fields.latex import formula
+from ..fields.names import labels
+from ..fields.trace import check_function
+from ..keywords import public
+from . import arithmetic
+from .arithmetic import EPS
+from .polynomials import (
+    Polynomials,
+    decoded,
+    degree_of,
+    irreducible_factors,
+    letters_of,
+    modulo,
+    polynomial_ring,
+    polynomials_with,
+    prime_of,
+    renamed,
+    ring_with_letters,
+    sort_key,
+    value_at,
+    variables_of,
+    with_values,
+)
+
+IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
+_NAME = r"[^\W\d]\w*"
+
+
+L = TypeVar("L", bound="WithLetters")
+
+
+class WithLetters:
+    """The base of objects whose coefficients may have symbols: eps, or other letters."""
+
+    letters: Any  # their names
+    _with: Any  # the method that returns the same for numbers in place of letters
+
+    @property
+    def letter(self) -> str:
+        """The name of the only letter; "" without one, or with several."""
+        return self.letters[0] if len(self.letters) == 1 else ""
+
+    @property
+    def is_symbolic(self) -> bool:
+        """True if eps, or another letter, is symbolic."""
+        return bool(self.letters)
+
+    @public
+    def subs(self: L, *value: Any, **named: Any) -> L:
+        """Return the map or function for values of eps, or of other letters.
+
+        Parameters
+        ----------
+        *value, **named : int, Fraction, float or str
+            Values by the names of letters, as in ``subs(eps=1)``, for a function of some of them; a
+            single letter needs no name. A float is the decimal that was written, a string may be
+            "1/3".
+
+        Returns
+        -------
+        KahanMap, RationalMap or RationalFunction
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> from suslov_fast.integrability import kahan, rational_map
+        >>> kahan(Field.from_terms([[[1]]])).subs(eps=1)([2])
+        (Fraction(-2, 1),)
+        >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
+        rational_map(x2, (x2 + 3)/x1)
+        >>> (image,) = kahan(Field.from_terms([[[1]]]))([2])
+        >>> image, image.subs(eps="1/3")
+        (2/(-2*eps + 1), 6)
+        """
+        return self._with(self._numbers_for(value, named))
+
+    def _numbers_for(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
+        """Return the numbers that a call gives for letters, for some of several."""
+        if len(self.letters) < 2:
+            letter = self._letter_of(named)
+            return {letter: value_of(letter, value, named)}
+        if value or not named or {*named} - {*self.letters}:
+            got = ", ".join([*map(short, value), *named]) or "none"
+            raise TypeError(f"letters: pass some of {', '.join(self.letters)} by name, not {got}")
+        return {name: arithmetic.constant(name, a) for name, a in named.items()}
+
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        """Return the letter that a value, which may have its name, is for."""
+        if not self.letters:
+            raise TypeError(f"{self} has no letter: its coefficients are numbers")
+        return self.letter
+
+    def _all_numbers(self, numbers: Mapping[str, Fraction]) -> list[Fraction]:
+        """Return the numbers of all letters, in their order."""
+        if missing := ", ".join(name for name in self.letters if name not in numbers):
+            raise TypeError(f"{missing}: pass a number for each letter, by name")
+        return [numbers[name] for name in self.letters]
+
+
+@dataclass(frozen=True, repr=False)
+class RationalFunction(WithLetters):
+    """A product of powers of polynomials and a constant, exact.
+
+    Called with a point, D rational numbers, it returns a fraction, and with the states of an orbit,
+    as ``F(run.states)``, an array of floats. Functions and numbers can be
+    combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
+    In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
+    polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`
+    replaces it by a number, and `special` holds the rational values for which a factor of the
+    formula is 0 for all x.
+    """
+
+    factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
+    constant: Fraction = Fraction(1)
+    basis: str = ""
+    cofactor: RationalFunction | None = None
+
+    @public
+    def __call__(self, x: Any, *value: Any, **named: Any) -> Any:
+        """Return the value at a point as a fraction, or at states (..., n, D) as floats.
+
+        A function with a symbolic eps, or with letters, needs their values.
+        """
+        point = self._all_numbers(self._numbers_for(value, named)) if self.letters else []
+        if np.ndim(x) > 1:
+            return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
+        if self.factors:
+            point += arithmetic.rationals("x", x, variables_of(self.factors[0][0]))
+        values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
+        return math.prod(values, start=self.constant)
+
+    def _in_floats(self, x: FloatArray, letter: list[float]) -> FloatArray:
+        """Return the values (...) at states (..., D)."""
+        constant, product = self.constant, np.ones(x.shape[:-1])
+        for P, e in self.factors:
+            if x.shape[-1] != (D := variables_of(P)):
+                raise wrong("x", f"have the shape (..., {D})", x.shape)
+            point = [*letter, *np.moveaxis(x, -1, 0)][-P.context().nvars() :]
+            coefficients = [int(c) for c in P.coeffs()]
+            scale = max(map(abs, coefficients))  # beyond the range of float64 for some
+            terms = zip(coefficients, P.monoms(), strict=True)
+            value = sum(float(Fraction(c, scale)) * _monomial(point, powers) for c, powers in terms)
+            constant *= Fraction(scale) ** e
+            with np.errstate(all="ignore"):
+                product = product * np.power(value, float(e))
+        return product * float(constant)
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """The names of the symbols in the coefficients, such as eps."""
+        return tuple(map(decoded, letters_of(self._ring))) if self.factors else ()
+
+    def _letter_of(self, named: Mapping[str, Any]) -> str:
+        return self.letter or next(iter(named), "eps")  # a constant has none, and needs none
+
+    def _with(self, values: Mapping[str, Fraction]) -> RationalFunction:
+        numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
+        try:
+            powers = [factored(with_values(P, numbers)) ** e for P, e in self.factors]
+        except ZeroDivisionError:
+            where = ", ".join(f"{name} = {a}" for name, a in values.items())
+            raise ZeroDivisionError(f"{self} has no value at {where}") from None
+        product = math.prod(powers, start=RationalFunction((), self.constant))
+        cofactor = self.cofactor and self.cofactor._with(values)
+        return replace(product, basis=self.basis, cofactor=cofactor)
+
+    def __bool__(self) -> bool:
+        return self.constant != 0
+
+    def _sympy_(self) -> Any:
+        """Return the formula in SymPy, which asks for it, with symbols of the names in it.
+
+        Without them SymPy takes names such as S, I, E, N and beta for objects of its own.
+        """
+        sympy, names = extra("sympy", "test"), self._ring.names() if self.factors else ()
+        symbols = {name: sympy.Symbol(name) for name in map(decoded, names)}
+        return sympy.sympify(str(self), symbols)
+
+    def renamed(self, names: Sequence[str] | None, letter: str = "") -> RationalFunction:
+        """Return the function with other names of its variables, and of its letter."""
+        factors = tuple((renamed(P, names, letter), e) for P, e in self.factors)
+        cofactor = self.cofactor and self.cofactor.renamed(names, letter)
+        return replace(self, factors=factors, cofactor=cofactor)
+
+    @property
+    def special(self) -> tuple[Fraction, ...]:
+        """The rational eps at which a factor is 0 for all x."""
+        values = set()
+        for P, _ in self.factors:
+            if (
+                len(self.letters) == 1 and degree_of(P) == 0 and P.total_degree() == 1
+            ):  # a * eps + b
+                a, *b = map(int, P.coeffs())
+                values.add(Fraction(-sum(b), a))
+        return tuple(sorted(values))
+
+    def __mul__(self, other: Any) -> RationalFunction:
+        other = as_function(other)
+        basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
+        return product_of(self.factors + other.factors, self.constant * other.constant, basis)
+
+    def __add__(self, other: Any) -> RationalFunction:
+        other = as_function(other)
+        ring = self._ring or other._ring or polynomial_ring(0, False)
+        *numerators, denominator = over_common_denominator((self, other), ring)
+        return factored(sum(numerators)) / factored(denominator)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __pos__(self) -> RationalFunction:
+        return self
+
+    def __neg__(self) -> RationalFunction:
+        return self * -1
+
+    def __sub__(self, other: Any) -> RationalFunction:
+        return self + -as_function(other)
+
+    def __rsub__(self, other: Any) -> RationalFunction:
+        return as_function(other) - self
+
+    def __truediv__(self, other: Any) -> RationalFunction:
+        return self * as_function(other) ** -1
+
+    def __rtruediv__(self, other: Any) -> RationalFunction:
+        return as_function(other) / self
+
+    def __pow__(self, power: int) -> RationalFunction:
+        power = operator.index(power)
+        if power < 0 and self.constant == 0:
+            raise ZeroDivisionError("a denominator is 0")
+        powers = tuple((P, power * e) for P, e in self.factors if power)
+        return RationalFunction(powers, self.constant**power, self.basis)
+
+    @property
+    def numerator(self) -> Any:
+        """The numerator as one polynomial."""
+        return self.as_quotient()[0]
+
+    @property
+    def denominator(self) -> Any:
+        """The denominator as one polynomial."""
+        return self.as_quotient()[1]
+
+    def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
+        """Return numerator and denominator as polynomials; a constant needs their ring."""
+        ring = ring or self._ring or polynomial_ring(0, False)
+        numerator = ring.constant(self.constant.numerator)
+        denominator = ring.constant(self.constant.denominator)
+        numerator *= math.prod(P**e for P, e in self._powers(1))
+        denominator *= math.prod(P**e for P, e in self._powers(-1))
+        return numerator, denominator
+
+    @property
+    def _ring(self) -> Any:
+        return self.factors[0][0].context() if self.factors else None
+
+    def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
+        """Return the powers in the numerator, or with the sign -1 those in the denominator."""
+        return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
+
+    @property
+    def degree(self) -> int:
+        """The degree in x of the numerator or of the denominator, whichever is larger."""
+        return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
+
+    def values_modulo(self, p: int, eps: Sequence[int], points: Sequence[Any]) -> list[Any]:
+        """Return the values at points (x1, ..., xD, 1) modulo a prime, at values of letters."""
+        values = [flint.nmod(arithmetic.fmpq(self.constant), p)] * len(points)
+        for P, e in self.factors:
+            P = modulo(P, p, eps)
+            powers = (flint.nmod(P(*x[:-1]), p) ** e for x in points)
+            values = [c * a for c, a in zip(values, powers, strict=True)]
+        return values
+
+    def gradient_of_logarithm(self, p: int) -> list[Any]:
+        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
+        n = variables_of(self.factors[0][0])
+        x = arithmetic.random_point(n, p)
+        powers = [(modulo(P, p, EPS), e) for P, e in self.factors]
+        scaled = [(P, e / value_at(P, x)) for P, e in powers]
+        return [sum(c * value_at(P.derivative(i), x) for P, c in scaled) for i in range(n)]
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def text(self, longest: int | None = None) -> str:
+        """Return the formula; polynomials of more characters are described in brackets."""
+        is_one_polynomial = self.constant == 1 and [e for _, e in self.factors] == [1]
+
+        def texts(number: int, sign: int) -> list[str]:
+            powers = self._powers(sign)
+            numbers = [] if number == 1 and powers else [str(number)]
+            return numbers + [_power_text(P, e, is_one_polynomial, longest) for P, e in powers]
+
+        numerator = "*".join(texts(abs(self.constant.numerator), 1))
+        denominators = texts(self.constant.denominator, -1)
+        denominator = "*".join(denominators)
+        if len(denominators) > 1:
+            denominator = f"({denominator})"
+        minus = "-" if self.constant < 0 else ""
+        return f"{minus}{numerator}" + (f"/{denominator}" if denominator != "1" else "")
+
+    def _latex(self, _: Any) -> str:
+        """Return the formula for ``sympy.latex``."""
+        return formula(str(self), {"eps": r"\varepsilon"})
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self._latex(None)}$"
+
+
+def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:
+    return math.prod(a ** int(power) for a, power in zip(x, powers, strict=True) if power)
+
+
+def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:
+    """Return the text of a power; a polynomial that is the whole formula needs no brackets."""
+    text = decoded(str(P))
+    if longest is not None and len(text) > longest:
+        text = f"[degree {degree_of(P)}, {len(P)} terms]"
+    elif not is_one_polynomial and not re.fullmatch(rf"{_NAME}|\d+", text):
+        text = f"({text})"
+    return f"{text}^{e}" if e > 1 else text
+
+
+# Functions from numbers and polynomials.
+
+
+def as_function(value: Any) -> RationalFunction:
+    """Return a number as a constant function, and a function unchanged."""
+    if isinstance(value, RationalFunction):
+        return value
+    return RationalFunction((), arithmetic.constant("number", value))
+
+
+def check_letter(letter: Any, names: Sequence[str]) -> None:
+    """Raise an error for a letter that is no name, or that of a variable."""
+    if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
+        raise wrong("letter", "a name that no variable has, such as h", short(letter))
+
+
+def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fraction:
+    """Return the number that a call gives for a letter, by its name or without one."""
+    if (len(value), {*named}) not in ((1, set()), (0, {letter})):
+        how = f"pass a number for it, {letter}=Fraction(1, 3) for example"
+        if len(value) > 1 - len(named):
+            how += ", and one point x, as F([1, 2], ...)"
+        got = ", ".join([*map(short, value), *named])
+        raise TypeError(f"{letter} is symbolic here: {how}" + f", not {got}" * bool(got))
+    return arithmetic.constant(letter, *value, *named.values())
+
+
+def traced(name: str, f: Any, n: int, letters: Sequence[str] = ()) -> list[Any]:
+    """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
+    check_function(name, f, labels(n), dict.fromkeys(letters, 0))
+    ring = ring_with_letters(n, letters)
+    symbols = [*map(factored, ring.gens())]
+    given = dict(zip(letters, symbols, strict=False))
+    del symbols[: len(letters)]
+    components = quotients_by(name, f, symbols, **given)
+    if len(components) != n:
+        raise ValueError(f"{name} must return {n} components, not {len(components)}")
+    return over_common_denominator(components, ring)
+
+
+def quotients_by(name: str, f: Any, symbols: Any, **given: Any) -> list[RationalFunction]:
+    """Return the quotients of polynomials that a function returns for symbols."""
+    must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
+    try:
+        return [*map(as_function, f(tuple(symbols), **given))]
+    except (TypeError, AttributeError) as error:
+        raise TypeError(f"{name} {must}: {error}") from error
+    except (ValueError, IndexError, ArithmeticError) as error:
+        raise ValueError(f"{name} {must}: {error}") from error
+
+
+def factored(P: Any) -> RationalFunction:
+    """Return a polynomial in irreducible factors."""
+    if P == 0:
+        return RationalFunction((), Fraction(0))
+    powers = irreducible_factors(P)
+    leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
+    return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
+
+
+def without_constant(f: RationalFunction) -> RationalFunction:
+    """Return the multiple without a constant: all factors are primitive, with one sign each."""
+    return RationalFunction(f.factors, basis=f.basis)
+
+
+def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
+    """Return a quotient of polynomials in irreducible factors, without a constant."""
+    return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
+
+
+def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) -> list[Any]:
+    """Return numerators over a common denominator, and this one, as polynomials in a ring."""
+    pairs = [f.as_quotient(ring) for f in functions]
+    common = reduce(lambda P, Q: P * Q // P.gcd(Q), (Q for _, Q in pairs), ring.constant(1))
+    return [*(P * (common // Q) for P, Q in pairs), common]
+
+
+def product_of(
+    powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
+) -> RationalFunction:
+    """Return a product of powers of primitive polynomials, in the order of their size."""
+    exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
+    for P, e in powers:
+        exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
+    factors = [(P, e) for P, e in exponents.values() if e and constant]
+    factors.sort(key=lambda power: sort_key(power[0]))
+    return RationalFunction(tuple(factors), constant, basis)
+
+
+def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
+    """Return the rational roots of a polynomial, numbers or functions of letters in a ring.
+
+    Its coefficients, lowest first, are a row that `over_rationals` returns.
+    """
+    letters = letters_of(ring)
+    powers = tuple((k,) for k in range(len(coefficients)))
+    (f,) = polynomials_with([coefficients], powers, letters)
+    *_, t = f.context().gens()
+    roots = []
+    for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
+        slope = linear.derivative(len(letters))
+        minus_constant = slope * t - linear
+        numerator, denominator = (
+            factored(P.project_to_context(ring)) for P in (minus_constant, slope)
+        )
+        roots.append(numerator / denominator)
+    return roots
+
+
+# Independence.
+
+
+def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
+    """Return functions of least degree, independent modulo p, on which all others depend.
+
+    Of functions of one degree the first ones are taken.
+    """
+    by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
+    return tuple(independent_of((), by_degree, p))
+
+
+def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> Iterator[Any]:
+    """Yield the candidates that are independent, modulo p, of known ones and of earlier ones."""
+    gradients = [f.gradient_of_logarithm(p) for f in known]
+    for f in candidates:
+        more = [*gradients, f.gradient_of_logarithm(p)]
+        if flint.nmod_mat(more, p).rank() == len(more):
+            gradients = more
+            yield f
+
+
+def rank_of_quotients(polynomials: Polynomials) -> int:
+    """Return the number of independent quotients of polynomials."""
+    quotients = (quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:])
+    return len(independent(quotients, prime_of(polynomials)))

@@ -1,0 +1,354 @@
+"""Runs in stretches: one call of a kernel each, for some trajectories and some steps.
+
+Between stretches, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, time is divided
+first: whenever it is called all trajectories have taken the same steps, so the run can end there.
+"""
+
+import inspect
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import chain
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
+from ..core.maps.map_system import MapSystem
+from ..core.maps.step_system import FieldSystem
+from ..core.numba import status as codes
+from ..core.numba.decorators import Kernel
+from ..core.suslov import orientations
+from ..core.suslov.n_dimensions import NDSystem
+from ..core.suslov.system import BodySystem
+from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
+from .kernel_calls import call_kernel
+from .problem import Problem
+
+# Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
+STRETCH, _SAVING = 2**26, 8.0
+# Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
+_SHORT, _LONG = 0.02, 0.1
+# Seconds that Python takes for a part of a step, and trajectories that kernels take one by one.
+_IN_PYTHON, _FEW = 1e-5, 6
+# Work of a stretch with orientations: the number of states times n**2.
+TURNING = 2**24
+# Work of a run that one call of the kernel takes.
+_SHORT_RUN = 1e5
+
+# The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
+# for slower maps. After each report the states of a large batch are read from memory again.
+BETWEEN = 256
+
+Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
+Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
+_SILENT = nullcontext()  # made once, for speed in small calls
+
+
+def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
+    """Check `progress`; return a context manager that gives the function to call with steps done.
+
+    The context opens and closes a bar; it gives None without progress.
+    """
+    if progress is None or progress is False:
+        return _SILENT
+    if progress is True:
+        return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
+    if not callable(progress) or isinstance(progress, type) or not _takes_two(progress):
+        name = kind_of(progress) if isinstance(progress, type) else short(progress)
+        expected = "True, for a bar, or a function that is called as progress(done, total)"
+        raise wrong("progress", expected, name, TypeError)
+
+    def report(done: int) -> bool:
+        return not is_false(progress(done, total))
+
+    return nullcontext(report)
+
+
+def _takes_two(function: Callable[..., object]) -> bool:
+    """Return whether a function can be called with two numbers, as far as its signature tells."""
+    try:
+        inspect.signature(function).bind(0, 0)
+    except TypeError:
+        return False
+    except ValueError:  # some functions written in C have no signature
+        pass
+    return True
+
+
+@contextmanager
+def _bar(tqdm: Any, total: int) -> Iterator[Report]:
+    """Open a bar; yield the function that moves it."""
+    with tqdm(total=total, unit="step", unit_scale=True) as bar:
+
+        def report(done: int) -> bool:
+            bar.update(done - bar.n)
+            return True
+
+        yield report
+
+
+class Steps(NamedTuple):
+    """The steps of a method: a kernel, and data to call it, see `maps.Discretization`."""
+
+    kernel: Kernel
+    # Returns the arguments of the kernel for (body, eps, batch).
+    arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
+    # Returns the constants of `compiled.step_system` for (body, eps).
+    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem | MapSystem]
+    carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
+    # Returns the time of a step, relative to the 3D map, for (D, arguments).
+    cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
+    lanes: int = 128  # trajectories that a thread takes at a time
+    # Yields groups of trajectories, as indices, and the arguments of each, for all arguments.
+    divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
+    # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
+    # negative if a change of sign told it.
+    notes_poles: bool = False
+    # True if a part of a step goes backwards, so that modes that decay fast look like poles.
+    goes_back: bool = False
+
+
+class March:
+    """A run of B trajectories from the states of a problem, which have taken `n` steps."""
+
+    def __init__(self, problem: Problem, method: str | None = None) -> None:
+        self.steps = problem.map.methods[method or problem.method]
+        self.problem, batch = problem, problem.batch
+        self.omega0 = flat_arrays(problem.omega, batch)
+        size, D = self.omega0.shape
+        self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
+        self.groups: list[Any] = [(ALL, self.arguments)]
+        if self.steps.divide is not None and problem.body.shape:
+            self.groups = [*self.steps.divide(self.arguments)]
+        self.turned: FloatArray | None = None
+        self.n = 0
+        self.carry = np.zeros((self.steps.carried, size))
+        if problem.orientation is not None:
+            self.turned = flat_arrays(problem.orientation, batch, 2).copy()
+            self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
+        # States after n steps, statuses and numbers of the first missing states.
+        self.final, self.status = np.empty((*batch, D)), np.zeros(batch, np.int8)
+        self.failed_at = _no_states(batch)
+
+    @property
+    def first_pole(self) -> NDArray[np.int64]:
+        """The first state beyond a pole of each trajectory, -1 without one."""
+        if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
+            return _no_states(self.problem.batch)
+        first, status = self.noted()
+        passed = (first > 0) & (status == codes.PASSED_POLE)
+        return np.where(passed, first, -1).reshape(self.problem.batch)
+
+    @property
+    def told_by_signs(self) -> Any:
+        """True where a change of sign, and not det A < 0, told the pole of each trajectory."""
+        if not self.steps.notes_poles:
+            return False
+        return self.carry[0].reshape(self.problem.batch) < 0
+
+    def noted(self) -> tuple[NDArray[np.int64], Any]:
+        """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
+        if not self.steps.notes_poles:
+            return np.zeros(len(self.omega0), np.int64), codes.OK
+        return abs(self.carry[0]).astype(np.int64), codes.PASSED_POLE
+
+    def to(
+        self,
+        stop: int,
+        every: int = 0,
+        report: Report | None = None,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Take the steps to state `stop`; return saved states (rows, ..., D), and orientations.
+
+        Saved are the states whose numbers are multiples of `every`; if `every` is 0, the last state
+        alone. `report` takes the number of steps; if it returns False, the run ends there.
+        Orientations are None without an attitude.
+        """
+        if report is None and (saved := self._at_once(stop, every)) is not None:
+            return saved, None
+        (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
+        rows = _rows(0, stop, every)
+        n, turns = 0 if turned is None else D + 1, None
+        saved = np.empty((rows, *batch, D))
+        flat = saved.reshape(len(saved), size, D)
+        if turned is None:
+            self._step_to(stop, every, flat, report)
+        else:
+            turns = np.empty((rows, *batch, n, n))
+            self._turn_to(stop, every, flat, turns.reshape(rows, size, n, n), report)
+        if every and self.n == stop:
+            return saved, turns
+        if every:  # `report` ended the run: give the memory for the other states back
+            rows = _rows(0, self.n, every)
+            return saved[:rows].copy(), None if turns is None else turns[:rows].copy()
+        turns = None if turned is None else turned.reshape(1, *batch, n, n)
+        return self.final[np.newaxis], turns
+
+    def _at_once(self, stop: int, every: int) -> FloatArray | None:
+        """Continue to state `stop` by one call of the kernel, and return the saved states.
+
+        Return None unless the run is short: then what `to` looks after takes longer than its steps.
+        """
+        (size, D), n = self.omega0.shape, self.n
+        cost = max(self.steps.cost(D, self.arguments), 0.1)
+        if size * (stop - n) * cost > _SHORT_RUN or self.turned is not None or len(self.groups) > 1:
+            return None
+        saved = np.empty((_rows(n, stop, every), size, D))
+        taken = size if size <= _FEW else -(-size // self.steps.lanes) * self.steps.lanes
+        call_kernel(
+            self.steps.kernel, 0, 1, self.arguments, self.omega0, self.carry,
+            (0, size, n, stop, every, 0), saved, self.final.reshape(size, D),
+            self.status.reshape(size), self.failed_at.reshape(size),
+            seconds=_IN_PYTHON * (1.0 + cost) * taken * (stop - n + 2),
+        )  # fmt: skip
+        self.n = stop
+        if not every:
+            return self.final[np.newaxis]
+        return saved.reshape(len(saved), *self.problem.batch, D)
+
+    def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
+        """Continue without orientations to state `stop`, or until `report` returns False."""
+        if report is None:
+            self._all_to(stop, every, saved)
+            return
+        begin, row, length = self.n, 0, self._length(every)
+        for until in chain(range(begin + length, stop, length), [stop]):
+            rows = row + _rows(self.n, until, every)
+            self._all_to(until, every, saved[row:rows])
+            row = rows
+            if not report(until - begin):
+                break
+
+    def _length(self, every: int) -> int:
+        """Return the number of steps from one report of progress to the next."""
+        (_, D), threads = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
+        lanes, fewest = self.steps.lanes, 1
+        work = 0.0  # time of one step of the whole batch on all threads
+        for where, arguments in self.groups:
+            cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
+            blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
+            work += cost * blocks * lanes / min(blocks, threads)
+            fewest = max(int(BETWEEN / min(cost, 4.0)), fewest)
+        return max(int(STRETCH / work), fewest)
+
+    def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
+        """Continue all trajectories, group by group, to state `stop`."""
+        size, D = self.omega0.shape
+        final, status = self.final.reshape(size, D), self.status.reshape(size)
+        failed_at = self.failed_at.reshape(size)
+        arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
+        axes = 0, 1, 1, 0, 0, 0  # the axis of trajectories in each array
+        for where, arguments in self.groups:
+            if where is ALL:
+                self._take(arguments, arrays, stop, every)
+                continue
+            copies = [np.take(a, where, axis) for a, axis in zip(arrays, axes, strict=True)]
+            self._take(arguments, copies, stop, every)
+            for array, axis, copy in zip(arrays[1:], axes[1:], copies[1:], strict=True):
+                array[(ALL, where) if axis else where] = copy
+        self.n = stop
+
+    def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
+        """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
+
+        The batch is divided first, so that the data of a stretch stay in the caches, and time only
+        if few trajectories take long. Stretches grow while they are short, because the estimated
+        cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
+        one block is serial: a block of lanes takes as long however many of them are in use.
+        """
+        kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
+        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
+        step = self.steps.cost(D, arguments)
+        cost = step + (_SAVING / every if every else 0.0)
+        width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
+        if width * length * cost > STRETCH:
+            most = threads or numba.config.NUMBA_NUM_THREADS
+            budget = min(width // lanes, most) * STRETCH / cost  # steps of single trajectories
+            unit = lanes * most  # multiples of it give all threads as many blocks
+            width = min(max(int(budget / length) // unit, 1) * unit, width)
+            length = max(int(budget / width), 1)
+        for begin in range(0, size or 1, width):
+            end = min(begin + width, size)
+            start = n
+            while True:  # once even if stop = n
+                until = min(start + length, stop)
+                row = _rows(n, start, every) if start else 0
+                span = begin, end, start, until, every, row
+                work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
+                called_at = perf_counter()
+                taken = size if size <= _FEW else width
+                seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
+                data = arguments, omega0, carry, span, *others
+                call_kernel(kernel, work, threads, *data, seconds=seconds)
+                if until == stop:
+                    break
+                seconds, start = perf_counter() - called_at, until
+                if seconds < _SHORT:
+                    length *= 2
+                elif seconds > _LONG:
+                    length = max(length // 2, 1)
+
+    def _turn_to(
+        self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
+    ) -> None:
+        """Continue with orientations: compute all states of a stretch, then rotate along them."""
+        (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
+        length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
+        path = np.empty((length + 1, size, D))
+        eps = flat_parameter(self.problem.eps, self.problem.batch)
+        axial = self.problem.map.attitude == "axial"
+        for start in range(n, max(stop, n + 1), length):  # once even if stop = n
+            path[0], until = self.final.reshape(size, D), min(start + length, stop)
+            # From state 0 on, that state is saved, too.
+            self._step_to(until, 1, path[1:] if start else path, None)
+            states, first = path[: until - start + 1], row
+            if every:
+                multiples = states[every - start % every if start else 0 :: every]
+                row += len(multiples)
+                saved[first:row] = multiples
+                if start == 0:  # the orientation at state 0 is given
+                    turns[0], first = turned, 1
+            arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
+            work, threads = states.size * (D + 1), self.problem.threads
+            seconds = 0.2 * _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
+            call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
+            if report is not None and not report(until - n):
+                break
+
+
+def _rows(begin: int, end: int, every: int) -> int:
+    """Return how many states are saved after state `begin`, or from state 0 on, up to `end`."""
+    return end // every - (begin or -1) // every if every else 0
+
+
+def _no_states(batch: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return -1 for each trajectory, the number of a state that does not exist."""
+    numbers = np.empty(batch, np.int64)
+    numbers.fill(-1)  # faster than `np.full`, which matters in small calls
+    return numbers
+
+
+def states_after(problem: Problem) -> FloatArray:
+    """Return the states (..., D) after one step; NaN where there is none."""
+    after = few_after(problem, problem.method)
+    if after is None:
+        march = March(problem)
+        march.to(1)
+        after = march.final
+    return after
+
+
+def few_after(problem: Problem, method: str) -> FloatArray | None:
+    """Return the states (..., D) after one step of a few trajectories, or None: see `Kernel.few`.
+
+    It takes a fourth of the time of a march, which `step` in a loop of a user consists of.
+    """
+    body, x, batch, steps = problem.body, problem.omega, problem.batch, problem.map.methods[method]
+    if steps.kernel.few is None or body.shape or x.shape[:-1] != batch:
+        return None
+    arguments = steps.arguments(body, problem.eps, batch)
+    after = steps.kernel.few(arguments, x.reshape(-1, x.shape[-1]), (0, 1, 0, 0))
+    return None if after is None else after.reshape(x.shape)

@@ -1,0 +1,81 @@
+"""Evaluation of functions of a state: check, compute the formula of the map, warn."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..checks import FloatArray, first_index, real_array, spell, warn
+from ..status import IntegrationWarning
+from .problem import Problem, check, part_of
+
+# Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
+PART = 2**27
+_FEW = 64  # numbers
+
+
+class Formula(NamedTuple):
+    """The computation of a function of a state, for the map of a class of systems."""
+
+    compute: Any  # takes a checked problem, returns the values (...), or an array for each state
+    check: Callable[[Any], None] | None = None  # raises an error for a system without the function
+    poles: bool = False  # True if infinite values are results; else they become NaN
+
+
+def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) -> Any:
+    """Check the arguments of a public function of a state, and return its value by a formula."""
+    if formula.check:
+        formula.check(body)
+    problem = check(map, body, omega, eps, later=True)
+
+    def compute(part: Problem) -> FloatArray:
+        values: FloatArray = formula.compute(part)
+        return values[()]  # a number for a single state
+
+    return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
+
+
+def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
+    """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
+    batch, D = problem.batch, problem.body.dimension
+    work, length = math.prod(batch) * D**3, max(batch, default=1)
+    if work <= PART or length == 1:
+        return compute(problem)
+    # Divide the longest axis; parts that are still too large divide the next one.
+    axis = batch.index(length)
+    width = max(length * PART // work, 1)
+    where = [slice(0, n) for n in batch]
+    values: FloatArray | None = None
+    for begin in range(0, length, width):
+        where[axis] = slice(begin, min(begin + width, length))
+        of_part = in_parts(compute, part_of(problem, tuple(where)))
+        if values is None:
+            values = np.empty((*batch, *of_part.shape[len(batch) :]), of_part.dtype)
+        values[tuple(where)] = of_part
+    assert values is not None
+    return values
+
+
+def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
+    """Return values with NaN where the state is NaN; one warning counts other missing values.
+
+    With `poles`, infinite values are results, else they are missing. Formulas return no finite
+    value for a state that is not finite, so a finite sum shows that nothing is missing.
+    """
+    if values.size <= _FEW:  # a sum of few is faster in Python
+        total = sum(values.ravel().tolist())
+    else:
+        with np.errstate(all="ignore"):
+            total = values.sum()
+    if math.isfinite(total):
+        return values
+    unknown = np.isnan(real_array(problem.name, problem.omega, allow_nan=True)).any(axis=-1)
+    unknown = np.broadcast_to(unknown, problem.batch)
+    axes = tuple(range(len(problem.batch), values.ndim))
+    lost = np.isnan(values) if poles else ~np.isfinite(values)
+    lost = lost.any(axis=axes) & ~unknown
+    if lost.any():
+        message = f"{np.count_nonzero(lost)} of {lost.size} states: singular step or out of range"
+        warn(f"{message}, first: {spell(first_index(lost))}", IntegrationWarning)
+    return np.where(np.expand_dims(unknown | lost, axes), np.nan, values)[()]

@@ -1,0 +1,148 @@
+"""Arguments of kernels: one row for all trajectories, or one for each."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, wrong
+from ..core.expressions.map_step import LONGEST
+from ..core.maps.kernel import scheme_of
+from ..core.maps.map_system import MapSystem, map_system_of
+from ..core.maps.stages import WHOLE, Scheme, Stages
+from ..core.maps.step_system import FieldSystem, system_of
+from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.suslov.system import BodySystem
+
+
+def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
+    """Return an array (..., D), broadcast to the batch, as (B, D): one row for each trajectory.
+
+    A row has `axes` axes.
+    """
+    split = array.ndim - axes
+    inner = array.shape[split:]
+    if array.shape[:split] != batch:
+        array = np.broadcast_to(array, (*batch, *inner))
+    elif array.flags.carray:  # kernels are compiled for this memory layout alone
+        return array.reshape((math.prod(batch), *inner))
+    flat = array.reshape(math.prod(batch), *inner)
+    return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
+
+
+def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
+    """Return a parameter with `axes` axes as (1, ...) if the batch shares it, else as (B, ...)."""
+    if type(value) is float:
+        return np.array([value])
+    array = np.asarray(value)
+    inner = array.shape[array.ndim - axes :]
+    if array.size == math.prod(inner):
+        array, batch = array.reshape((1, *inner)), (1,)
+    return flat_arrays(array, batch, axes)
+
+
+Arguments = tuple[NDArray[Any], ...]
+
+
+def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
+    """Return the arguments of kernels that take the constants of a body, and eps last.
+
+    An argument has one row if all trajectories share it, else one row for each.
+    """
+    if not body.shape:
+        return *body.batch_of_one, flat_parameter(eps, batch)
+    axes = max(body.axes.get(name, 0) for name in body.arrays)  # of all constants
+    constants = [flat_parameter(value, batch, axes) for value in body.constants]
+    return *constants, flat_parameter(eps, batch)
+
+
+def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
+    """Return the arguments of kernels that take the field of a body: its terms, and eps."""
+    indices, values = body._terms
+    if not body.shape:  # for speed in small calls
+        return indices, values[np.newaxis], flat_parameter(eps, batch)
+    return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+
+
+ALL = slice(None)  # the indices of a group of all trajectories
+
+
+def in_stages(stages: Stages) -> Callable[..., Any]:
+    """Return the function of arguments of the kernel of fields, for steps made of these stages.
+
+    These are the operations of a step, values and eps; a single field keeps those of its last eps.
+    """
+
+    def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+        is_single = not body.shape and type(eps) is float and eps != 0.0  # 0.0 equals -0.0
+        of, arguments = vars(body).get("_last", (None, None)) if is_single else (None, None)
+        if of != (stages, eps):
+            indices, values, rows = by_field(body, eps, batch)
+            arguments = scheme_of(indices, body.dimension, stages), values, rows
+            if is_single:
+                vars(body)["_last"] = (stages, eps), arguments
+        return arguments
+
+    return by_scheme
+
+
+by_scheme = in_stages(WHOLE)
+
+
+def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
+    """Group trajectories whose fields have the same zeros; yield their indices and arguments.
+
+    The operations of a step, and so its rounding errors, depend on which terms are zero. Without
+    groups, the bits of a trajectory would depend on the fields of others. Arguments are those of
+    `by_scheme`.
+    """
+    (step, stages), values, eps = arguments
+    if len(values) == 1 or (nonzero := values != 0.0).all():
+        yield ALL, arguments
+        return
+    patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):
+        [where] = np.nonzero(which.ravel() == k)
+        indices, own = (np.ascontiguousarray(a[:, pattern]) for a in (step.indices, values[where]))
+        of_eps = eps[where] if len(eps) > 1 else eps
+        yield where, (scheme_of(indices, step.D, stages), own, of_eps)
+
+
+def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
+    """Return the arguments of the kernel of fields for a map, with its parameters as eps v / 2."""
+    rows = body.rows if body.shape else body.rows[np.newaxis]
+    return Scheme(body.operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
+
+
+def map_system(body: Any, _: float) -> MapSystem:
+    """Return the code and the parameters of a single map, for `compiled`."""
+    if not body.operations.usual:
+        raise wrong("system", f"a map of at most {LONGEST:,} operations", body.called)
+    return map_system_of(body.operations, body.rows)
+
+
+def body_system(body: Any, eps: float) -> BodySystem:
+    """Return the constants of a single body in three dimensions, for `compiled`."""
+    I1, I2, I13, I23, k = map(float, body.constants)
+    return BodySystem(I1, I2, I13, I23, k, eps)
+
+
+def nd_system(body: Any, eps: float) -> NDSystem:
+    """Return the constants of a single body in n dimensions, for `compiled`."""
+    # A step tests its divisors if abs(eps I.x / 2) is larger than this.
+    near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
+    return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
+
+
+def gauss_system(body: Any, eps: float) -> GaussSystem:
+    """Return the same constants, for steps by elimination."""
+    return GaussSystem(*nd_system(body, eps))
+
+
+def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
+    """Return the constants of a single body with a field, for `compiled`."""
+    indices, [values], _ = by_field(body, eps, ())
+    halves = np.outer(stages.fractions, 0.5 * eps * values)
+    return system_of(indices, halves, body.dimension)

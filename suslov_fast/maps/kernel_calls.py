@@ -1,0 +1,82 @@
+"""Calls of kernels, serial or parallel."""
+
+import math
+import threading
+from typing import Any
+
+import numba
+
+import suslov_fast
+
+from ..checks import integer
+from ..core.numba.decorators import Kernel
+
+# Steps of all trajectories together below which a call is serial. Measured on two cores: threads
+# that are awake gain from about 10,000 on, but less than 0.1 ms up to this number, and a sleeping
+# thread may take 8 ms to wake.
+CROSSOVER = 1_000_000
+
+# One parallel call at a time, because Numba's `workqueue` layer aborts under two. Meanwhile other
+# threads of Python make serial calls, whose results are bit-identical; so does a child that was
+# forked during the call, in which nobody gives the lock back.
+_one_at_a_time = threading.RLock()
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Return the checked number of threads of a call; None stands for all that Numba has."""
+    if threads is None:
+        return None
+    limit = int(numba.config.NUMBA_NUM_THREADS)
+    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
+    return integer("threads", threads, 1, expected, limit)
+
+
+def available() -> int:
+    """Return the number of threads that Numba uses now; asking starts them."""
+    return 1 if suslov_fast._threads_are_gone else int(numba.get_num_threads())
+
+
+def call_kernel(
+    kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float = math.inf
+) -> None:
+    """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it.
+
+    As Python the call would take about so many seconds.
+    """
+    is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
+    try:
+        if seconds < math.inf and kernel.by_numpy(*arguments):
+            return
+        if is_serial and seconds < math.inf:
+            kernel.briefly(seconds, *arguments)
+        elif is_serial or not _parallel(kernel, threads, arguments):
+            kernel.serial(*arguments)
+    except SystemError as error:
+        if _WITHOUT_ERROR not in str(error):
+            raise
+        how = "allow the process more (ulimit -v)" + ("" if is_serial else ", or pass threads=1")
+        raise MemoryError(f"there is not enough memory for this call: {how}") from error
+
+
+# What Python says of Numba, which sets no error where it lacks memory.
+_WITHOUT_ERROR = "without setting an exception"
+
+
+def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
+    """Call a kernel in parallel and return True, or return False if that is impossible.
+
+    A signal handler may raise between any two lines, but not before the first call in `finally`.
+    Calls that the handler makes are serial, because it may have interrupted a parallel call.
+    """
+    if suslov_fast._threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
+        return False
+    try:
+        if not _one_at_a_time.acquire(blocking=False):
+            return False
+        kernel.parallel(threads or available(), *arguments)
+        return True
+    finally:
+        try:  # noqa: SIM105  (`suppress` would be the first call)
+            _one_at_a_time.release()
+        except RuntimeError:  # another thread has it
+            pass

@@ -1,0 +1,137 @@
+"""Records of maps: their class `Discretization`, and the map for a system and a method."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..checks import FloatArray
+from ..core.maps.stages import WHOLE, Stages
+from ..fields.field import Field
+from ..fields.map import Map
+from .batch import Steps
+from .evaluation import Formula
+from .formulas import eigenvalues
+from .problem import Problem
+
+Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
+
+
+Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
+
+_HOW = ": pass a body, or a field such as Field(f, names)"
+
+
+@dataclass(frozen=True, eq=False)
+class Discretization:
+    """A map: one discretization of the equations of motion of a class of bodies or fields.
+
+    Runs, files, plots and functions of a state get everything that depends on the map from this
+    record. Several records may be for the same class: the argument `method` of runs and functions
+    chooses one of them.
+
+    Attributes
+    ----------
+    name : str
+        The unique name, which files contain.
+    title : str
+        The name in plots and datasets.
+    body : type
+        The class of the bodies.
+    methods : mapping of str to Steps
+        Ways to compute the steps, by the values of the argument `method`, the default first.
+    formulas : mapping of str to Formula
+        How to compute the functions of `kahan`, and those of a state that are methods of `body`,
+        by their names.
+    stages : Stages
+        Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
+        Kahan's map itself.
+    attitude : {"axial", "in_rows"} or None
+        How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
+        if they do not.
+    eigenvalues : callable
+        ``eigenvalues(problem, slopes)`` returns those of f', the `slopes` (..., D, D), at steady
+        states, as an array (..., D), from which the `multipliers` follow.
+    """
+
+    name: str
+    title: str
+    body: type[Any]
+    methods: Mapping[str, Steps]
+    formulas: Mapping[str, Formula]
+    stages: Stages = WHOLE
+    attitude: Literal["axial", "in_rows"] | None = None
+    eigenvalues: Eigenvalues = eigenvalues
+
+    def __reduce__(self) -> Any:
+        return named, (self.name,)
+
+
+# ------------------------------------------------------------------------------------------ records
+MAPS: dict[str, Discretization] = {}  # by name
+
+
+# ------------------------------------------------------------------------------------------- lookup
+def map_of(body: Any, method: str = "auto") -> Discretization:
+    """Return the map of a method for a body."""
+    by_method = methods_of(type(body))
+    if type(method) is str and method in by_method:
+        if isinstance(body, Field):
+            _ = body._terms  # raises for a field that is not of degree 2
+        return by_method[method]
+    if not by_method:
+        kinds = [record.body.__name__ for record in MAPS.values()]
+        received = checks.kind_of(body) + _HOW
+        raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
+    if f"order{method}" in by_method:
+        checks.one_of("method", method, by_method, f": pass 'order{method}'")
+    instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
+    if str(method).startswith("order") and method != "order2":
+        of_fields = ", ".join(repr(name) for name in methods_of(Field) if name != "auto")
+        instead = f": body.field() has the methods {of_fields}"
+        instead *= "order8" not in by_method
+    return by_method[checks.one_of("method", method, by_method, instead)]
+
+
+def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, int]:
+    """Return the arguments of steps: of a `Map` the step size is 1, and `steps` may come first."""
+    if isinstance(system, Map) and steps is None and isinstance(eps, (int, np.integer)):
+        eps, steps = None, eps
+    eps = eps_of(name, system, eps, "x0, steps=N")
+    if steps is None:
+        call = "map, x0, steps=N" if isinstance(system, Map) else "system, x0, eps, steps"
+        raise TypeError(f"{name}: pass the number of steps, {name}({call})")
+    return eps, steps
+
+
+def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
+    """Return the step size, which a `Map` has not: its steps count as the time 1."""
+    if isinstance(system, Map):
+        if eps is not None:
+            raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")
+        return 1.0
+    if eps is None:
+        raise TypeError(f"{name}: pass eps, the step size of Kahan's map of this system")
+    return eps
+
+
+def methods_of(kind: Any) -> dict[str, Discretization]:
+    """Return the maps of a class of bodies by the names of their methods."""
+    return _methods_of(kind)
+
+
+@lru_cache(maxsize=64)  # for speed in small calls
+def _methods_of(kind: Any) -> dict[str, Discretization]:
+    records = [record for record in MAPS.values() if issubclass(kind, record.body)]
+    return {method: record for record in records for method in record.methods}
+
+
+def named(name: str) -> Discretization:
+    """Return the map with this name, which files and pickles contain."""
+    if name not in MAPS:
+        raise ValueError(f"there is no map {name!r}, only {', '.join(map(repr, MAPS))}")
+    return MAPS[name]

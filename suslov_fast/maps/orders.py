@@ -1,0 +1,95 @@
+"""Steps of the package: kernels with their arguments and costs, also of higher order."""
+
+from functools import partial
+from typing import Any
+
+from ..core.maps import kernel as steps_field
+from ..core.maps.stages import Stages
+from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
+from .batch import Steps
+from .kernel_arguments import (
+    body_system,
+    by_constants,
+    by_map,
+    by_scheme,
+    by_zeros,
+    field_system,
+    gauss_system,
+    in_stages,
+    map_system,
+    nd_system,
+)
+
+
+def _cost_of_field(D: int, arguments: Any) -> float:
+    """Return the time of a usual step; a call with many careful steps ends early by itself."""
+    step, stages = arguments[0]
+    return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
+
+
+def _cost_in_3d(D: int, arguments: Any) -> float:
+    """Return 1, or 2 with a rotor."""
+    return 2.0 if arguments[4].any() else 1.0
+
+
+def _cost_in_nd(D: int, arguments: Any) -> float:
+    """Return a time between those of a usual step, O(n), and of a step by elimination, O(n**3)."""
+    return 16.0 * D + D**3 / 30.0
+
+
+STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
+# Kahan's map of the field of any body.
+FIELD = Steps(
+    steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
+)
+# A map of one's own, x -> f(x).
+OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
+STEPS_ND = Steps(steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True)
+GAUSS = STEPS_ND._replace(
+    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
+)
+
+
+# ---------------------------------------------------------------------- steps of order 4, 6 and 8
+# Kahan's map is symmetric: its inverse is the map with -eps. So a composition of steps by fractions
+# of eps that read the same from both ends, and whose sum is 1, has an even order. Order 4 has the
+# fractions of M. Suzuki, Phys. Lett. A 146 (1990), with three equal ones on each side; orders 6 and
+# 8 those of M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005). A list ends with the
+# middle fraction.
+_SUZUKI = 1 / (6 - 6 ** (1 / 3))
+_TO_THE_MIDDLE = {
+    4: [_SUZUKI, _SUZUKI, _SUZUKI, 1 - 6 * _SUZUKI],
+    6: [
+        0.13861930854051695246,
+        0.13346562851074760407,
+        0.13070531011449225191,
+        0.12961893756907034773,
+        -0.35000324893920896517,
+        0.11805530653002387170,
+        0.39907751534871587460,
+    ],
+    8: [
+        0.10647728984550031824,
+        0.10837408645835726397,
+        0.35337821052654342420,
+        -0.23341414023165082199,
+        -0.24445266791528841270,
+        0.11317848435755633315,
+        0.11892905625000350063,
+        0.12603912321825988140,
+        0.12581718736176041804,
+        0.11699135019217642181,
+        -0.38263596012643665351,
+    ],
+}
+COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDDLE.items()}
+
+
+def field_in(stages: Stages) -> Steps:
+    """Return the steps of fields that consist of these stages."""
+    system = partial(field_system, stages=stages)
+    return FIELD._replace(
+        arguments=in_stages(stages),
+        system=system,
+        goes_back=min(stages.fractions) < 0.0,
+    )

@@ -1,0 +1,98 @@
+"""Problems: the checked arguments of public functions, and parts of large batches."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, common_shape, real_number, wrong
+from .kernel_calls import thread_count
+
+
+class Problem(NamedTuple):
+    """A checked problem: states of a body and a step size, for a map."""
+
+    map: Any  # the record of the map, see `maps.Discretization`
+    body: Any
+    omega: FloatArray  # (..., D)
+    eps: float | FloatArray  # 0 if there is no step size
+    batch: tuple[int, ...]  # the shape to which all parts broadcast
+    threads: int | None = None
+    name: str = "omega"  # what messages call the states
+    method: str = "auto"
+    orientation: FloatArray | None = None  # (..., n, n)
+
+
+Where = tuple[slice, ...]  # a part of each axis of a batch
+
+
+def part_of(problem: Problem, where: Where) -> Problem:
+    """Return the problem of a part of the batch, as views."""
+    body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
+    for axis, part in enumerate(along(body.shape, where)):
+        body = body._part(axis, part)
+    omega = omega[along(omega.shape[:-1], where)]
+    if type(eps) is not float:
+        eps = np.asarray(eps)
+        eps = eps[along(eps.shape, where)]
+    if turns is not None:
+        turns = turns[along(turns.shape[:-2], where)]
+    batch = tuple(part.stop - part.start for part in where)
+    return problem._replace(body=body, omega=omega, eps=eps, batch=batch, orientation=turns)
+
+
+def along(shape: tuple[int, ...], where: Where) -> Where:
+    """Return the slices that take a part of the batch from an array that broadcasts to it."""
+    last = where[len(where) - len(shape) :]
+    return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
+
+
+def check(
+    map: Any,
+    body: Any,
+    omega: Any,
+    eps: Any = 0.0,
+    threads: int | None = None,
+    *,
+    name: str = "omega",
+    components: tuple[str, ...] | None = None,
+    attitude: Any = False,
+    later: bool = False,
+    method: str | None = None,
+) -> Problem:
+    """Check the arguments of a public function that takes states of a body, and a step size.
+
+    States may be NaN; their components are those of the body, unless `components` has other names.
+    Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
+    the identity, or rotations. `later` is that of `checks.states`. The method is by default the
+    first one of the map.
+    """
+    labels, turns = components or body.labels, None
+    if body.variable == "x":
+        name = {"omega": "x", "omega0": "x0"}.get(name, name)
+    omega = checks.states(name, omega, labels, later)
+    eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
+    of_eps = () if type(eps) is float else eps.shape
+    shapes = {"system": body.shape, name: omega.shape[:-1], "eps": of_eps}
+    if attitude is not False:
+        if map.attitude is None:
+            expected = "left out, because states of this map have no orientation"
+            raise wrong("attitude", expected, error=TypeError)
+        n = body.dimension + 1
+        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
+        shapes["attitude"] = turns.shape[:-2]
+    batch, threads = common_shape(shapes), thread_count(threads)
+    method = method or next(iter(map.methods))
+    return Problem(map, body, omega, eps, batch, threads, name, method, turns)
+
+
+def warn_of_times(problem: Problem) -> None:
+    """Warn if the step sizes look like the grid of times that `odeint` takes."""
+    eps = np.asarray(problem.eps)
+    if eps.ndim != 1 or eps.size < 10:  # a few may be a batch
+        return
+    step = float(eps[1] - eps[0])
+    if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
+        text = f"eps: {eps.size} step sizes from 0 to {eps[-1]:g}, one for each trajectory"
+        how = f"for a run with these times pass eps={step:g}, steps={eps.size - 1}"
+        checks.warn(f"{text} of a batch; {how}")

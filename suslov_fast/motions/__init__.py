@@ -1,0 +1,1 @@
+"""Motions: `flow`, events, crossings, exponents, periodic orbits and equilibria."""

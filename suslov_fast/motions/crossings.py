@@ -1,0 +1,168 @@
+"""`crossings`: where motions cross surfaces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies.systems import System
+from ..checks import integer, one_number, short, warn, wrong
+from ..fields.field import system_of
+from ..fields.right_hand_sides import with_changes
+from ..keywords import public
+from ..maps.batch import Progress, reporter
+from ..maps.kernel_calls import thread_count
+from ..status import IntegrationWarning, Status
+from .event import Event, checked_direction, field_of
+from .events import Events, acts_of, stops_of
+from .integration import Asked, solve
+from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
+from .sensitivities import WithColumns
+
+_LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
+
+
+@public
+def crossings(
+    system: System,
+    x0: ArrayLike,
+    /,
+    surface: Any,
+    *,
+    time: float,
+    rtol: float = RTOL,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    direction: int | str = 0,
+    transient: float = 0,
+    most: int | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Events:
+    """Find where motions cross a surface s(x) = 0: Poincare sections, maxima, escapes, basins.
+
+    A point where s becomes positive, or stops being so, has the digits of the tolerance: each
+    trajectory takes the steps of :func:`flow`, and ends one there. Pairs of crossings within a step
+    are found by values of s at five points of the step, and by their rates. Points where a motion
+    touches the surface, and humps that are narrower than a thirtieth of a step, may be missed. A
+    smaller `max_step` looks closer. Where s is NaN nothing is crossed. A start on the surface is
+    never a crossing.
+
+    Parameters
+    ----------
+    system : Field, Suslov3D, SuslovND or callable
+        A single field or body, or a batch, or a function as in :func:`flow`.
+    x0 : array_like(float, shape=(..., D))
+        Initial states, as in :func:`flow`.
+    surface : callable or str, or sequence of them
+        The name of a component, a formula of them, ``"z - 27"``, or a function s of the state,
+        ``lambda x: x[2] - 27``, which is traced as that of a `Field`, and may take parameters of
+        the system by name.
+    time : float
+        The time after the transient; negative backwards in time.
+    rtol, atol, max_step, stiff
+        As in :func:`flow`.
+    direction : {0, 1, -1} or {"both", "up", "down"}
+        Both (the default), upwards, or downwards.
+    transient : float
+        The time at first in which crossings are ignored.
+    most : int, optional
+        The number of crossings, 1 or more, at which a trajectory ends.
+    threads, progress
+        As in :func:`iterate`; `progress` is called with the number of trajectories that have ended.
+
+    Returns
+    -------
+    Events
+
+    Examples
+    --------
+    The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
+
+    >>> from suslov_fast import Field, crossings
+    >>> def lorenz(x, rho):
+    ...     return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+    >>> field = Field(lorenz, 3, rho=28)
+    >>> starts = [[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]]
+    >>> section = crossings(field, starts, "x3 - 27", time=30.0, transient=8.0, direction="up")
+    >>> bool(abs(section.states[:, 2] - 27).max() < 1e-11)
+    True
+    >>> peaks = crossings(field, starts, lambda x: -field(x)[..., 2], time=3.0, direction="up")
+    >>> peaks.states[peaks.trajectory == 0, 2][:3].round(3)
+    array([40.413, 38.669, 44.072])
+    """
+    direction = checked_direction(direction)
+    if most is not None:
+        most = integer("most", most, 1, "None or an integer of at least 1")
+    system = system_of(system, x0)
+    settings = checked_settings(system, rtol, atol, max_step, stiff)
+    field = field_of(system)
+    duration, before = one_number("time", time, _LAST), one_number("transient", transient)
+    if before < 0.0:
+        raise wrong("transient", "0 or more", short(transient))
+    is_many = isinstance(surface, Sequence) and not isinstance(surface, str)
+    given = surface if is_many else [surface]
+    if not given:
+        raise wrong("surface", "a function, or one or more", "none")
+    is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
+    events = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
+    x, batch = checked_starts(system, x0)
+    sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
+    acts = acts_of(field, events)
+    changed = WithColumns(field.shape, with_changes(field, acts))
+    stops = stops_of(events, sign, batch)
+    limit = math.inf if most is None else most
+    with reporter(progress, len(x)) as report:
+        asked = Asked(np.array([last]), sign, settings, thread_count(threads), report, stops,
+                      limit, before)  # fmt: skip
+        found = solve(changed, x, batch, asked)
+        if report is not None and not found.is_stopped:
+            report(len(x))
+    met = Events._of(
+        _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": events}
+    )
+    ends = met.end.ravel()
+    if message := ends_in_words(met.status.ravel(), ends, found.is_stopped, x, batch):
+        warn(message, IntegrationWarning)
+    return met
+
+
+def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Event, ...]:
+    """Return the events that record crossings of surfaces."""
+    return tuple(Event(each, direction=direction) for each in surfaces)
+
+
+_of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
+
+
+def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
+    """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
+    trajectory, which, time, _, states = found.records[:5]
+    count = np.bincount(trajectory, minlength=len(x))
+    first = np.cumsum(count) - count
+    own: Any = slice(None)
+    if limit < math.inf:
+        own = np.arange(len(trajectory)) - first[trajectory] < limit
+    final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
+    ends = np.flatnonzero(count >= limit)
+    if len(ends):
+        final[ends], status[ends] = states[first[ends] + int(limit) - 1], Status.OK
+    trajectory, which, states = trajectory[own], which[own], states[own]
+    counts = np.bincount(trajectory * C + which, minlength=len(x) * C)
+    return {
+        "trajectory": trajectory,
+        "which": which,
+        "time": time[own],
+        "before": states,
+        "states": states,
+        "count": counts.reshape(*batch, C),
+        "status": status.astype(np.int8).reshape(batch),
+        "end": np.where(status < 0, found.t, np.nan).reshape(batch),
+        "final": final.reshape(*batch, x.shape[1]),
+    }

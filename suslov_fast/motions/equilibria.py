@@ -1,0 +1,432 @@
+"""Equilibria of fields near given states, and fixed points of maps, by Newton's method.
+
+Those of SciPy follow where it is not enough.
+
+Linear integrals c . x of f keep their values: each takes the place of an equation that follows from
+the others. Steps of least norm solve the linear equations, with rows scaled to 1, so that neither
+the units of rates nor a curve of equilibria matter, and in units of the given states where the
+matrix is not singular then. They are accepted as long as each is much shorter than the one before,
+as near a regular equilibrium; at a multiple root each is half as long.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.systems import System
+from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
+from ..core.expressions.linear_terms import coefficients
+from ..fields.base import Body
+from ..fields.field import system_of
+from ..fields.map import Map
+from ..keywords import public
+from ..status import Status
+
+_MOST, _MOST_DAMPED = 30, 60  # steps of Newton's method, and of its parts
+_SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
+_ROUNDING, _SMALL = 1e-14, 1e-8  # last steps beside the state: the end, and with nothing to gain
+_LEAST = 1e-6  # sizes of components beside the largest one, at least
+_RANK = 1e-12  # singular values of a scaled matrix beside the largest one, below which they are 0
+_WHOLE = 1e-8  # and above which it is not singular, in units of the given states
+_PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
+_ZERO = 1e-15  # f at a multiple root, beside the terms of f' dx at the given state
+
+
+class Equilibria(NamedTuple):
+    """Equilibria near given states: the result of :func:`equilibria`.
+
+    Attributes
+    ----------
+    states : ndarray(float, shape=(..., D))
+        The equilibria, NaN where none is found.
+    eigenvalues : ndarray(complex, shape=(..., k))
+        Eigenvalues of f', by decreasing real part; in conjugate pairs Im > 0 comes first. k is D
+        without the variables of a constant rate. Those of a `Map` are its multipliers.
+    status : ndarray(int, shape=(...))
+        The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
+    stable : ndarray(bool, shape=(...))
+        True where the status is `OK` and all eigenvalues have negative real parts, except the zeros
+        that belong to linear integrals. If one has a positive real part, the equilibrium is
+        unstable; otherwise the eigenvalues decide nothing. For a `Map` the moduli of the
+        multipliers are below 1.
+    """
+
+    states: FloatArray
+    eigenvalues: NDArray[np.complex128]
+    status: NDArray[np.int8]
+    stable: NDArray[np.bool_]
+
+
+@public
+def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
+    """Find equilibria near given states, or fixed points f(x) = x of a :class:`Map`.
+
+    Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
+    f, such as the totals that a reaction conserves, keep the values that they have in `near`.
+    Members of a family may go to different equilibria: to follow one, pass the last one found as
+    `near` of the next. A body without a rotor has a line of them, of which the nearest one is
+    returned. The fixed points of Kahan's map are the same for every step size, because
+    (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x). Orbits of period 2 of a map are fixed points of
+    ``Map(lambda x: f(f(x)), names)``.
+
+    Parameters
+    ----------
+    system : Field, Map, body or callable
+        A single one, or a batch, or a function of the state as in :func:`flow`.
+    near : array_like(float, shape=(..., D))
+        States near equilibria, which broadcast with the batch. NaN gives NaN.
+
+    Returns
+    -------
+    Equilibria
+        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status` (...) and
+        `stable` (...). Variables with a constant rate, such as time, keep the value that they have
+        in `near`, and count neither in the condition nor in the eigenvalues. If Newton's method
+        does not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its
+        methods "hybr" and "lm"; what they find may be far. States are NaN, with a negative status,
+        where no equilibrium is found. The status is `DEGENERATE` where f' is singular in floats: at
+        a multiple root, whose states have 7 digits, and on a family of equilibria, of which one
+        near the given state is returned.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or is infinite.
+
+    Warns
+    -----
+    UserWarning
+        Once for all states without an equilibrium, once for those that are degenerate, and once if
+        the equations depend on a variable of a constant rate.
+
+    Examples
+    --------
+    A pendulum with friction and a torque, for three torques:
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field, Map, equilibria
+    >>> pendulum = Field(
+    ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
+    ... )
+    >>> found = equilibria(pendulum, near=[0.1, 0.0])
+    >>> found.states[:, 0].round(6), found.stable
+    (array([0.      , 0.304693, 0.643501]), array([ True,  True,  True]))
+
+    A substrate S that an enzyme E turns into P: the total amounts are kept.
+
+    >>> enzyme = Field(
+    ...     lambda x: (x[2] - x[0] * x[1], 2 * x[2] - x[0] * x[1], x[0] * x[1] - 2 * x[2], x[2]),
+    ...     "S E SE P",
+    ... )
+    >>> equilibria(enzyme, near=[10, 1, 0, 0]).states.round(9) + 0.0
+    array([ 0.,  1.,  0., 10.])
+
+    The saddle in the attractor of Hénon's map:
+
+    >>> henon = Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), "x y")
+    >>> saddle = equilibria(henon, near=[0.6, 0.2])
+    >>> saddle.states.round(6), saddle.eigenvalues.real.round(6)
+    (array([0.631354, 0.189406]), array([ 0.155946, -1.923739]))
+    """
+    body: Any = system_of(system, near)
+    instance("system", body, Body)
+    given = states("near", near, body.labels)
+    is_map = isinstance(body, Map)
+    field = body.displacement if is_map else body.field()
+    batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
+    x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
+    with np.errstate(all="ignore"):
+        if (line := body.steady_line) is not None:
+            has_line = ~np.isnan(line).any(axis=-1)
+            x = np.where(has_line[..., np.newaxis], _on_line(line, x), x)
+        equations = _Equations(field, x)
+        has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
+        if line is None or not has_line.all():
+            y, is_found, is_degenerate, is_family = _found(equations, has_value)
+        else:
+            y, is_found = equations.start, has_value
+            is_degenerate = is_family = np.zeros(batch, bool)
+        if line is not None:
+            y = np.where(has_line[..., np.newaxis], equations.start, y)
+            is_found = np.where(has_line, has_value, is_found)
+            is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
+        x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
+        slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
+        values = _eigenvalues(slopes) + is_map
+        others = _eigenvalues(equations.without_totals(slopes))
+        is_stable = abs(others + 1.0) < 1.0 if is_map else others.real < 0.0
+    status = np.select(
+        [is_found & ~is_degenerate, is_found, ~has_value],
+        [Status.OK, Status.DEGENERATE, Status.NONFINITE],
+        Status.NOT_FOUND,
+    ).astype(np.int8)
+    members = np.broadcast_to(np.arange(int(np.prod(field.shape))).reshape(field.shape), batch)
+
+    def tell(which: Any, what: str) -> None:
+        if which.any():
+            index = first_index(which)
+            where = f" (first: {spell(index)}{_named(field, members[index])})" if batch else ""
+            warn(f"equilibria: {which.sum()} of {which.size} starts {what}{where}")
+
+    failed = (status < 0) & ~np.isnan(given).any(axis=-1)
+    tell(failed, "have no result: f has no value there, or a nearer start is needed")
+    tell(is_family, "lead to a family of equilibria, of which a near one is returned")
+    tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
+    _warn_of_clocks(field)
+    return Equilibria(x, values, status, is_stable.all(axis=-1) & (status == Status.OK))
+
+
+def _warn_of_clocks(field: Any) -> None:
+    clocks = {clock for _, f, _ in field.listed_right_hand_sides for clock in f.clocks}
+    if clocks:
+        name = field.labels[min(clocks)]
+        how = f"which has a constant rate: {name} was held at its start"
+        warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
+
+
+def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the nearest states on lines through 0, of steady states.
+
+    Newton's method halves states there, because f is homogeneous.
+    """
+    square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
+    along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
+    return np.where(square > 0, along * direction, x)  # without a direction all are steady
+
+
+def _named(field: Any, member: Any) -> str:
+    """Return the member of a family for messages."""
+    index = tuple(map(int, np.unravel_index(member, field.shape))) if field.shape else ()
+    return str(field.of_member(index if len(index) > 1 else index[0])) if index else ""
+
+
+class _Equations:
+    """The equations of a field for its k variables without those of constant rates.
+
+    own      True for these variables (D,)
+    start    their given values (..., k)
+    totals   (..., k, k): a row c in place of each equation that follows from others; else 0
+    is_total True for these rows (..., k)
+    sizes    of the components (..., k), no one far smaller than the largest
+    units    sizes of the components (..., k), however small
+    """
+
+    def __init__(self, field: Any, x: FloatArray, totals: Any = None) -> None:
+        self.field, self.x = field, x
+        lists = field.listed_right_hand_sides
+        steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
+        self.own = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
+        self.start = x[..., self.own]
+        self.totals = self._all_totals() if totals is None else totals
+        self.is_total: Any = self.totals.any(axis=-1)
+        moduli = abs(self.start)
+        largest = moduli.max(axis=-1, keepdims=True, initial=0.0)
+        self.sizes = np.maximum(moduli, np.where(largest > 0, _LEAST * largest, 1.0))
+        self.units = np.where(moduli == 0.0, self.sizes, moduli)
+
+    def _all_totals(self) -> FloatArray:
+        """Return the rows of totals of all members; one matrix if they have the same."""
+        k, shape = int(self.own.sum()), self.field.shape
+        found, known = np.zeros((int(np.prod(shape)), k, k)), {}
+        for members, f, table in self.field.listed_right_hand_sides:
+            for member, C in zip(members, coefficients(f, table)[:, self.own], strict=True):
+                key = C.round(12).tobytes()
+                if key not in known:
+                    known[key] = _totals(C)
+                found[member] = known[key]
+        return found[0] if len(known) == 1 else found.reshape(*shape, k, k)
+
+    def member(self, index: tuple[int, ...]) -> _Equations:
+        """Return the equations of one state."""
+        own, totals = self.field, self.totals
+        if own.shape:
+            place = index[len(index) - len(own.shape) :]
+            place = tuple(0 if n == 1 else i for i, n in zip(place, own.shape, strict=True))
+            own, totals = own[place], totals[place] if totals.ndim > 2 else totals
+        return _Equations(own, self.x[index], totals)
+
+    def whole(self, y: FloatArray) -> FloatArray:
+        """Return states (..., D)."""
+        x = self.x.copy()
+        x[..., self.own] = y
+        return x
+
+    def value(self, y: FloatArray) -> FloatArray:
+        """Return what is to be 0 (..., k)."""
+        away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
+        return np.where(self.is_total, away, self.field(self.whole(y))[..., self.own])
+
+    def slopes(self, y: FloatArray) -> FloatArray:
+        """Return the derivative of `value` (..., k, k)."""
+        slopes = self.field.jacobian(self.whole(y))[..., self.own, :][..., self.own]
+        return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
+
+    def without_totals(self, slopes: FloatArray) -> FloatArray:
+        """Return f' with negative eigenvalues in place of the zeros that belong to totals."""
+        one = np.eye(slopes.shape[-1])
+        along = one - np.linalg.pinv(self.totals) @ self.totals
+        size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
+        return along @ slopes @ along - size * (one - along)
+
+    @cached_property
+    def terms(self) -> FloatArray:
+        """The sizes of the terms of f' dx at the given states."""
+        units = self.units[..., np.newaxis]
+        terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
+        return terms
+
+    def is_zero(self, y: FloatArray) -> Any:
+        """Return whether f is 0 but for rounding, as near multiple roots."""
+        return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
+
+    def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
+        """Return the step (..., k) of Newton's method, f by its scale, and the step's matrix.
+
+        The matrix (..., k, k) times f is the step. The last result is the smallest singular value
+        beside the largest, in units of the components.
+        """
+        f, slopes = self.value(y), self.slopes(y)
+        sizes = abs(slopes).max(axis=-1, initial=0.0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        known: Any = np.isfinite(f).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
+        scaled = np.where(known[..., np.newaxis, np.newaxis], slopes / sizes[..., np.newaxis], 0.0)
+        units = self.units[..., np.newaxis, :]
+        inner = scaled * units
+        inner = np.where(np.isfinite(inner), inner, 0.0)
+        rows = abs(inner).max(axis=-1, keepdims=True, initial=0.0)
+        values = np.linalg.svd(inner / np.where(rows > 0, rows, 1.0), compute_uv=False)
+        largest = values.max(axis=-1, initial=0.0)
+        least = values.min(axis=-1, initial=np.inf) / np.where(largest > 0.0, largest, 1.0)
+        least = np.where((rows > 0).all(axis=(-2, -1)), least, 0.0)
+        kept = (least > _WHOLE)[..., np.newaxis, np.newaxis]
+        units, rows = np.where(kept, units, 1.0), np.where(kept, rows, 1.0)
+        inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
+        inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
+        step = (inverse @ np.where(known[..., np.newaxis], f, np.nan)[..., np.newaxis])[..., 0]
+        return step, f / sizes, inverse, least
+
+    def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
+        """Return states to which Newton's method converges at once, and where it does.
+
+        Steps are measured beside the sizes of components.
+        """
+        sizes, y = self.sizes if sizes is None else sizes, y.copy()
+        before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
+        is_found = np.zeros(y.shape[:-1], bool)
+        for _ in range(_MOST):
+            step, f, *_ = self.step(y)
+            scale = np.maximum(sizes, abs(y))
+            length, size = _length(step, scale), scale.max(axis=-1, keepdims=True, initial=0.0)
+            solved = (abs(f) <= _SMALL * size).all(axis=-1)
+            going &= length <= _FARTHEST
+            is_last = (length <= _ROUNDING) | ((before <= _SMALL) & (length > _SHORTER * before))
+            is_found |= going & is_last & solved
+            going &= ~is_last & (length <= _SHORTER * before)
+            moves = going | (is_found & (length <= before))
+            y = np.where(moves[..., np.newaxis], y + step, y)
+            before = length
+            if not going.any():
+                break
+        return y, is_found
+
+    def damped(self, y: FloatArray) -> FloatArray:
+        """Return states after parts of Newton's steps that make the next one shorter."""
+        part = np.ones(y.shape[:-1])
+        for _ in range(_MOST_DAMPED):
+            step, _, inverse, _ = self.step(y)
+            scale = np.maximum(self.sizes, abs(y))
+            length = _length(step, scale)
+            part = np.minimum(part, _FARTHEST / length)
+            moved = y + part[..., np.newaxis] * step
+            after = _length((inverse @ self.value(moved)[..., np.newaxis])[..., 0], scale)
+            is_shorter = after <= (1.0 - part / 4) * length
+            is_shorter &= ~self.is_zero(y)
+            y = np.where(is_shorter[..., np.newaxis], moved, y)
+            part = np.where(is_shorter, np.minimum(1.0, 2.0 * part), part / 4)
+        return y
+
+    def by_scipy(self) -> tuple[FloatArray, bool]:
+        """Return the equilibrium that SciPy finds of a single field, and whether it is one."""
+        from scipy.optimize import root  # here, because the import takes time
+
+        for method in ("hybr", "lm"):
+            options = {"factor": 1}  # the first step is no longer than the state
+            last = root(self.value, self.start, jac=self.slopes, method=method, options=options).x
+            found, is_found = self.newton(last)
+            if is_found:
+                return found, True
+        return last, bool(self.is_zero(last))
+
+    def beside(self, y: FloatArray) -> tuple[Any, Any]:
+        """Return whether Newton's method leads back from beside each state, and not to a family.
+
+        A component far smaller than others may be one of digits, or rounding: then none of them
+        lead.
+        """
+        scale = np.maximum(self.sizes, abs(y))
+        away = _PROBE * np.cos(np.arange(y.shape[-1]))
+        back, leads = self.newton(y + scale * away)
+        is_family = leads & (_length(back - y, scale) > _SMALL)
+        if not leads.all():
+            small = np.where(y == 0.0, self.sizes, abs(y))
+            leads = leads | self.newton(y + small * away, small)[1]
+        return leads, is_family & (self.step(y)[3] <= _WHOLE)
+
+
+def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
+    """Return states, where they are equilibria, and which of these are degenerate, or a family."""
+    y, is_found = equations.newton(equations.start)
+    if not is_found.all():
+        start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
+        closer = equations.damped(start)
+        others, too = equations.newton(closer)
+        is_zero = ~too & ~is_found & equations.is_zero(closer)
+        y = np.where(too[..., np.newaxis], others, y)
+        y = np.where(is_zero[..., np.newaxis], closer, y)
+        is_found = np.array(is_found | too | is_zero)
+    for index in map(tuple, np.argwhere(has_value & ~is_found)):
+        y[index], is_found[index] = equations.member(index).by_scipy()
+    leads, is_family = equations.beside(y)
+    if (is_multiple := is_found & ~leads).any():  # whose small components may have no digits yet
+        closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
+        y = np.where(is_multiple[..., np.newaxis], closer, y)
+        is_found = is_found & (leads | equations.is_zero(y))
+    return y, is_found, is_found & (~leads | is_family), is_found & is_family
+
+
+def _totals(C: FloatArray) -> FloatArray:
+    """Return linear integrals as rows (k, k), each in a row that its equation follows from others.
+
+    `C` (k, terms) are the coefficients of the terms of f.
+    """
+    k = len(C)
+    totals = np.zeros((k, k))
+    if not C.any():
+        return np.eye(k)
+    _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
+    free = rows[int((values > _RANK * values[0]).sum()) :]
+    pivots = []
+    for i in range(len(free)):  # in echelon form, so that totals of other sizes do not mix
+        pivots.append(int(abs(free[i]).argmax()))
+        free[i] /= free[i, pivots[i]]
+        others = np.arange(len(free)) != i
+        free[others] -= free[others, pivots[i], np.newaxis] * free[i]
+    totals[pivots] = np.where(abs(free) < _RANK, 0.0, free)
+    return totals
+
+
+def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
+    length: FloatArray = abs(step / scale).max(axis=-1, initial=0.0)
+    return length
+
+
+def _eigenvalues(slopes: FloatArray) -> Any:
+    """Return the eigenvalues, by decreasing real part."""
+    known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
+    values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
+    values = np.where(known, values, complex(np.nan, np.nan))
+    return np.take_along_axis(values, np.lexsort((-values.imag, -values.real), axis=-1), axis=-1)

@@ -1,0 +1,405 @@
+"""`Event`, which acts on the states of motions: what it is given, traced, and written as text."""
+
+from __future__ import annotations
+
+import builtins
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from types import CellType, CodeType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from ..checks import (
+    FloatArray,
+    arguments_of,
+    either,
+    instance,
+    integer,
+    kind_of,
+    real_array,
+    short,
+    wrong,
+)
+from ..core.expressions.event_formulas import Act
+from ..fields.base import Body
+from ..fields.equation_text import values_of, written
+from ..fields.names import TIME
+from ..fields.symbolic import Tracer
+from ..fields.trace import (
+    called_by_name,
+    check_function,
+    operands_of_function,
+    taken,
+    taking,
+)
+from ..keywords import public, public_class
+from ..results.result import read_only
+
+_ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
+_NEW_STATE = "a function of the state that returns the new one, or a list of its components"
+_DIRECTIONS = {"up": 1, "down": -1, "both": 0}
+_MOST_TRACED = 64  # fields, for which an event keeps what was traced
+
+
+@public_class
+@dataclass(frozen=True, eq=False, repr=False)
+class Event:
+    """An event along motions, on a surface or at given times: for :func:`flow`.
+
+    Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, events=[...])``
+    takes one or more, and ``Motion.events`` holds what happened. Functions are traced, as the
+    function of a :class:`Field` is, and carried out as machine code. Besides the state they may
+    take parameters of the system by name.
+
+    When an event is made, the values of the names that its functions use are kept with it: a number
+    from outside is a constant from then on, also in a loop. A parameter of the system is not kept.
+
+    Parameters
+    ----------
+    surface : str or callable, optional
+        The name of a component, a formula, or a function s of the state, ``lambda x: x[0] - 30``.
+        The event happens where s becomes positive, or stops being so, by the motion or by another
+        event. Where s is NaN nothing is crossed. A start on the surface is no event.
+    to : callable or sequence of str or float, or one of these, optional
+        A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
+        the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,
+        and 0 for one variable. Without `to` and `terminal` the event is a record.
+    terminal : bool
+        True if the event ends the trajectory, which then has the status STOPPED.
+    direction : {"both", "up", "down"} or {0, 1, -1}
+        Both, only where s increases, or only where it decreases, along the motion as it is
+        computed: backwards in time if the times of :func:`flow` are negative.
+    times : array_like(float, shape=(k,) or (..., k)), optional
+        In place of a surface: the times of the event, of all trajectories, or of each, padded with
+        NaN. ``...`` broadcasts with the batch.
+    most : int, optional
+        The number of times it happens, 1 or more: the last one ends the trajectory.
+
+    Notes
+    -----
+    At one instant times come first, in the order of the list, then surfaces in the order of the
+    list, each on the state that the one before it has left, again and again until none acts. A time
+    asked at an event has the state after it. A trajectory whose events follow one another without
+    end, such as a ball that comes to rest, ends with the status ACCUMULATES. A state that its own
+    event leaves on the surface, with a rate of 0 along it, stays there without further events.
+    Where events are defined, states have the tolerance of :func:`flow`. Two events are equal if all
+    attributes are equal, functions only if they are the same; after ``Event.of`` they are text.
+
+    Examples
+    --------
+    A ball that keeps 9/10 of its speed at each bounce:
+
+    >>> from suslov_fast import Event, Field, flow
+    >>> ball = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+    >>> bounce = Event("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    >>> motion = flow(ball, [1.0, 0.0], time=[1.0, 2.0], events=bounce)
+    >>> motion.events.time.round(6), motion.states[:, 0].round(6)
+    (array([0.451524, 1.264266, 1.995734]), array([0.710949, 0.013684]))
+
+    A dose of 100 at times 0, 24 and 48:
+
+    >>> body = Field(lambda x, k: (-k * x[0],), "c", k=0.1)
+    >>> dose = Event(times=[0, 24, 48], to=lambda x: (x[0] + 100,))
+    >>> flow(body, [0.0], time=[0, 47, 48], events=dose).states[:, 0].round(3)
+    array([100.   ,  10.935, 109.895])
+    """
+
+    surface: str | Callable[..., Any] | None = None
+    to: Callable[..., Any] | Sequence[str | float] | str | float | None = None
+    _: KW_ONLY
+    terminal: bool = False
+    direction: int | str = "both"
+    times: Any = None  # so that type checkers ask for no test of None
+    most: int | None = None
+    _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
+    _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
+    _kept: dict[str, Any] = field(init=False, default_factory=dict)
+    _earliest: dict[int, float] = field(init=False, default_factory=lambda: {1: 0.0, -1: 0.0})
+
+    def __post_init__(self) -> None:
+        if (self.surface is None) == (self.times is None):
+            received = "neither" if self.times is None else "both"
+            how = "Event('h', to=...) acts where h is 0, Event(times=[1, 2], to=...) at times"
+            raise wrong("surface or times", "given, one of them", f"{received}: {how}")
+        if self.surface is not None:
+            how = "pass terminal=True to end there, direction=-1 for downwards"
+            check_surface(self.surface, _ON_SURFACE, "x[k]", how)
+        to = self.to
+        to = to.tolist() if isinstance(to, np.ndarray) else to
+        to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
+        if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
+            to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
+        elif to is not None and not callable(to):
+            how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
+            raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
+        direction, most = checked_direction(self.direction), self.most
+        if direction and self.surface is None:
+            raise wrong("direction", "left out beside times")
+        if not isinstance(self.terminal, (bool, np.bool_)):
+            raise wrong("terminal", "True or False", short(self.terminal), TypeError)
+        if most is not None:
+            most = integer("most", most, 1, "None or an integer of at least 1")
+        if self.terminal and most is not None:
+            how = "left out beside terminal=True, at the first: most=3 alone ends at the third"
+            raise wrong("most", how)
+        vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
+        self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
+        if self.times is not None:
+            times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
+            times = vars(self)["times"] = read_only(np.array(times, ndmin=1))
+            for sign in (1, -1):  # forward and backward in time
+                moduli = times[times * sign >= 0.0]
+                self._earliest[sign] = abs(moduli).min(initial=math.inf)
+
+    @public
+    def of(self, system: Any) -> Event:
+        """Return this event with equations as text, in the names of a system: one that pickles."""
+        found = traced(self, field_of(system))
+        return self if self._is_text else found.text
+
+    @public
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and texts for JSON; functions become text by ``of`` before."""
+        if not self._is_text:
+            raise TypeError("to_dict: functions have no text before they are traced: of(system)")
+        times = None if self.times is None else _listed(self.times)
+        found = {
+            "surface": self.surface,
+            "to": None if self.to is None else list(self.to),  # type: ignore[arg-type]
+            "definitions": dict(self._definitions),
+            "direction": self.direction,
+            "times": times,
+            "terminal": self.terminal,
+            "most": self.most,
+        }
+        return {name: value for name, value in found.items() if value not in (None, False, 0, {})}
+
+    @classmethod
+    @public
+    def from_dict(cls, description: Mapping[str, Any]) -> Event:
+        """Return the event in a dictionary of :meth:`to_dict`, also one read from JSON."""
+        instance("description", description, Mapping)
+        entries = dict(description)
+        definitions = entries.pop("definitions", {})
+        instance("definitions", definitions, Mapping)
+        if unknown := sorted(
+            {*entries} - {"surface", "to", "direction", "times", "terminal", "most"}
+        ):
+            raise wrong("description", "one of to_dict", f"one with {unknown[0]!r}")
+        if (times := entries.get("times")) is not None:
+            entries["times"] = np.array(times, np.float64)  # None is NaN
+        event = cls(**entries)
+        vars(event)["_definitions"] = dict(definitions)
+        return event
+
+    @property
+    def _is_text(self) -> bool:
+        return not (callable(self.surface) or callable(self.to))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Event):
+            return NotImplemented
+        mine, theirs = self.times, other.times
+        if mine is None or theirs is None:
+            are_same = mine is theirs
+        else:
+            are_same = np.array_equal(mine, theirs, equal_nan=True)
+        return are_same and self._compared == other._compared
+
+    def __hash__(self) -> int:
+        return hash(self._compared[:-1])
+
+    @property
+    def _compared(self) -> tuple[Any, ...]:
+        own = self.surface, self.to, self.direction, self.terminal, self.most
+        return *own, dict(self._definitions)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_traced": {}, "_kept": {}}
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        vars(self).update(attributes)
+
+    def __repr__(self) -> str:
+        parts = [] if self.surface is None else [_shown(self.surface)]
+        if self.times is not None:
+            shape = self.times.shape
+            few = self.times.ndim == 1 and self.times.size <= 4
+            text = ", ".join(f"{t:g}" for t in self.times.ravel()) if few else ""
+            parts.append(f"times=[{text}]" if few else f"times: {shape}")
+        parts += [] if self.to is None else [f"to={_shown(self.to)}"]
+        parts += [f"direction={self.direction}"] if self.direction else []
+        parts += ["terminal=True"] if self.terminal else []
+        parts += [] if self.most is None else [f"most={self.most}"]
+        return f"Event({', '.join(parts)})"
+
+
+def field_of(system: Any) -> Any:
+    """Return the field whose equations, and names of components, are those of a system."""
+    instance("system", system, Body)
+    return system.field()
+
+
+def traced(event: Event, system: Any) -> Traced:
+    """Return what an event is for a field, which has names and parameters."""
+    key, known = (tuple(system.names), tuple(system.arrays)), event._traced
+    if key not in known:
+        if len(known) >= _MOST_TRACED:
+            known.clear()
+        known[key] = Traced(event, *key)
+    return known[key]
+
+
+def _with_values(f: Any, known: dict[int, Any]) -> Any:
+    """Return a function with the values that its names have now; what is none is returned as is.
+
+    Functions of the same file that it calls are among these; `known` are those done.
+    """
+    f = getattr(f, "py_func", f)  # if Numba compiled f
+    if not isinstance(f, FunctionType):
+        return f
+    if id(f) in known:
+        return known[id(f)]
+    cells = tuple(CellType() for _ in f.__closure__ or ())
+    values: dict[str, Any] = {"__builtins__": builtins}
+    found = FunctionType(f.__code__, values, f.__name__, f.__defaults__, cells)
+    found.__kwdefaults__ = f.__kwdefaults__ and dict(f.__kwdefaults__)
+    known[id(f)] = found
+
+    def kept(value: Any) -> Any:
+        is_near = isinstance(value, FunctionType) and value.__globals__ is f.__globals__
+        return _with_values(value, known) if is_near else value
+
+    names = _names_in(f.__code__)
+    values.update((name, kept(f.__globals__[name])) for name in names if name in f.__globals__)
+    for cell, own in zip(cells, f.__closure__ or (), strict=True):
+        try:
+            cell.cell_contents = kept(own.cell_contents)
+        except ValueError:  # it has no value yet
+            continue
+    return found
+
+
+def _names_in(code: CodeType) -> set[str]:
+    """Return the names that the code of a function, and of functions within it, may look up."""
+    inner = (each for each in code.co_consts if isinstance(each, CodeType))
+    return {*code.co_names}.union(*map(_names_in, inner))
+
+
+def _shown(function: Any) -> str:
+    """Return a function or texts in short."""
+    return (
+        getattr(function, "__name__", type(function).__name__)
+        if callable(function)
+        else short(function)
+    )
+
+
+def _listed(times: FloatArray) -> Any:
+    """Return times as lists, with None for NaN, which JSON has not."""
+    return np.where(np.isfinite(times), times, np.array(None)).tolist()
+
+
+def checked_direction(value: Any) -> int:
+    """Return 1, -1 or 0 for the direction of an event or a crossing."""
+    number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
+    return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
+
+
+def check_surface(surface: Any, expected: str, component: str, how: str) -> None:
+    """Raise TypeError unless a surface is a text, or a function that is no event of `solve_ivp`.
+
+    `component` is how a function takes component k, and `how` tells what to pass for an event.
+    """
+    if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
+        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
+        expected = "a function without the attributes of SciPy's events"
+        raise wrong("surface", expected, f"{received}: {how}", TypeError)
+    if not isinstance(surface, str) and not callable(surface):
+        is_number = isinstance(surface, (int, float))
+        what = f": pass lambda x: {component} - {surface}, for component k" * is_number
+        raise wrong("surface", expected, f"{kind_of(surface)}{what}", TypeError)
+
+
+class Traced:
+    """An event for a field with these variables and parameters, all names."""
+
+    def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
+        self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
+        kept = {"surface": event.surface, "to": event.to} | event._kept
+        self.surface = None if event.surface is None else self._surface(kept["surface"])
+        self.to = None if event.to is None else self._results("to", kept["to"])
+        if self.to is not None and len(self.to) != len(names):
+            raise wrong("to", f"{len(names)} texts, one for each component", f"{len(self.to)}")
+        most = math.inf if event.most is None else float(event.most)
+        at = None if self.surface is None else self._list_of([self.surface])
+        to = None if self.to is None else self._list_of(self.to)
+        self.act = Act(at, to, int(event.direction), 1.0 if event.terminal else most)
+
+    def _list_of(self, results: Sequence[Any]) -> Any:
+        return Act.list_of(self.tracer.values, results)
+
+    def _surface(self, surface: Any) -> Any:
+        """Return the operand of a surface, which depends on the state."""
+        if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
+            expected = f"a function of the state, or the name of a component, {either(self.names)}"
+            raise wrong("surface", expected, short(surface))
+        (operand,) = self._results("surface", surface)
+        name, of = self.tracer.values.of.get(operand, ("", ()))
+        if name == "select" and of[1:] == (1.0, 0.0):
+            received = f"{self.tracer.text(operand)}: pass the difference that changes its sign"
+            raise wrong("surface", _ON_SURFACE, received, TypeError)
+        list_ = self._list_of([operand])
+        read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
+        if not any(type(a) is int and a < len(self.names) for a in read):
+            how = f"it is {self.tracer.text(operand)}: Event(times=[...]) acts at given times"
+            raise ValueError(f"surface: it must depend on the state, {how}")
+        return operand
+
+    def _results(self, argument: str, f: Any) -> list[Any]:
+        """Return the operands that a function returns, or that texts are."""
+        if not callable(f):
+            return self._read(argument, [f] if isinstance(f, str) else f)
+        needed, known = arguments_of(f), taken(f, self.tracer.parameters)
+        others = [name for name in needed[1:] if name not in known]
+        if others and not TIME & {*needed}:
+            expected = "a function of the state, and of parameters of the system by name"
+            has = either([*self.tracer.parameters] or ["none"])
+            raise wrong(
+                argument, expected, f"one of {others[0]!r}: the system has {has}", TypeError
+            )
+        check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
+        given = argument, taking(f, known), self.names, self.tracer.parameters
+        return operands_of_function(*given, self.tracer)[1]
+
+    def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
+        """Return the operands that texts are."""
+        tracer = self.tracer
+        known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
+        each = [*self.event._definitions.items(), *enumerate(texts)]
+        try:
+            found = values_of(each, known, called_by_name)
+            return [tracer.result(found[k]) for k in range(len(texts))]
+        except (TypeError, ValueError) as error:
+            names = either(tracer.names)
+            raise ValueError(f"{argument}: {error}; names of this system are {names}") from None
+
+    @cached_property
+    def text(self) -> Event:
+        """The event with texts in place of functions."""
+        event, surfaces = self.event, [] if self.surface is None else [self.surface]
+        results = [*surfaces, *(self.to or ())]
+        definitions, texts = written(self.tracer.values, results, self.tracer.names)
+        found = Event(
+            texts[0] if surfaces else None,
+            to=None if self.to is None else texts[len(surfaces) :],
+            direction=event.direction,
+            times=event.times,
+            terminal=event.terminal,
+            most=event.most,
+        )
+        vars(found)["_definitions"] = definitions
+        return found

@@ -1,0 +1,336 @@
+"""`Events`, what happened along motions; checks of lists of events, and what the engine takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, common_shape, short, warn, wrong
+from ..core.expressions.event_formulas import Act, in_order_of_code
+from ..core.flow.integrator import NO_STOPS, Stops
+from ..keywords import public
+from ..results.result import Result
+from ..results.schema import OF_EVENTS
+from ..status import Status, ended_in_words
+from .event import Event, field_of, traced
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Derivatives(dict[str, Any]):
+    """Derivatives by the name of what they are with respect to."""
+
+    def __missing__(self, name: str) -> Any:
+        raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},) to flow")
+
+
+class EventDerivatives(NamedTuple):
+    """Derivatives of the times of K events, and of the states before and after them.
+
+    By a parameter their shapes are (K,), (K, D), (K, D); by "x0" there is one more axis, (K, D),
+    (K, D, D), (K, D, D).
+    """
+
+    time: FloatArray
+    before: FloatArray
+    states: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Events(Result):
+    """Events along motions: the result of :func:`crossings`, and ``Motion.events``.
+
+    There are K of them, ordered by trajectory, then along the motion; at one instant in the order
+    in which they acted.
+
+    Attributes
+    ----------
+    trajectory : ndarray(int, shape=(K,))
+        Index of the trajectory, in the batch flattened in C order:
+        ``events.time[events.trajectory == i]`` are the times of trajectory i.
+    which : ndarray(int, shape=(K,))
+        The number of the surface, or of the event, in the list that was passed; 0 if there is one.
+    time : ndarray(float, shape=(K,))
+        Times, with the digits of the tolerance.
+    before, states : ndarray(float, shape=(K, D))
+        The states before and after; equal where nothing events. At a surface they lie on it to
+        rounding, on the side to which the motion goes.
+    count : ndarray(int, shape=(..., C))
+        How often each of the C surfaces or events was met by each trajectory.
+    given : tuple of Event
+        The events, with equations as text.
+    body
+        The system.
+    status, end, final
+        As in :class:`Motion`; of :func:`crossings`, `final` is the state at the last time, or at
+        the crossing number `most`.
+
+    derivatives : dict of EventDerivatives
+        For each name in `derivatives` of :func:`flow`, the derivatives of `time`, `before` and
+        `states` (dt/dp, and dx/dp at the event): by the saltation matrix, to the tolerance.
+
+    Notes
+    -----
+    Files of a motion have its events, without their derivatives.
+
+    Examples
+    --------
+    >>> from suslov_fast import Event, Field, flow
+    >>> cell = Field(lambda x: (0.1 * x[0],), "mass")
+    >>> division = Event(lambda x: x[0] - 2, to=lambda x: (x[0] / 2,))
+    >>> events = flow(cell, [1.0], time=20.0, events=division).events
+    >>> events
+    Events(states: (2, 1), time: 6.93147 to 13.8629, count: 2)
+    >>> events.given
+    (Event('mass - 2', to=('mass/2',)),)
+    >>> growth = Field(lambda x, r: (r * x[0],), "mass", r=0.1)
+    >>> events = flow(growth, [1.0], time=20.0, events=division, derivatives="r").events
+    >>> events.derivatives["r"].time.round(4)  # -log(2) / r**2, twice that
+    array([ -69.3147, -138.6294])
+    """
+
+    called = "events"
+    coordinates: ClassVar[Any] = "trajectory", "which", "time"
+
+    trajectory: NDArray[np.int64]
+    which: NDArray[np.int64]
+    time: FloatArray
+    before: FloatArray
+    states: FloatArray
+    count: NDArray[np.int64]
+    body: Any
+    status: NDArray[np.int8]
+    end: FloatArray
+    final: FloatArray
+    _given: tuple[Event, ...] = field(default=(), compare=False)
+    _derivatives: Any = field(default=None, compare=False)
+
+    @property
+    def given(self) -> tuple[Event, ...]:
+        """The events, with equations as text."""
+        own = field_of(self.body)
+        return tuple(event.of(own) for event in self._given)
+
+    @property
+    def derivatives(self) -> dict[str, EventDerivatives]:
+        """The derivatives of times and states, by what they are with respect to."""
+        return Derivatives(self._derivatives or {})
+
+    @classmethod
+    def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Events:
+        given = tuple(Event.from_dict(each) for each in about["events"])
+        events = cls._of(attributes | {"_given": given})
+        size, numbers = events.count.size, events.trajectory * len(given) + events.which
+        if not np.array_equal(np.bincount(numbers, minlength=size), events.count.ravel()):
+            raise ValueError("count is not that of the events")
+        return events
+
+    def __eq__(self, other: Any) -> bool:
+        are_equal = super().__eq__(other)
+        return are_equal and self.given == other.given if are_equal is True else are_equal
+
+    def __getstate__(self) -> dict[str, Any]:
+        return super().__getstate__() | {"_given": self.given}
+
+    @property
+    def _batch(self) -> tuple[int, ...]:
+        return self.count.shape[:-1]
+
+    @property
+    def _heading(self) -> str:
+        return str(self._titles["title"])
+
+    def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
+        attributes = super()._members(index)
+        own = self.trajectory == np.ravel_multi_index(index, self._batch)
+        for column in OF_EVENTS:
+            attributes[column.name] = attributes[column.name][own]
+        attributes["_derivatives"] = {
+            name: EventDerivatives(*(a[own] for a in each))
+            for name, each in self.derivatives.items()
+        }
+        return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
+
+    def _at_events(self, values: Any, axes: int = 0) -> Any:
+        """Return for each event the value (...) of its trajectory, an array of `axes` axes."""
+        inner = values.shape[values.ndim - axes :]
+        by_trajectory = np.broadcast_to(values, (*self._batch, *inner)).reshape(-1, *inner)
+        return by_trajectory[self.trajectory]
+
+    def __repr__(self) -> str:
+        count = ", ".join(map(str, self.count.reshape(-1, len(self._given)).sum(axis=0).tolist()))
+        states, times = f"states: {self.states.shape}", self.time
+        time = f"{times.min():g} to {times.max():g}" if times.size else "none"
+        ended = ended_in_words(self.status)
+        return f"Events({states}, time: {time}, count: {count}{ended})"
+
+    @public
+    def to_xarray(self) -> xarray.Dataset:
+        """Return a labelled dataset.
+
+        Dimensions: "event" and "component". The points are "omega", or "x" for a field.
+        Coordinates along "event": `trajectory`, `which`, `time`, and parameters of the body that
+        vary: ``data.where(data.rho > 24.74, drop=True)``.
+
+        Returns
+        -------
+        xarray.Dataset
+            The events of all trajectories, along "event".
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, crossings
+        >>> pendulum = Field(lambda x: (x[1], -np.sin(x[0])), "angle rate")
+        >>> dict(crossings(pendulum, [0.1, 0.0], "angle", time=10.0).to_xarray().sizes)
+        {'event': 3, 'component': 2}
+        """
+        from ..results.frames import events_to_xarray
+
+        return events_to_xarray(self)
+
+    @public
+    def plot(
+        self,
+        *names: int | str,
+        color: Any = None,
+        title: str | bool | None = None,
+        ax: Any = None,
+        label: str | None = None,
+    ) -> Any:
+        """Draw the points, as :meth:`Trajectories.plot` does states: ``events.plot("y", "py")``.
+
+        By default the components are the first two that vary; of a canonical Hamiltonian field a
+        coordinate and its momentum. `color` may also be "trajectory", "which" or "time", or a
+        number for each point (K,). Of more than 1,000,000 points it draws as many, chosen at
+        random.
+        """
+        from ..results import figures  # which imports Matplotlib
+
+        return figures.plot_events(self, names, color, title, ax, label)
+
+
+# ---------------------------------------------------------------------- lists of events for motions
+def checked_events(events: Any) -> tuple[Event, ...]:
+    """Return events as a tuple."""
+    if type(events) is tuple and not events:  # as in most calls
+        return ()
+    many = events if isinstance(events, (tuple, list)) else (events,)
+    for each in many:
+        if not isinstance(each, Event):
+            received = short(each)
+            if callable(each):
+                more = ", terminal=True" * bool(getattr(each, "terminal", False))
+                received = f"a function: pass Event({getattr(each, '__name__', 'f')}{more})"
+            raise wrong("events", "an Event, or a list of them", received, TypeError)
+    return tuple(many)
+
+
+def acts_of(field: Any, events: tuple[Event, ...]) -> tuple[Act, ...]:
+    """Return the acts of events, in the order of code."""
+    acts = [traced(event, field).act for event in events]
+    return tuple(acts[k] for k in in_order_of_code(acts))
+
+
+def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
+    """Return the shape of the batch of the times of events."""
+    if not events:
+        return ()
+    shapes = [event.times.shape[:-1] for event in events if event.times is not None]
+    return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
+
+
+# The last arguments, identities of events; the events, which keep them theirs; and `Stops`.
+_latest: list[tuple[Any, Any, Stops]] = [(None, None, NO_STOPS)]
+
+
+def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+    """Return the times of events; calls one after the other for the same objects share them."""
+    asked, known = ([*map(id, events)], sign, batch), _latest[0]
+    if known[0] != asked:
+        known = _latest[0] = asked, events, _new_stops(events, sign, batch)
+    return known[2]
+
+
+def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+    later = [event for event in events if event.times is not None]
+    if not later:
+        return NO_STOPS
+    # The number of the first one of these.
+    first = sum(each.times is None for each in events)
+    shapes = [event.times.shape[:-1] for event in later]
+    is_shared = all(math.prod(shape) == 1 for shape in shapes)
+    times, which = [np.empty((1 if is_shared else math.prod(batch), 0))], []
+    for k, event in enumerate(later, first):
+        array = event.times
+        if not is_shared:
+            array = np.broadcast_to(array, (*batch, array.shape[-1]))
+        moduli = sign * array.reshape(len(times[0]), array.shape[-1])
+        times.append(np.where(moduli >= 0.0, moduli, np.inf))
+        which += [float(k)] * moduli.shape[1]
+    both = np.concatenate(times, axis=1)
+    order = np.argsort(both, axis=1, kind="stable")
+    return Stops(np.take_along_axis(both, order, 1), np.array(which)[order])
+
+
+def warn_of_times_that_never_come(
+    events: tuple[Event, ...], sign: int, last: float, count: int
+) -> None:
+    """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
+    for k, event in enumerate(events if count else ()):
+        if event._earliest[sign] <= last:
+            continue
+        times = event.times[np.isfinite(event.times)]
+        if not times.size:
+            continue
+        warn(
+            f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
+            f"from x0 as those of the motion do, which ends at {sign * last:g}"
+        )
+
+
+def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
+    """Return the events in `Records`, with the numbers of events in the list of the user."""
+    D, order = motion.body.dimension, in_order_of_code(events)
+    columns = {
+        "trajectory": records.trajectory,
+        "which": records.which if len(order) == 1 else np.array(order, np.int64)[records.which],
+        "time": records.time,
+        "before": records.before[:, :D],
+        "states": records.states[:, :D],
+    }
+    return events_of(columns, events, motion)
+
+
+def derivatives_of(records: Any, names: Sequence[str], D: int) -> dict[str, EventDerivatives]:
+    """Return the derivatives in `Records` by name; the columns by x0 are the first D."""
+    found, first = {}, D * ("x0" in names)
+    for name in names:
+        at: Any = slice(D) if name == "x0" else first
+        first += name != "x0"
+        found[name] = EventDerivatives(*(a[..., at].copy() for a in records.derivatives))
+    return found
+
+
+def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
+    """Return the events of a motion with these columns.
+
+    ValueError if a number of a trajectory or of an event is none of the motion's.
+    """
+    status, C = motion.status, len(events)
+    numbers = columns["trajectory"] * C + columns["which"]
+    count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
+    final = np.full(motion.states.shape[1:], np.nan)
+    if len(motion.time):
+        final[...] = motion.states[-1]
+    is_stopped = status == Status.STOPPED
+    if is_stopped.any():
+        last = np.searchsorted(columns["trajectory"], np.flatnonzero(is_stopped), "right") - 1
+        final[is_stopped] = columns["states"][last]
+    about = {"status": status, "end": motion.end, "final": final}
+    return Events._of(columns | about | {"count": count, "body": motion.body, "_given": events})

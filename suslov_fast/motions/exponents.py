@@ -1,0 +1,160 @@
+"""Lyapunov exponents of the map and of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import checks
+from ..bodies.systems import System
+from ..checks import FloatArray, Reals, integer, short, wrong
+from ..fields.base import Body
+from ..fields.field import system_of
+from ..fields.map import Map
+from ..keywords import public
+from ..maps import Method, eps_and_steps, map_of
+from ..maps.batch import Progress, reporter
+from ..maps.derivatives import growth
+from ..maps.evaluation import mask_and_warn
+from ..maps.kernel_calls import thread_count
+from ..maps.problem import check, warn_of_times
+from ..status import report_poles
+from .event import Event, field_of
+from .events import acts_of, batch_of, checked_events, stops_of
+from .integration import Asked, threads_for
+from .motion_arguments import (
+    RTOL,
+    checked_settings,
+    checked_starts,
+    either_map_or_motion,
+    warn_of_ends,
+)
+from .tangents import exponents_of
+
+
+@public
+def lyapunov_exponents(
+    system: System,
+    x0: ArrayLike,
+    /,
+    eps: Reals | None = None,
+    steps: int | None = None,
+    transient: float = 0,
+    *,
+    time: float | None = None,
+    rtol: float = RTOL,
+    events: Event | Sequence[Event] = (),
+    method: Method = "auto",
+    threads: int | None = None,
+    progress: Progress = None,
+) -> FloatArray:
+    """Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
+
+    Exponents of a :class:`Map` are mean logarithms per step. With `eps` and `steps` the exponents
+    belong to orbits of Kahan's map: mean logarithms per step, divided by ``abs(eps)``. With `time`
+    they belong to the motion, as :func:`flow` computes it.
+    The derivative along the orbit, that of the map or the solution of the variational equations, is
+    decomposed as Q R before its columns lose digits (Benettin's method). The exponents are the mean
+    logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi| / |eps|``, or of
+    the trace of f' (relative error 1e-10 for maps). Where f jumps, a jump adds ``log |det S|``,
+    with the factor S by which it changes the derivative of the motion. The exponents of an orbit
+    are bitwise identical whatever else is in the batch.
+
+    Parameters
+    ----------
+    system, x0
+        As in :func:`iterate` and :func:`flow`.
+    eps, steps : optional
+        As in :func:`iterate`, eps not 0, and left out for a `Map`. The mean is over `steps`, 1 or
+        more, after the transient.
+    transient : int or float
+        Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
+        without it the mean has an error of order 1 / steps, or 1 / time.
+    time : float, optional
+        The time to average over, positive, in place of eps and steps.
+    rtol : float
+        With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
+    events : Event or sequence of Event
+        With `time`, events, see :class:`Event`, without `terminal` and `most`. Tangent
+        vectors event with the state, and with the moment of an event at a surface.
+    method, threads, progress
+        As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
+        included, or thousandths of the time; if it returns False, the exponents are means over what
+        is done, or NaN if the transient was not over.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D))
+        Exponents, the largest first. ``-inf`` if a step or an event is not invertible, as an event
+        that sets a component to a number may be. NaN, with one :class:`IntegrationWarning`, if an
+        orbit of the map fails or a motion ends. If an orbit passed a pole, which the warning says,
+        they are those of the map, not of the motion. Exponents of a motion leave out the directions
+        of variables with a rate that is a number other than 0 or made of parameters alone, such as
+        time, whether others depend on them or not, unless an event sets them.
+
+    Examples
+    --------
+    The Lorenz system, whose largest exponent is about 0.906 per unit time:
+
+    >>> from suslov_fast import Field, lyapunov_exponents
+    >>> lorenz = Field(
+    ...     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    ...     "x y z",
+    ... )
+    >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], time=400, transient=20, rtol=1e-6)
+    >>> exponents.round(1) + 0.0
+    array([  0.9,   0. , -14.6])
+    >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], 1 / 128, 50_000, transient=2000)
+    >>> exponents.round(1) + 0.0
+    array([  0.9,   0. , -14.6])
+    """
+    body: Any = system_of(system, x0)
+    if isinstance(body, Map):
+        eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
+    others = {"method": method, "rtol": rtol, "events": events}
+    if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
+        checks.instance("system", body, Body)
+        time, before = checks.positive("time", time), checks.real_number("transient", transient)
+        if not isinstance(before, float) or before < 0.0:
+            raise wrong("transient", "a time, 0 or more", short(transient))
+        settings = checked_settings(body, rtol)
+        acting = checked_events(events)
+        if any(each.terminal or each.most is not None for each in acting):
+            received = "terminal or most, with which a trajectory ends"
+            raise wrong("events", "those with which trajectories go on", received)
+        acting = tuple(each for each in acting if each.to is not None)
+        x, batch = checked_starts(body, x0, batch_of(acting))
+        field = field_of(body)
+        acts = acts_of(field, acting)
+        stops = stops_of(acting, 1, batch) if acts else None
+        count = threads_for(len(x), thread_count(threads))
+        with reporter(progress, 1000) as report:
+            asked = Asked(np.array([time]), 1, settings, count, report, stops)
+            exponents, ends = exponents_of(field, x, batch, asked, before, acts)
+        warn_of_ends(ends, x, batch)
+        return exponents.reshape(*batch, exponents.shape[1])
+    checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
+    steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
+    warn_of_times(checked)
+    length = abs(np.broadcast_to(checked.eps, checked.batch))[..., np.newaxis]
+    if not length.all():
+        raise wrong("eps", "other than 0, because exponents are per unit of time")
+    with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
+        found = growth(checked, steps, transient, report)
+        sums = found.sums
+    sums[np.isnan(sums).any(axis=1)] = np.nan
+    means = -np.sort(-sums / max(found.steps, 1), axis=1)
+    exponents = means.reshape(*checked.batch, body.dimension) / length
+    report_poles(
+        checked,
+        checked.map.methods[checked.method],
+        found.status.reshape(checked.batch),
+        found.failed_at.reshape(checked.batch),
+        told_by_signs=found.by_signs.reshape(checked.batch),
+    )
+    if found.steps == 0:  # `progress` ended the run in its transient
+        return exponents
+    return mask_and_warn(checked, exponents, poles=True)

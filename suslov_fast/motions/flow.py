@@ -1,0 +1,332 @@
+"""`flow`: the motion of a system at given times, exact or to a tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..bodies.exact import states_at
+from ..bodies.systems import System
+from ..checks import FloatArray, Reals, short, wrong
+from ..core.expressions.event_formulas import Act
+from ..fields.base import Body
+from ..fields.field import Field, system_of
+from ..fields.right_hand_sides import with_changes
+from ..keywords import public
+from ..maps import map_of
+from ..maps.batch import Progress, reporter
+from ..maps.kernel_calls import thread_count
+from ..maps.problem import Problem
+from ..status import Status
+from .event import Event, field_of
+from .events import (
+    acts_of,
+    batch_of,
+    checked_events,
+    derivatives_of,
+    events_of_records,
+    stops_of,
+    warn_of_times_that_never_come,
+)
+from .integration import Asked, Found, nothing_found, solve
+from .motion import Motion
+from .motion_arguments import (
+    checked_settings,
+    checked_starts,
+    checked_times,
+    warn_of_ends,
+    warn_of_growth,
+    warn_of_times,
+)
+from .sensitivities import Columns, WithColumns
+
+_FEW = 16  # times, of which Python sees sooner than NumPy whether they ascend
+
+
+@public
+def flow(
+    system: System,
+    x0: ArrayLike,
+    /,
+    *,
+    time: Reals,
+    rtol: float = 1e-9,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    events: Event | Sequence[Event] = (),
+    derivatives: str | Sequence[str] = (),
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Motion:
+    """Return the motion: the solution of the equations at given times, from x0 at time 0.
+
+    The times are those at which states are wanted: ``(0, 10)`` are two, and those before x0 are
+    negative. NaN in x0 gives NaN. Each trajectory takes steps of its own, by extrapolation of order
+    10, or of order 7 where the equations are stiff. Their lengths follow from its own estimate of
+    the error, and the times do not shorten them. The motion of a body whose closed form is known is
+    exact.
+
+    Parameters
+    ----------
+    system : Field, Suslov3D, SuslovND or callable
+        A single field or body, or a batch. A function of the state in place of a field has the
+        variables x1, x2, ..., as many as x0 has components, and no parameters.
+    x0 : array_like(float, shape=(..., D))
+        Initial states: states x of a field, or angular velocities.
+    time : array_like(float, shape=() or (n,))
+        Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
+        is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. Where equations depend on
+        time, x0 holds the initial one, of a variable t with the rate 1:
+        ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
+    rtol : float
+        Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
+        times the largest absolute value that the component has had on the trajectory, or 2**-60 of
+        the largest component's if that is more. One warning names a component that fell below that
+        and grew to 1,000 times it again, or a tenth of its own size: pass ``atol=0``.
+    atol : float or array_like(float, shape=(D,)), optional
+        Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
+        below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
+        that small components have digits of their own.
+    max_step : float, optional
+        The longest step in time, for pulses that are short beside the steps.
+    stiff : bool, optional
+        True or False takes all steps by the method for stiff equations, or by the other one. By
+        default each trajectory chooses, from step to step.
+    events : Event or sequence of Event
+        Events at times or on surfaces, see :class:`Event`; ``motion.events`` holds
+        what they did.
+    derivatives : str or sequence of str
+        "x0", and names of parameters of the field: ``motion.derivatives[name]`` then is the
+        derivative with respect to it. The variational equations are solved to the same tolerance,
+        relative to the size of x0 or of the parameter, and so is the motion of a body, which is
+        exact without them.
+    threads, progress
+        As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
+        it returns False are NaN. A solution has the same bits on any threads, in any batch.
+
+    Returns
+    -------
+    Motion
+        The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
+        escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
+        250,000 steps, or as many events, from one time to the next, and a solution of equations
+        without a value at x0. One :class:`IntegrationWarning` counts them, and says when the first
+        one ends, and of what. NaN for a state that contains NaN, without a warning.
+
+    Examples
+    --------
+    Predators and prey (Lotka-Volterra) for three rates, at two times:
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field, Suslov3D, flow
+    >>> family = Field(
+    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
+    ... )
+    >>> motion = flow(family, [1.0, 0.5], time=[5.0, 10.0])
+    >>> motion.states.shape, bool(motion.ok.all())
+    ((2, 3, 2), True)
+
+    A function of the state in place of a field:
+
+    >>> flow(lambda x: (x[1], -x[0]), [1.0, 0.0], time=np.pi).states.round(6) + 0.0
+    array([[-1.,  0.]])
+
+    The motion of a body, which is exact:
+
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> flow(body, [1.0, 0.5], time=5.0).states.round(6)
+    array([[ 0.873751, -1.093725]])
+    """
+    body: Any = system_of(system, x0)
+    checks.instance("system", body, Body)
+    times, sign = checked_times(time)
+    settings = checked_settings(body, rtol, atol, max_step, stiff)
+    names, field = checked_derivatives(body, derivatives)
+    acting = checked_events(events)
+    acts: tuple[Act, ...] = ()
+    stops, of_columns = None, None
+    if acting:
+        field = field or field_of(body)
+        acts = acts_of(field, acting)
+    x, batch = checked_starts(body, x0, batch_of(acting))
+    if isinstance(body, Field):
+        warn_of_times(body, x, times)
+    if acting:
+        stops = stops_of(acting, sign, batch)
+        warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
+    total = len(times) * math.prod(batch)
+    with reporter(progress, total) as report:
+        asked = Asked(times, sign, settings, thread_count(threads), report, stops)
+        if names:
+            found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
+        elif acting:
+            found = motion_with_events(field, x, batch, acts, asked)
+        else:
+            found = motion_of(body, x, batch, asked)
+        if report is not None and total and not found.is_stopped:
+            report(total)  # the engine counts neither a time twice nor states after an end
+    if not found.is_good:
+        warn_of_ends(found, x, batch)
+        warn_of_growth(found, body.labels, batch)
+    motion = Motion._of(
+        {
+            "states": found.states.reshape((len(times), *batch, body.dimension)),
+            "time": times,
+            "body": body,
+            "status": found.status.reshape(batch),
+            "end": found.t.reshape(batch),
+            "steps": found.steps.reshape(batch),
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": settings.max_step,
+            "stiff": settings.stiff,
+            "_by": names,
+            "_derivatives": of_columns,
+            "events": None,
+        }
+    )
+    if acting:
+        met = events_of_records(found.records, acting, motion)
+        if names and found.records.derivatives is not None:
+            vars(met)["_derivatives"] = derivatives_of(found.records, names, body.dimension)
+        vars(motion)["events"] = met
+    return motion
+
+
+def motion_with_events(
+    field: Any, x: FloatArray, batch: tuple[int, ...], acts: tuple[Act, ...], asked: Asked
+) -> Found:
+    """Return the motion of a field with events."""
+    return to_tolerance(WithColumns(field.shape, with_changes(field, acts)), x, batch, asked)
+
+
+def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
+    """Return the names of derivatives, and the field whose equations have them."""
+    if type(derivatives) is tuple and not derivatives:  # as in most calls
+        return (), None
+    names = (derivatives,) if isinstance(derivatives, str) else derivatives
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        such = "x0", *system.coordinates
+        received = short(derivatives)
+        raise wrong("derivatives", f"names, such as {such}", received, TypeError)
+    field: Any = system.field()
+    if unknown := [name for name in names if name not in ("x0", *field.coordinates)]:
+        known = ", ".join(map(repr, ("x0", *field.coordinates)))
+        raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
+    if len({*names}) < len(names):
+        raise wrong("derivatives", "different names", short(names))
+    return tuple(names), field
+
+
+def _with_derivatives(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    names: tuple[str, ...],
+    asked: Asked,
+    acts: tuple[Act, ...] = (),
+) -> tuple[Found, FloatArray]:
+    """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
+    parameters = tuple(name for name in names if name != "x0")
+    groups = with_changes(field, acts, parameters, True) if acts else None
+    columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings, groups)
+    asked = asked._replace(settings=columns.settings)
+    found = to_tolerance(columns.field, columns.starts, batch, asked)
+    if acts:
+        of_records = columns.of_records(found.records)
+        found = found._replace(records=found.records._replace(derivatives=of_records))
+    states, derivatives = columns.parted(found.states)
+    shape = len(asked.times), *batch, *derivatives.shape[2:]
+    return found._replace(states=states), derivatives.reshape(shape)
+
+
+# ------------------------------------------------------------------------------------------ motions
+def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+    """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
+    if isinstance(system, Field):
+        return to_tolerance(system, x, batch, asked)
+    is_exact = _are_exact(system)
+    if is_exact is True:
+        return _exact(system, x, batch, asked)
+    if is_exact is False:
+        return to_tolerance(system.field(), x, batch, asked)
+    is_exact = np.broadcast_to(is_exact, batch).ravel()
+    found = nothing_found(x, len(asked.times))
+    for exact in (True, False):
+        where = np.flatnonzero(is_exact == exact)
+        members, count = _members(system, batch, where), (len(where),)
+        part = motion_of(members, x[where], count, asked)
+        found.states[:, where], found.t[where] = part.states, part.t
+        found.steps[where], found.status[where] = part.steps, part.status
+    return found._replace(is_stopped=part.is_stopped)
+
+
+def _are_exact(body: Any) -> Any:
+    """Return whether the closed form of a body is known: True, False, or for each member."""
+    known = body.is_solved
+    return bool(np.all(known)) or (known if np.any(known) else False)
+
+
+def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
+    """Return the members (K,) of a body that trajectories `where` of the batch have."""
+    parts = {}
+    for name, value in body.parts.items():
+        array = np.asarray(value)
+        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
+        parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
+    return body.with_parts(parts)
+
+
+def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+    """Return the exact motion of a body; NaN where the closed form is out of range."""
+    omega = x.reshape(*batch, x.shape[1])
+    problem = Problem(map_of(body), body, omega, 0.0, batch, asked.threads, "x0")
+    found = nothing_found(x, len(asked.times))
+    states = states_at(problem, asked.times, is_number=False).reshape(found.states.shape)
+    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
+    status[np.isnan(x[:, 0])] = Status.NONFINITE
+    return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
+
+
+def _ascend(times: FloatArray) -> bool:
+    """Return whether each time is later than the one before."""
+    if len(times) > _FEW:
+        return not np.count_nonzero(times[1:] <= times[:-1])
+    numbers: list[float] = times.tolist()
+    return numbers == sorted({*numbers})
+
+
+def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+    """Return the motion of a field at times in any order."""
+    if asked.sign < 0:
+        asked = asked._replace(times=abs(asked.times))
+    moduli, is_changed = asked.times, asked.stops is not None
+    if len(moduli) and _ascend(moduli) and (is_changed or moduli[-1] > 0.0):
+        found = solve(field, x, batch, asked)
+        if moduli[0] == 0.0 and not is_changed:
+            found.states[0] = x
+        elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
+            has_none = found.status == Status.NONFINITE
+            found.states[0, has_none] = x[has_none]
+        return found
+    later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
+    ascending, places = np.unique(moduli[later], return_inverse=True)
+    if not len(ascending):
+        found = nothing_found(x, len(moduli))
+        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+        found.t[:] = np.nan
+    else:
+        found = solve(field, x, batch, asked._replace(times=ascending))
+    states = np.empty((len(moduli), *x.shape))
+    states[later] = found.states[places]
+    states[~later] = x
+    if is_changed:
+        has_none = found.status == Status.NONFINITE
+        states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
+    return found._replace(states=states)

@@ -1,0 +1,211 @@
+"""Motions of systems at times: the right-hand side of each trajectory, and calls of the engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core.flow.code_arguments import NUMBER
+from ..core.flow.integrator import Motion as Engine, Settings, Stops, prepare
+from ..core.flow.memory import Cause, State
+from ..core.flow.small_batches import take_few
+from ..maps.kernel_arguments import ALL
+from ..maps.kernel_calls import available
+from ..status import Status
+
+# Trajectories from which on threads are started, unless the user gives their number.
+_IN_THREADS = 64
+# Numbers in states of several trajectories up to which `take_few` keeps their memory.
+_FEW = 256
+# Numbers in states, from which on code is compiled before they take memory.
+MANY = 2**20
+# By `State`; also of a run that was ended, perhaps before its first step, -1.
+_STATUS = np.full(State.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
+_STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
+_STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
+_STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
+
+
+class Asked(NamedTuple):
+    """The request for a motion."""
+
+    times: FloatArray  # (n,), in any order
+    sign: int  # -1 backwards in time
+    settings: Settings
+    threads: int | None = None
+    report: Callable[[int], bool] | None = None  # takes the number of states that are done
+    stops: Stops | None = None  # times of events, if the right-hand side has events
+    most: float = math.inf  # crossings that are recorded, before a trajectory stops
+    since: float = -1.0  # modulus of the time after which they count
+
+
+class Records(NamedTuple):
+    """Records of events, ordered by trajectory and time."""
+
+    trajectory: NDArray[np.int64]  # (K,)
+    which: NDArray[np.int64]  # (K,), numbers of events in the order of code
+    time: FloatArray  # (K,)
+    before: FloatArray  # (K, D)
+    states: FloatArray  # (K, D), after the change; `before` where none acts
+    of_columns: Any = None  # (K, C + 2 D), tau of C columns, f before and after, if there are any
+    derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
+
+
+class Found(NamedTuple):
+    """The result of the engine for B trajectories."""
+
+    states: FloatArray  # (n, B, D), NaN where a solution has ended
+    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
+    steps: NDArray[np.int64]  # (B,)
+    status: NDArray[np.int8]  # (B,)
+    is_stopped: bool = False  # whether `report` ended the run
+    records: Any = None  # `Records` of events, if there are any; of `_of_group` those of `Engine`
+    causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `Cause`, or all unknown
+    grown: NDArray[np.int64] | None = (
+        None  # (B,), see `core.flow.integrator.Motion`; None if all -1
+    )
+    is_good: bool = False  # True if it is known that there is nothing to warn of
+
+
+def nothing_found(starts: FloatArray, count: int) -> Found:
+    """Return what is found of trajectories at `count` times before the first step."""
+    B = len(starts)
+    states = np.full((count, *starts.shape), np.nan)
+    status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
+    records = _in_order([], 1, starts)
+    return Found(states, np.zeros(B), np.zeros(B, np.int64), status, records=records)
+
+
+def right_hand_sides(
+    groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
+) -> list[tuple[Any, Any, FloatArray]]:
+    """Return groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
+
+    `groups` are those of the members of a field of this shape.
+    """
+    if math.prod(shape) == 1:
+        return [(ALL, groups[0].f, groups[0].table[0])]
+    if shape == batch and len(groups) == 1:
+        return [(ALL, groups[0].f, groups[0].table)]
+    found, count = [], math.prod(shape)
+    numbers = np.broadcast_to(np.arange(count).reshape(shape), batch).ravel()
+    for members, f, table in groups:
+        place = np.full(count, -1)
+        place[members] = np.arange(len(members))
+        places = place[numbers]
+        where = np.flatnonzero(places >= 0)
+        if len(where):
+            found.append((where, f, table[places[where]]))
+    return found
+
+
+def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+    """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
+
+    If `report` returns False, states that are not done stay NaN.
+    """
+    B, count = len(starts), len(asked.times)
+    if not B:
+        return nothing_found(starts, count)
+    groups = right_hand_sides(field.right_hand_sides, field.shape, batch)
+    if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
+        for where, f, table in groups:
+            prepare(f, asked.settings, B if where is ALL else len(where), table.ndim > 1)
+    where, f, table = groups[0]
+    if where is ALL:
+        found = _of_group(f, table, starts, asked)
+    else:
+        found = _of_groups(groups, starts, asked)
+    if asked.stops is None:
+        return found
+    return found._replace(records=_in_order(found.records, asked.sign, starts))
+
+
+def _of_group(f: Any, table: FloatArray, starts: FloatArray, asked: Asked) -> Found:
+    """Return what is found of trajectories that share f; `records` are those of the engine."""
+    times, sign, settings, threads, report, stops, most, since = asked
+    B, count, begun = len(starts), threads_for(len(starts), threads), None
+    if report is None and count == 1 and (B == 1 or starts.size <= _FEW):
+        given = f, table, starts, times, sign, settings, stops, most, since
+        states, steps, records, begun = take_few(*given)
+        if begun is None:
+            ends = np.empty(B)
+            ends.fill(np.nan)
+            status = np.zeros(B, np.int8)
+            return Found(states, ends, steps, status, False, records, None, None, True)
+    else:
+        states = np.full((len(times), *starts.shape), np.nan)
+    engine = Engine(f, table, starts, times, sign, settings, states, stops)
+    engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
+    engine.run(count, report, begun)
+    ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
+    causes = _noted(None, Cause.UNKNOWN, B, engine.causes)
+    grown, status = _noted(None, -1, B, engine.grown), status_of(engine.state)
+    others = engine.is_stopped, engine.records, causes, grown
+    return Found(states, ends, engine.steps, status, *others)
+
+
+def _of_groups(groups: Any, starts: FloatArray, asked: Asked) -> Found:
+    """Return what is found of groups of trajectories, as of one."""
+    whole, report, stops = nothing_found(starts, len(asked.times)), asked.report, asked.stops
+    B, done, records, causes, grown = len(starts), 0, [], None, None
+    for where, f, table in groups:
+        own = None if report is None else lambda now, before=done: report(before + now)
+        own_stops = None if stops is None else stops.of(where)
+        part = _of_group(f, table, starts[where], asked._replace(report=own, stops=own_stops))
+        whole.states[:, where], whole.t[where] = part.states, part.t
+        whole.steps[where], whole.status[where] = part.steps, part.status
+        for rows in part.records:
+            numbers = rows[:, 0].view(np.int64)
+            numbers[:] = where[numbers]
+        records += part.records
+        causes = _noted(causes, Cause.UNKNOWN, B, [(where, part.causes)])
+        grown = _noted(grown, -1, B, [(where, part.grown)])
+        done += len(asked.times) * len(where)
+        if part.is_stopped:
+            break
+    return Found(*whole[:4], part.is_stopped, records, causes, grown)
+
+
+def _noted(
+    before: NDArray[np.int64] | None, none: int, B: int, notes: Any
+) -> NDArray[np.int64] | None:
+    """Return notes of B trajectories with those of some, pairs; None as long as there are none."""
+    for where, values in notes:
+        if values is not None:
+            before = np.full(B, none) if before is None else before
+            before[where] = values
+    return before
+
+
+def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
+    """Return records in order, from those of the engine."""
+    D = starts.shape[1]
+    rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
+    if len(starts) > 1:
+        small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times faster
+        order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
+        rows = np.take(rows, order, axis=0)
+    trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
+    if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
+        # Several in a step may be in another order. It takes many times as long.
+        rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
+    trajectory, which = rows[:, :2].view(np.int64).T.copy()
+    before, states, others = (a.copy() for a in np.split(rows[:, 3:], (D, 2 * D), axis=1))
+    return Records(trajectory, which, sign * rows[:, 2], before, states, others)
+
+
+def status_of(state: Any) -> NDArray[np.int8]:
+    """Return the `Status` of trajectories with these states of the engine."""
+    found: NDArray[np.int8] = _STATUS[state]
+    return found
+
+
+def threads_for(B: int, threads: int | None) -> int:
+    """Return how many threads take B trajectories."""
+    return threads or (available() if B > _IN_THREADS else 1)

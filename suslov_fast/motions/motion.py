@@ -1,0 +1,142 @@
+"""`Motion`, the result of `flow`: states at the times that were asked for, and how motions end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies.systems import BodyOrField
+from ..checks import FloatArray, short, wrong
+from ..results.result import OfMotion, States
+from ..results.schema import OF_EVENTS
+from ..status import ended_in_words
+from .event import Event
+from .events import Derivatives, Events, events_of
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(States, OfMotion):
+    """Solutions of the equations of motion at given times: the result of :func:`flow`.
+
+    Attributes
+    ----------
+    states : ndarray(float, shape=(n, ..., D))
+        The states at the n times, in the order of `time`; NaN after the end of a solution.
+        ``np.asarray(motion)`` is the same array, and ``motion["x1"]`` a component.
+    time : ndarray(float, shape=(n,))
+        The times.
+    final : ndarray(float, shape=(..., D))
+        The states at the last of them or, where a terminal event ended the trajectory, there.
+    names : tuple of str
+        Names of the components.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory: OK, or negative if it has no state at the last time.
+    end : ndarray(float, shape=(...))
+        The time at which a solution ends, or up to which it was computed; NaN if it reaches the
+        last time.
+    steps : ndarray(int, shape=(...))
+        Number of steps that were taken; 0 where the solution is exact.
+    events : Events or None
+        What events did, in the order of trajectories and times.
+    derivatives : dict of str to ndarray
+        The derivatives of the states that were asked for. ``motion.derivatives["x0"]`` has the
+        shape (n, ..., D, D); at [..., i, j] is the derivative of component i with respect to
+        component j of x0. By a parameter the shape is (n, ..., D).
+    body, rtol, atol, max_step, stiff
+        The arguments of :func:`flow`.
+
+    Notes
+    -----
+    ``motion.ok`` (...) is True where a solution reaches the last time or its terminal event.
+    ``motion.member(k)`` is the motion of trajectory k alone. Two motions are equal if all
+    attributes are equal; NaN equals NaN. Arrays are read-only, so that a motion stays what was
+    computed: change a copy.
+
+    Examples
+    --------
+    An orbit in a cubic potential, along which the energy is constant:
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field, flow
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> motion = flow(well, [0.9, 0.0], time=np.linspace(0, 20, 101))
+    >>> motion
+    Motion(states: (101, 2), time: 0 to 20, rtol: 1e-09)
+    >>> motion.states[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
+    (array([0.325746, 0.490267]), True)
+    """
+
+    states: FloatArray
+    time: FloatArray
+    body: BodyOrField
+    status: NDArray[np.int8]
+    end: FloatArray
+    steps: NDArray[np.int64]
+    _by: tuple[str, ...] = ()
+    _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
+    events: Events | None = None
+
+    @classmethod
+    def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:
+        parts = {each.name: attributes.pop(f"events.{each.name}") for each in OF_EVENTS}
+        count = attributes.pop("events.count")
+        given = tuple(Event.from_dict(each) for each in about.get("events", ()))
+        motion = cls._of(attributes | {"events": None})
+        if not given and count is None:
+            return motion
+        events = events_of(parts, given, motion)
+        if not np.array_equal(events.count, count):
+            raise wrong("count", "that of the events", short(count.tolist()))
+        return cls._of(attributes | {"events": events})
+
+    def __call__(self, *_: Any) -> Any:
+        raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
+
+    def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
+        attributes = super()._members(index)
+        if self.events is not None:
+            attributes["events"] = Events._of(self.events._members(index))
+        return attributes
+
+    @property
+    def derivatives(self) -> dict[str, FloatArray]:
+        """The derivatives of the states, by what they are with respect to."""
+        found, column = {}, 0
+        for name in sorted(self._by, key=lambda name: name != "x0"):  # the columns by x0 are first
+            width = self.body.dimension if name == "x0" else 1
+            columns = self._derivatives[..., column : column + width]
+            found[name] = np.ascontiguousarray(columns if name == "x0" else columns[..., 0])
+            column += width
+        return Derivatives((name, found[name]) for name in self._by)
+
+    @property
+    def final(self) -> FloatArray:
+        """The states at the last of the times or at terminal events, shape (..., D)."""
+        if self.events is not None:
+            return self.events.final
+        if not len(self.time):
+            raise IndexError("a motion at no times has no final state: pass time=T to flow")
+        return self.states[-1]
+
+    _is_whole = True
+
+    @property
+    def _heading(self) -> tuple[str, str, int]:
+        last = max(self.time, key=abs, default=0.0)
+        return self._titles["title"], f"to t = {last:g}", len(self.time)
+
+    def _in_order(self) -> Motion:
+        order = np.argsort(self.time, kind="stable")
+        return replace(self, states=self.states[order], time=self.time[order])
+
+    def __repr__(self) -> str:
+        time = self.time
+        times = (
+            f"{time[0]:g} to {time[-1]:g}" if len(time) > 1 else " ".join(f"{t:g}" for t in time)
+        )
+        states = f"states: {self.states.shape}"
+        ended = ended_in_words(self.status)
+        return f"Motion({states}, time: {times or 'none'}, rtol: {self.rtol:g}{ended})"

@@ -1,0 +1,181 @@
+"""Arguments of the functions that compute motions, and the warning of those that end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
+from ..core.flow.integrator import Settings
+from ..core.flow.memory import Cause
+from ..core.flow.step_length import MOST_STEPS
+from ..maps.kernel_arguments import flat_arrays
+from ..status import IntegrationWarning, Status
+from .integration import Found
+
+_LEAST, _MOST = 1e-13, 1e-2  # of rtol
+# The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
+# tells whether rtol is given where it means nothing.
+RTOL = float("1e-9")
+# The defaults of arguments that only maps have, and of those that only motions have.
+_OF_MAPS = {"method": "auto"}
+_OF_MOTIONS = Settings(RTOL)._asdict() | {"events": ()}
+_FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
+_ENDS = {
+    Cause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
+    Cause.ESCAPE: "end: they escape to infinity",
+    Cause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
+    Cause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
+    Cause.NO_STATE: "end at a change whose new state, `to`, has no value: it is NaN",
+}
+# What solutions do that stop.
+_CAUSES = {
+    Status.ENDED: _ENDS[Cause.UNKNOWN],
+    Status.SLIDING: (
+        "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
+        "np.tanh(y/width) for np.sign(y), or use two thresholds)"
+    ),
+    Status.TOO_MANY_STEPS: (
+        f"take more than {MOST_STEPS:,} steps, or as many events, from one time to the next (pass "
+        "more times, or a larger rtol)"
+    ),
+    Status.ACCUMULATES: (
+        "have events that follow one another without end, as a ball that comes to rest "
+        "(Event(..., most=n) ends them before)"
+    ),
+    Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
+}
+
+
+def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: Any) -> bool:
+    """Return whether a call is one of a motion, with `time`, or of a map, with `eps` and `steps`.
+
+    `others` are arguments of one of them alone; TypeError if the call has some of the other one.
+    """
+    is_motion = time is not None
+    if not is_motion and (eps is None or steps is None):
+        raise TypeError(
+            f"{name} takes time=T along a motion, or eps and steps along Kahan's map of it"
+        )
+    given = {"eps": eps is not None, "steps": steps is not None} if is_motion else {}
+    for argument, default in (_OF_MAPS if is_motion else _OF_MOTIONS).items():
+        value = others.get(argument, default)
+        given[argument] = value is not default and not (isinstance(value, str) and value == default)
+    checks.left_out("time" if is_motion else "eps and steps", **given)
+    return is_motion
+
+
+def checked_times(value: Any) -> tuple[FloatArray, int]:
+    """Return the times (n,), and whether they are forward, 1, or backward, -1."""
+    time = checks.real_number("time", value)
+    if isinstance(time, float):
+        return np.array([time]), -1 if time < 0.0 else 1
+    if time.ndim > 1:
+        raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
+    numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
+    low, high = min(numbers, default=0.0), max(numbers, default=0.0)
+    if low < 0.0 < high:
+        how = "call flow twice, forward and backward"
+        raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
+    return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
+
+
+def checked_settings(
+    system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
+) -> Settings:
+    """Return what the engine takes, and results keep; TypeError for a `Map`, without motions."""
+    _ = system.has_eps or system.field()  # which raises
+    number = checks.real_number("rtol", rtol)
+    if not isinstance(number, float) or not _LEAST <= number <= _MOST:
+        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    if atol is not None:
+        D = system.dimension
+        atol = checks.real_number("atol", atol)
+        if not isinstance(atol, float) and atol.shape != (D,):
+            raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
+        if np.min(atol) < 0.0:
+            raise wrong("atol", "0 or more", short(float(np.min(atol))))
+        atol = atol if isinstance(atol, float) else tuple(atol.tolist())
+    if max_step is not None:
+        max_step = checks.positive("max_step", max_step)
+    if not (stiff is None or isinstance(stiff, (bool, np.bool_))):
+        raise wrong("stiff", "True, False or None", short(stiff), TypeError)
+    return Settings(number, atol, max_step, None if stiff is None else bool(stiff))
+
+
+def checked_starts(
+    system: Any, x0: Any, others: tuple[int, ...] = ()
+) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return the initial states (B, D), and the batch shape; `others` is that of events."""
+    x = checks.states("x0", x0, system.labels)
+    batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
+    return flat_arrays(x, batch), batch
+
+
+def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
+    """Warn if times begin where a clock does, as if they were its values: they count from x0."""
+    if len(times) < 2 or times[0] == 0.0 or not len(x):
+        return
+    first = float(times[0])
+    if not (x == first).all(axis=0).any():
+        return
+    for clock in field.right_hand_sides[0][1].clocks:
+        if (x[:, clock] == first).all():
+            name = field.labels[clock]
+            checks.warn(
+                f"times count from x0, where {name} is {first:g}: pass time - {first:g} if these "
+                f"are values of {name}"
+            )
+
+
+def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
+    """Warn once of all solutions that stop before the last time, but for starts of NaN."""
+    others = found.t, found.is_stopped, x, batch, found.causes
+    if message := ends_in_words(found.status, *others):
+        checks.warn(message, IntegrationWarning)
+
+
+def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:
+    """Warn once of components that fell near their allowed errors, and grew again."""
+    if found.grown is None:
+        return
+    which = found.grown >= 0
+    index = spell(first_index(which.reshape(batch)))
+    name = names[int(found.grown[int(np.argmax(which))])]
+    checks.warn(
+        f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell near "
+        "its allowed error, or below it, and grew far above it again, perhaps without right "
+        f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
+    )
+
+
+def ends_in_words(
+    statuses: NDArray[np.int8],
+    t: FloatArray,
+    is_stopped: bool,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    causes: NDArray[np.int64] | None = None,
+) -> str:
+    """Return why solutions stop, and when the first ones do; "" if there are none to tell of."""
+    if not np.count_nonzero(statuses):  # all but OK are negative
+        return ""
+    # The closed form has told why it has no state, and then there is no time.
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
+    parts = [(status, statuses == status, text) for status, text in _CAUSES.items()]
+    if causes is not None:
+        is_end = statuses == Status.ENDED
+        ends = [(Status.ENDED, is_end & (causes == k), text) for k, text in _ENDS.items()]
+        parts = ends + parts[1:]
+    for status, which, text in parts:
+        which = which & exists
+        if (status == Status.TOO_MANY_STEPS and is_stopped) or not which.any():
+            continue
+        first = int(np.argmax(which))
+        index = spell(first_index(which.reshape(batch)))
+        count = f"{np.count_nonzero(which)} of {which.size} solutions"
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
+    return "; ".join(texts)

@@ -1,0 +1,299 @@
+"""Periodic orbits of motions, with their Floquet multipliers: `periodic_orbit`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..bodies.systems import System
+from ..checks import FloatArray, short, warn, wrong
+from ..core.expressions.linear_terms import coefficients
+from ..errors import NoConvergence
+from ..fields.base import Body
+from ..fields.field import Field, system_of
+from ..keywords import public
+from . import shooting
+from .event import Event
+from .events import checked_events
+from .motion_arguments import checked_settings
+from .shooting import OfMotion, Shooting
+
+_AT_REST = 1e-6  # part of its size that a state at rest moves in a period
+_DIVISORS = 2, 3, 5, 7, 11, 13
+_MOST_ARCS = 32
+_ROUGH = 1e-8  # tolerance of the search for a near return
+_OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
+_NEARER = "a start nearer to it, as flow(system, start, time={T}).final is if the orbit attracts"
+_FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
+_FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
+
+
+class PeriodicOrbit(NamedTuple):
+    """A periodic orbit: the result of :func:`periodic_orbit`.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, flow, periodic_orbit
+    >>> field = Field.from_hamiltonian(lambda x: (x[0]**2 + x[1]**2) / 2 + x[0]**3, "q p")
+    >>> orbit = periodic_orbit(field, [0.1, 0.0], period=6.3)
+    >>> motion = flow(field, orbit.state, time=orbit.period, rtol=1e-12)
+    >>> bool(abs(motion.states[-1] - orbit.state).max() < 1e-11)
+    True
+    """
+
+    state: FloatArray
+    """A state of the orbit, shape (D,)."""
+    period: float
+    """The period."""
+    multipliers: NDArray[np.complex128]
+    """Floquet multipliers, eigenvalues of the derivative of the motion over a period, by modulus.
+
+    Shape (D,), less those of variables of constant rates, such as time, as for
+    :func:`lyapunov_exponents`."""
+    residual: float
+    """How far the end of the orbit, or of one of its arcs, is from the start of the next.
+
+    The largest modulus of a component over that of the states."""
+
+
+@public
+def periodic_orbit(
+    system: System,
+    start: ArrayLike,
+    /,
+    period: float | None = None,
+    *,
+    rtol: float = 1e-12,
+    events: Event | Sequence[Event] = (),
+) -> PeriodicOrbit:
+    """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
+
+    A system with an integral, such as an energy, has families of periodic orbits, of which it finds
+    a member near `start`, not that of its energy: the farther `period` is off, the farther away.
+
+    Newton's method solves for the state and the period together, along the motion as :func:`flow`
+    computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
+    period, the orbit is divided into arcs that are solved for together (multiple shooting). The
+    state that is returned is where the motion is slow if it is much faster at `start`, as on the
+    jump of a relaxation cycle. A rest state of a forced system is found, too: its multipliers say
+    whether it is stable.
+
+    Parameters
+    ----------
+    system : Field, Suslov3D, SuslovND or callable
+        A single field or body, or a function as in :func:`flow`.
+    start : array_like(float, shape=(D,))
+        A state near the orbit.
+    period : float, optional
+        The approximate period; by default the time after which the motion from `start` returns to
+        it nearly. If the equations depend on time, a variable with a constant rate, the period is
+        that of the force, which has to be given, and is kept.
+    rtol : float
+        The tolerance of :func:`flow`.
+    events : Event or sequence of Event
+        Events at surfaces, see :class:`Event`: bouncing, walking, spiking cycles.
+        The state that is returned lies between two of them.
+
+    Returns
+    -------
+    PeriodicOrbit
+        A named tuple of `state` (D,), `period`, `multipliers` and `residual`. The multipliers are
+        complex and sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Unless the
+        equations depend on time, one of them is 1 up to the error of the method.
+
+    Raises
+    ------
+    NoConvergence
+        If there is no periodic orbit near `start` and `period`; the message says what was found
+        instead: an equilibrium, or a motion that ends.
+    TypeError, ValueError
+        If an argument is out of range, the system has no steps, or the equations depend on time and
+        `period` is left out, or is none of the force.
+
+    Warns
+    -----
+    UserWarning
+        If the period is a multiple of a shorter one, if period and orbit are far from the given
+        ones, or if the orbit is a member of a family: more multipliers are 1 than the one of the
+        flow and those of known integrals, the Hamiltonian of `Field.from_hamiltonian` and linear
+        ones. A force that is written as states has such a family, of all its amplitudes.
+
+    Examples
+    --------
+    The shortest periodic orbit of Roessler's system, whose period is 5.8810884555:
+
+    >>> from suslov_fast import Field, periodic_orbit
+    >>> roessler = Field(
+    ...     lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), 3
+    ... )
+    >>> orbit = periodic_orbit(roessler, [0.0, -8.4, 0.03])
+    >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
+    (5.881088456, -2.403954)
+    """
+    body: Any = system_of(system, start)
+    checks.instance("system", body, Body)
+    acting = checked_events(events)
+    if any(event.times is not None for event in acting):
+        how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
+        raise wrong("events", "events at surfaces", f"times: {how}")
+    x = _checked_start(body, start)
+    checked_settings(body, rtol)
+    field = body.field()
+    motion = OfMotion(field, x, rtol, acting)
+    T = _checked_period(field, motion, x, period, acting)
+    with np.errstate(all="ignore"):
+        x = motion.between_changes(x, T)
+        search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
+        if found := _not_an_orbit(search, T):
+            how = "a start nearer to the orbit, a nearer period, or a larger rtol"
+            raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
+    if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
+        found = f"{search.T:g}, far from {T:g}, and is far from the start"
+        warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
+    return _result(search, _integrals(body))
+
+
+def _checked_start(system: Any, start: Any) -> FloatArray:
+    x = checks.states("start", start, system.labels)
+    if system.shape or x.ndim > 1:
+        expected = f"called with a single {type(system).__name__} and state"
+        received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
+        raise wrong("periodic_orbit", expected, received)
+    if not np.isfinite(x).all():
+        raise wrong("start", "finite", short(start))
+    return np.array(x)
+
+
+def _checked_period(
+    field: Any, motion: OfMotion, x: FloatArray, period: Any, events: tuple[Event, ...]
+) -> float:
+    """Return the period that is given, or the time of a near return."""
+    if period is not None:
+        T = checks.positive("period", period)
+        if motion.is_forced and not _is_of_force(field, motion, x, T):
+            expected = "a time after which the force is the same, to six digits or more"
+            raise wrong("period", expected, period)
+        return T
+    if motion.is_forced:
+        name = field.names[motion.clocks[0]]
+        expected = f"given, because the equations depend on {name}, which has a constant rate"
+        raise wrong("period", expected, None)
+    with np.errstate(all="ignore"):
+        near, last = _near_return(field, x, motion.settings.rtol, events)
+    if near is not None:
+        return near
+    start = short(x.tolist())
+    if not motion.rate[~motion.drifts].any():
+        raise NoConvergence(f"periodic_orbit: start is the equilibrium {start}")
+    if (rest := _rest(field, motion, x, last)) is not None:
+        found = f"the motion from start = {start} falls to the equilibrium {short(rest.tolist())}"
+        raise NoConvergence(f"periodic_orbit: {found}: pass a start nearer to an orbit")
+    found = f"the motion from start = {start} does not return near it until t = {last:g}"
+    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
+
+
+def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArray | None:
+    """Return the state at which a motion ends at rest, or None."""
+    own = ~motion.drifts
+    with np.errstate(all="ignore"):
+        end = motion.states(x, np.array([last]))[0]
+        rate = abs(field(end))[own].max()
+    # In the time until then, such a rate moves it by less than a part of its way.
+    is_at_rest = rate * last <= _AT_REST * abs(end - x)[own].max()
+    return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
+
+
+def _near_return(
+    field: Any, x: FloatArray, rtol: float, events: tuple[Event, ...] = ()
+) -> tuple[float | None, float]:
+    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH), events), x)
+
+
+def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
+    """Return whether f and events are the same a period later, at states of the motion."""
+    with np.errstate(all="ignore"):
+        states = motion.states(x, period * _FRACTIONS)
+    later = states + np.where(motion.drifts, period * motion.rate, 0.0)
+    pairs = [tuple(field(each).T for each in (states, later))]
+    pairs.append(tuple(motion.of_changes(each) for each in (states, later)))
+    now, then = (np.concatenate(each) for each in zip(*pairs, strict=True))
+    differ = abs(then - now).max(axis=1)
+    return not (differ > _OF_FORCE * abs(now).max(axis=1)).any()  # where there is a number
+
+
+def _at_rest(search: Shooting, given: float) -> str | None:
+    """Return what was found, if it does not move."""
+    x, own = search.nodes[0], ~search.drifts
+    size, T, state = search.largest, search.T, short(x.tolist())
+    rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
+    is_forced = search.flow.is_forced
+    if is_forced or not rate <= _AT_REST * size:
+        return None
+    if rate * max(given / T, 1.0) <= _AT_REST * size:
+        return f"the equilibrium {state}"
+    return f"periods that tend to 0 at the state {state}"
+
+
+def _not_an_orbit(search: Shooting, given: float) -> str | None:
+    """Return what was found, if that is no periodic orbit."""
+    if (found := _at_rest(search, given)) or search.is_found:
+        return found
+    if not np.isfinite(search.residual):
+        return "no orbit, because the motion from start ends within the period"
+    return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
+
+
+def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
+    x, T, own = search.nodes[0], search.T, ~search.drifts
+    product = np.eye(int(own.sum()))
+    with np.errstate(all="ignore"):
+        for slopes in search.arcs.slopes:
+            product = slopes[np.ix_(own, own)] @ product
+    if not np.isfinite(product).all():
+        found = f"an orbit of period {T:g} whose multipliers exceed the range of float64"
+        raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
+    if not search.flow.is_forced:
+        _warn_of_divisors(search)
+    _warn_of_families(search, known)
+    values = np.linalg.eigvals(product).astype(complex)
+    order = np.lexsort((-values.imag, -abs(values)))
+    return PeriodicOrbit(x, float(T), values[order], search.residual)
+
+
+def _integrals(system: Any) -> int | None:
+    """Return the number of integrals that are known of a field; None for a body, which has some."""
+    if not isinstance(system, Field):
+        return None
+    [(_, f, table)] = system.listed_right_hand_sides
+    own = [i for i in range(f.D) if i not in f.steady]
+    [C] = coefficients(f, table)[:, own]
+    linear = len(own) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(own)
+    return linear + system.is_hamiltonian
+
+
+def _warn_of_families(search: Shooting, known: int | None) -> None:
+    """Warn if orbits near by are periodic, too, though no known integral tells them apart."""
+    phase = 0 if search.flow.is_forced else 1
+    if known is None or search.freedom <= phase + known:
+        return
+    how = "write a force as a function of a time t with t' = 1, not of states"
+    warn(f"periodic_orbit found a member of a family, which start and period choose: {how}")
+
+
+def _warn_of_divisors(search: Shooting) -> None:
+    """Warn if the orbit returns after a fraction of the period."""
+    x, T, own = search.nodes[0], search.T, ~search.drifts
+    around = search.arcs.ends if len(search.nodes) > 1 else search.flow.states(x, T * _FRACTIONS)
+    extent, turns, found = abs(around - x)[:, own].max(), 1, [1]
+    while found:
+        turns *= found[-1]
+        ends = search.flow.states(x, T / (turns * np.array(_DIVISORS)))
+        returns = abs(ends - x)[:, own].max(axis=1) < 1e-6 * extent
+        found = [k for k, is_back in zip(_DIVISORS, returns, strict=True) if is_back]
+    if turns > 1:
+        text = f"period: {T:g} is {turns} times the shorter period {T / turns:g}"
+        warn(f"{text}; pass period={T / turns:g} for one turn")

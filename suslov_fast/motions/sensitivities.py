@@ -1,0 +1,102 @@
+"""Derivatives of motions by starts and parameters, as columns beside the states.
+
+Columns are scaled by powers of 2 to the size of the states, with which they share an error: those
+by starts with the size of the start, those by a parameter with the size of its value.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray
+from ..core.expressions.variational import variational
+from ..core.flow.integrator import Settings
+from ..fields.right_hand_sides import OfMembers
+from ..maps.kernel_arguments import flat_arrays
+
+
+@dataclass
+class WithColumns:
+    """The attributes of a field that `integration.solve` reads, for states beside columns."""
+
+    shape: tuple[int, ...]
+    right_hand_sides: list[OfMembers]
+
+
+class Columns:
+    """The columns of a batch of trajectories x (B, D) of a field.
+
+    field, settings  to compute the motion with, in place of the field and its settings
+    starts           (B, D + D C) for C columns
+
+    `groups` are the right-hand sides of members, if they are not those of the field itself.
+    """
+
+    def __init__(
+        self,
+        field: Any,
+        x: FloatArray,
+        batch: tuple[int, ...],
+        by_starts: bool,
+        parameters: tuple[str, ...],
+        settings: Settings,
+        groups: list[OfMembers] | None = None,
+    ) -> None:
+        B, self.D = x.shape
+        if groups is None:
+            groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
+        self.count = self.D * by_starts + len(parameters)
+        values = [field.arrays[name] for name in parameters]
+        sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
+        tables = []
+        for members, f, table in groups:
+            own = variational(f, self.count)
+            scales = [np.ravel(size)[members] for size in sizes]
+            tables.append(OfMembers(members, own, np.column_stack([table, *scales])))
+        self.field = WithColumns(field.shape, tables)
+        of_starts = _power_of_2(abs(x).max(axis=1))
+        self.scales = np.empty((B, self.count))
+        self.starts = np.zeros((B, self.D * (1 + self.count)))
+        self.starts[:, : self.D] = x
+        columns = self.starts[:, self.D :].reshape(B, self.count, self.D)
+        if by_starts:
+            self.scales[:, : self.D] = of_starts[:, np.newaxis]
+            columns[:, : self.D] = of_starts[:, np.newaxis, np.newaxis] * np.eye(self.D)
+        for k, size in enumerate(sizes, self.D * by_starts):
+            self.scales[:, k] = flat_arrays(size[..., np.newaxis], batch)[:, 0]
+        self.settings = settings
+        if isinstance(settings.atol, tuple):
+            self.settings = settings._replace(atol=settings.atol * (1 + self.count))
+
+    def parted(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return states (n, B, D), and derivatives (n, B, D, C) by all that columns stand for."""
+        n, B, _ = states.shape
+        columns = states[..., self.D :].reshape(n, B, self.count, self.D)
+        columns = columns.swapaxes(2, 3) / self.scales[:, np.newaxis]
+        return np.ascontiguousarray(states[..., : self.D]), columns
+
+    def of_records(self, records: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return derivatives of the times of events (K, C), and of states before and after.
+
+        An event of a solution dx away comes tau earlier, dt = -tau, and the state at it moves by
+        v - f tau for the column v; states have the shape (K, D, C).
+        """
+        D, C, K = self.D, self.count, len(records.time)
+        scales = self.scales[records.trajectory]
+        others = records.of_columns if K else np.empty((0, C + 2 * D))
+        tau, *rates = np.split(others, (C, C + D), axis=1)
+        states = []
+        for x, f in zip((records.before, records.states), rates, strict=True):
+            columns = x[:, D:].reshape(K, C, D) - tau[..., np.newaxis] * f[:, np.newaxis]
+            states.append((columns / scales[..., np.newaxis]).swapaxes(1, 2))
+        return (0.0 - tau) / scales, states[0], states[1]
+
+
+def _power_of_2(values: FloatArray) -> FloatArray:
+    """Return powers of 2 near values, 1 for 0 and NaN."""
+    moduli = abs(np.asarray(values, np.float64))
+    with np.errstate(divide="ignore"):
+        return np.where(moduli > 0.0, np.exp2(np.round(np.log2(moduli))), 1.0)

@@ -1,0 +1,309 @@
+"""Growth of tangent vectors along motions: variational equations, decomposed from time to time.
+
+Columns of V grow, or turn to the direction that grows fastest. A segment of time ends before they
+lose their digits; then V = Q R, logarithms of the diagonal of R are added up, and Q goes on. Each
+trajectory has lengths of its own, T / 2**m, so that its bits do not depend on others.
+
+Where rates of decay are far apart, as of stiff equations, segments would be a few e-folds of the
+second fastest one. There an orthonormal frame takes the place of the columns (`orthonormal_frame`):
+its segments end before it loses its angles.
+
+A change of the state may take a direction away, as one that sets a component to a number: then a
+column has no digits left even after the shortest segment with it, and is dead, with the exponent
+-inf.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core.expressions.event_formulas import Act, components_of
+from ..core.expressions.orthonormal_frame import SHIFT, with_frame
+from ..core.expressions.variational import variational
+from ..core.flow.integrator import Motion as Engine, Stops, counted_from_start
+from ..fields.right_hand_sides import with_changes
+from ..maps.kernel_arguments import ALL
+from ..status import Status
+from .integration import Asked, Found, nothing_found, right_hand_sides, status_of
+
+_MOST = 40  # m of the shortest segment
+_UNITS = 2**_MOST  # of a phase, the lengths of this segment
+_ROOM = 8.0  # of the first segment: its length times the size of f'
+# The diagonal of R in a segment: the least part of its largest entry, and of 1, because errors are
+# `rtol` times the largest columns so far; and the largest entry.
+_LEAST, _LARGEST = 2.0**-10, 2.0**300
+_OF_ALL = 2.0**-6  # part of all directions in each of the first columns
+_DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment has no digits
+_NO_DIGITS = 2.0**-48  # of a column of length 1, which the rounding of a change leaves alone
+_OF_PROGRESS = 1000  # parts of the time
+# Segments after which a trajectory has a frame, if they are less than a part of the time; most
+# components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
+_FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
+# With events: part of the transient and of a phase, which segments end at first. They should not
+# end where a state comes from a surface, because they begin without memory, and events often act
+# at simple parts of the time.
+_LESS, _FIRST = 1.0 - 2.0**-20 / np.pi, 1.0 / np.e
+
+
+def exponents_of(
+    field: Any,
+    starts: FloatArray,
+    batch: tuple[int, ...],
+    asked: Asked,
+    transient: float,
+    acts: tuple[Act, ...],
+) -> tuple[FloatArray, Found]:
+    """Return exponents (B, n) over the time that is asked, the largest first, and ends.
+
+    n counts the components whose rate is not constant in some member, or that a change sets.
+    `acts` are events, in the order of code.
+    """
+    (time,), report, stops = asked.times.tolist(), asked.report, asked.stops
+    found = nothing_found(starts, 0)
+    members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
+    groups = right_hand_sides(members, field.shape, batch)
+    changed = {i for act in acts for i in components_of(act)}
+    drifting = [{*f.steady} - changed for _, f, _ in groups]
+    left_out = [*set.intersection(*drifting)] if groups else []
+    moving = np.setdiff1d(np.arange(field.dimension), left_out)
+    exponents = np.full((len(starts), len(moving)), np.nan)
+    if not len(moving):
+        found.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
+        return exponents, found
+    transient *= _LESS if acts else 1.0
+    total, before = transient + time, 0.0
+    for where, f, table in groups:
+        x, count = starts[where], len(starts[where])
+        own = stops if stops is None or where is ALL else stops.of(where)
+        run = _Run(f, table, x, moving, asked._replace(stops=own))
+
+        share = count / max(len(starts), 1) / total
+
+        def told(done: float, share: float = share, before: float = before) -> bool:
+            return report is None or report(int(_OF_PROGRESS * (before + share * done)))
+
+        goes_on = transient == 0.0 or run.over(transient, told)
+        run.begin()
+        goes_on = goes_on and run.over(time, partial(_later, told, transient))
+        exponents[where] = run.exponents()
+        found.t[where], found.status[where] = run.t, run.status
+        before += share * total
+        if not goes_on:
+            break
+    return exponents, found
+
+
+def _later(told: Callable[[float], bool], before: float, done: float) -> bool:
+    return told(before + done)
+
+
+def _slowest_first(slopes: FloatArray) -> FloatArray:
+    """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
+
+    A column in a fast direction that no other mode reaches would stay there, and every segment
+    would be a few of its e-folds. So would a column in a direction that is the slowest at the start
+    alone, for a long time: each column has a small part of all directions.
+    """
+    rates, modes = np.linalg.eig(slopes)
+    order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
+    columns = np.where(rates.imag[:, np.newaxis] < 0.0, modes.imag, modes.real)
+    columns = np.take_along_axis(columns, order, axis=-1)
+    n = slopes.shape[-1]
+    return np.linalg.qr(columns + _OF_ALL * np.cos(1.0 + np.arange(n * n)).reshape(n, n))[0]
+
+
+class _Run:
+    """Trajectories with tangent vectors; `over` goes on by a phase of time."""
+
+    def __init__(
+        self,
+        f: Any,
+        table: FloatArray,
+        x: FloatArray,
+        moving: NDArray[np.int64],
+        asked: Asked,
+    ) -> None:
+        self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
+        self.settings, self.threads, self.stops = asked.settings, asked.threads, asked.stops
+        self.n = len(self.moving)
+        self.tangent = variational(f, self.n, True)
+        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)
+        self.has_frames = np.full(len(x), has_frames)
+        self.count = np.zeros(len(x), np.int64)  # of segments
+        self.passed = np.zeros(len(x), np.int64)  # times of events
+        slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
+        slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
+        slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
+        self.Q = _slowest_first(slopes)
+        self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
+        self.t = np.zeros(len(x))
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the sums."""
+        B = len(self.x)
+        self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
+        self.dead = np.zeros((B, self.n), bool)
+
+    def over(self, time: float, told: Callable[[float], bool]) -> bool:
+        """Take a phase; return False if `told`, which takes the time that is done, ended it."""
+        if self.stops is None:
+            return self._over(time, told)
+        first = _FIRST * time
+        return self._over(first, told) and self._over(time - first, partial(_later, told, first))
+
+    def _over(self, time: float, told: Callable[[float], bool]) -> bool:
+        """Take a phase, or a part of it, in segments of this time by powers of 2."""
+        at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
+        self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
+        while (active := (self.status == Status.OK) & (at < _UNITS)).any():
+            is_slow = (self.count >= _FEW) & (at < _PART * _UNITS)
+            by_frame = self.has_frames & (by_frame | is_slow)
+            for take, own in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
+                for m in np.unique(level[active & own]):
+                    which = np.flatnonzero(active & own & (level == m))
+                    is_good, is_easy = take(which, time * 2.0**-m, m == _MOST)
+                    at[which[is_good]] += _UNITS >> m
+                    level[which[~is_good]] += 1
+                    fits = at[which] % (_UNITS >> m << 1) == 0
+                    level[which[is_easy & fits & (m > 0)]] -= 1
+            if not told(time * float(at.mean()) / _UNITS):
+                return False
+        return True
+
+    def _first_levels(self, time: float) -> NDArray[np.int64]:
+        """Return m for the first segments."""
+        slopes = self.f.jacobian(self.x.T, self.table.T)
+        size = abs(slopes).sum(axis=1).max(axis=0) * np.ones(len(self.x))
+        size = np.where(np.isfinite(size), np.maximum(time * size / _ROOM, 1.0), 1.0)
+        return np.minimum(np.ceil(np.log2(size)), _MOST).astype(np.int64)
+
+    def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
+        """Take a segment; return where it was not too long, and where it may be longer.
+
+        With `is_last` there is no shorter one.
+        """
+        D, n, K = self.f.D, self.n, len(which)
+        sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
+        start = np.zeros((K, self.tangent.D))
+        start[:, :D] = self.x[which]
+        columns = start[:, D:-2].reshape(K, n, D)
+        columns[:, :, self.moving] = self.Q[which].transpose(0, 2, 1) * sizes[:, None, None]
+        start[:, -2] = sizes
+        states = np.full((1, K, self.tangent.D), np.nan)
+        table = self.table if self.table.ndim == 1 else self.table[which]
+        arguments = self.tangent, table, start, np.array([length]), 1, self.settings, states
+        engine = Engine(*arguments, self._stops_of(which))
+        engine.run(self.threads)
+        (end,), status = states, status_of(engine.state)
+        ended = status != Status.OK
+        columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
+        V = columns.transpose(0, 2, 1) / sizes[:, None, None]
+        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
+        Q, R = np.linalg.qr(V)
+        diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
+        is_changed, passed = self._changes_of(engine, K)
+        lives = ~self.dead[which]
+        largest = diagonal.max(axis=1, where=lives, initial=0.0)
+        matters = lives.copy()  # the trace of f' tells of the last column, without a change
+        matters[:, -1] &= is_changed | ~lives.all(axis=1)
+        least = diagonal.min(axis=1, where=matters, initial=np.inf)
+        part = least / np.maximum(largest, 1.0)
+        # With events, columns may have become infinite in place of the state.
+        is_end = ended & (is_last | (self.stops is None))
+        self.status[which[is_end]] = status[is_end]
+        self.t[which[is_end]] += engine.t[is_end]
+        is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
+        go = which[is_good]
+        with np.errstate(all="ignore"):
+            logs = np.log(diagonal[is_good])
+            of_trace = end[is_good, -1] / sizes[is_good] - logs[:, :-1].sum(axis=1)
+        logs[:, -1] = np.where(matters[is_good, -1], logs[:, -1], of_trace)
+        self.logs[go] += np.where(lives[is_good], logs, 0.0)
+        self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.passed[go] += passed[is_good]
+        self.count[go] += 1
+        self.duration[go] += length
+        self.t[go] += length
+        if is_last and self.stops is not None:
+            least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
+            dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
+            for k in np.flatnonzero(dies.any(axis=1)):
+                self._bury(which[k], dies[k], V[k])
+        return is_good, is_good & (part * part > _LEAST)
+
+    def _segment_of_frame(
+        self, which: NDArray[np.int64], length: float, is_last: bool
+    ) -> tuple[Any, Any]:
+        """Take a segment with frames; return as `_segment`.
+
+        Where it does not reach its end there are no frames any more.
+        """
+        D, n, K = self.f.D, self.n, len(which)
+        frame = with_frame(self.f, tuple(self.moving.tolist()))
+        table = self.table if self.table.ndim == 1 else self.table[which]
+        table, x, starts = counted_from_start(self.f, table, self.x[which])
+        start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
+        start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
+        table = np.ascontiguousarray(frame.table_of(table.T).T)
+        engine = Engine(frame, table, start, np.array([length]), 1, self.settings, states)
+        engine.run(self.threads)
+        (end,), ended = states, status_of(engine.state) != Status.OK
+        if starts is not None:
+            end[:, [*self.f.offsets]] += starts
+        V = end[:, D:-n].reshape(K, n, n) - SHIFT
+        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
+        off = abs(V.transpose(0, 2, 1) @ V - np.eye(n)).max(axis=(1, 2))
+        Q, R = np.linalg.qr(V)
+        self.has_frames[which[ended]] = False
+        most = _OFF * self.settings.rtol
+        is_good = ~ended & (is_last | (off <= most))
+        go = which[is_good]
+        diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
+        self.logs[go] += end[is_good, -n:] + np.log(diagonal[is_good])
+        self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.duration[go] += length
+        self.t[go] += length
+        return is_good, is_good & (4.0 * off <= most)
+
+    def _stops_of(self, which: NDArray[np.int64]) -> Stops | None:
+        """Return the times of events that are left, counted from here."""
+        if self.stops is None or not self.stops.times.size:
+            return self.stops
+        both = self.stops.times, self.stops.which
+        times, numbers = (np.broadcast_to(a, (len(self.x), a.shape[1])) for a in both)
+        times, numbers, passed = times[which], numbers[which], self.passed[which, np.newaxis]
+        is_left = np.arange(times.shape[1]) >= passed
+        times = np.where(is_left, np.maximum(times - self.t[which, np.newaxis], 0.0), np.inf)
+        order = np.argsort(times, axis=1, kind="stable")
+        return Stops(np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1))
+
+    def _changes_of(self, engine: Engine, K: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Return where events have acted, and how many at given times, of all."""
+        if self.stops is None:
+            return np.zeros(K, bool), np.zeros(K, np.int64)
+        rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
+        trajectory, number = rows.copy().view(np.int64).T
+        at_times = trajectory[number >= self.f.changes.surfaces]
+        return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
+
+    def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
+        """Let columns of trajectory k be dead, and the last ones, which others do not depend on."""
+        self.dead[k] |= dies
+        order = np.argsort(self.dead[k], kind="stable")
+        self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]
+        self.Q[k] = np.linalg.qr(V[:, order])[0]
+
+    def exponents(self) -> FloatArray:
+        """Return the mean rates."""
+        logs = np.where(self.dead, -np.inf, self.logs)
+        with np.errstate(all="ignore"):
+            rates = logs / self.duration[:, np.newaxis]
+        rates[self.status != Status.OK] = np.nan
+        return -np.sort(-rates, axis=1)

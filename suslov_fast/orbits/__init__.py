@@ -1,0 +1,1 @@
+"""Orbits of maps: `step`, `iterate`, and their result."""

@@ -1,0 +1,166 @@
+"""`Trajectories`, the result of `iterate`: states, statuses, and methods that go on from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import kahan
+from ..bodies.systems import MapOrField
+from ..checks import FloatArray, one_of, wrong
+from ..core.maps.stages import WHOLE
+from ..keywords import public
+from ..maps import Discretization
+from ..maps.batch import March, Progress, reporter
+from ..results.failures import ON_SINGULAR, OnSingular, report_failures
+from ..results.result import States, in_short, read_only
+from ..status import first_beyond
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectories(States):
+    """Orbits of a batch, with the status of each: the result of :func:`iterate`.
+
+    Attributes
+    ----------
+    states : ndarray(float, shape=(n_saved, ..., D))
+        The saved states; NaN from the first one that does not exist. ``np.asarray(run)`` is the
+        same array, and ``run["x1"]`` a component.
+    n, time : ndarray
+        Step numbers (n_saved,) and times of the saved states.
+    body, eps, method, steps, save_every
+        The arguments of :func:`iterate`; eps is 1 for a :class:`Map`.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory; negative if it failed.
+    failed_at : ndarray(int, shape=(...))
+        If a trajectory failed, the number of the first state that does not exist; if its status is
+        PASSED_POLE, the number of the first state beyond the pole; else -1.
+    first_pole : ndarray(int, shape=(...))
+        The number of the first state beyond a pole, also if the trajectory failed later; -1 if no
+        pole was found.
+    valid : ndarray(bool, shape=(n_saved, ...))
+        True for the saved states before the first failure or pole.
+    final : ndarray(float, shape=(..., D))
+        The state after the last step, saved or not.
+    attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
+        Rotation matrices from body to space at the saved states, if requested.
+
+    Notes
+    -----
+    ``run.states[k]`` are the states saved as number k, and ``run.member(k)`` is the run of
+    trajectory k alone. Two runs are equal if
+    all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run stays what was
+    computed: change a copy, ``run.states.copy()``.
+
+    Examples
+    --------
+    By how much do the energy and the modified energy of an orbit vary?
+
+    >>> import numpy as np
+    >>> from suslov_fast import Field, iterate
+    >>> well = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, "q p")
+    >>> orbit = iterate(well, [0.9, 0.0], eps=0.1, steps=1000)
+    >>> orbit
+    Trajectories(states: (1001, 2), n: 0, 1 ... 1000, eps: 0.1, failed: 0 of 1)
+    >>> f"{np.ptp(orbit.energy()):.0e}", bool(np.ptp(orbit.modified_energy()) < 1e-14)
+    ('2e-03', True)
+    """
+
+    states: FloatArray
+    eps: float | FloatArray
+    body: MapOrField
+    map: Discretization
+    status: NDArray[np.int8]
+    failed_at: NDArray[np.int64]
+    first_pole: NDArray[np.int64]
+    final: FloatArray
+    method: str
+    steps: int
+    save_every: int | None
+    attitude: FloatArray | Any = None  # `Any`, so that type checkers ask for no test of None
+
+    @property
+    def _is_whole(self) -> bool:
+        return bool(self.n[-1] == len(self.states) - 1)
+
+    @property
+    def _heading(self) -> tuple[str, str, int]:
+        from ..results.figures import titled
+
+        N = int(self.n[-1])
+        return titled(self), f"of {N:,} steps", N + 1
+
+    @cached_property
+    def n(self) -> NDArray[np.int64]:
+        """Step numbers of the saved states, shape (n_saved,): 0, save_every, 2 save_every, ..."""
+        if self.save_every is None:
+            return read_only(np.array([self.steps]))
+        return read_only(self.save_every * np.arange(self.steps // self.save_every + 1))
+
+    @property
+    def time(self) -> FloatArray:
+        """Times n eps of the saved states, shape (n_saved,), or (n_saved, ...) if eps varies."""
+        n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
+        return read_only(n * np.asarray(self.eps))
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """True for saved states before the first failure or pole, shape (n_saved, ...).
+
+        All states of a trajectory with the status SUPERCRITICAL are valid.
+        """
+        n = self.n.reshape(-1, *(1,) * self.status.ndim)
+        return read_only(n < first_beyond(self.failed_at, self.first_pole))
+
+    @public
+    def modified_energy(self) -> FloatArray:
+        """Return the modified energy (n, ...), as :func:`kahan.modified_energy` does."""
+        if self.map.stages is not WHOLE:
+            how = "use energy, which varies along orbits of higher order"
+            raise wrong("method", "'auto'", f"{self.method!r}: {how}", TypeError)
+        body: Any = self.body  # a `Map` raises
+        return kahan.modified_energy(body, self.states, self.eps)
+
+    def __repr__(self) -> str:
+        n = self.n
+        steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
+        states = f"states: {self.states.shape}"
+        return f"Trajectories({states}, n: {steps}, {in_short(self)})"
+
+
+def run_to_end(
+    march: March,
+    method: str,
+    steps: int,
+    save_every: int | None,
+    on_singular: OnSingular,
+    progress: Progress,
+) -> Trajectories:
+    """Take a march to state `steps`, and return its run."""
+    one_of("on_singular", on_singular, ON_SINGULAR)
+    with reporter(progress, steps) as report:
+        saved, turns = march.to(steps, save_every or 0, report=report)
+    steps = march.n  # fewer, if `progress` ended the run
+    problem = march.problem
+    run = Trajectories._of(
+        {
+            "states": saved,
+            "eps": problem.eps,
+            "body": problem.body,
+            "map": problem.map,
+            "status": march.status,
+            "failed_at": march.failed_at,
+            "first_pole": march.first_pole,
+            "final": march.final,
+            "method": method,
+            "steps": steps,
+            "save_every": save_every,
+            "attitude": turns,
+        }
+    )
+    report_failures(run, march, on_singular)
+    return run

@@ -1,0 +1,1 @@
+"""Results: their arrays, files, datasets and figures."""

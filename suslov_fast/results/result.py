@@ -1,0 +1,444 @@
+"""The base of results: read-only arrays, equality, names, files, plots and datasets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, integer, short, warn, wrong
+from ..keywords import lacking, public
+from ..status import count_in_words
+from ..words import answer
+from .schema import OF_KIND
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+T = TypeVar("T", bound=np.generic)
+
+
+class Result:
+    """The base of the results of runs, frozen dataclasses whose arrays are read-only.
+
+    Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.
+    """
+
+    states: FloatArray
+    body: Any
+    status: Any
+    called: ClassVar[str] = "a run"  # in messages
+
+    @property
+    def _titles(self: Any) -> dict[str, str]:
+        """The attributes of datasets that say what this is; titles of plots begin with them."""
+        if (map := vars(self).get("map")) is None:
+            return {"title": f"Motion of a {type(self.body).__name__}"}
+        return {"title": map.title, "map": map.name}
+
+    @property
+    def _meaning(self) -> str:
+        return "state" if self.body.variable == "x" else "angular velocity"
+
+    def __post_init__(self) -> None:
+        """Make arrays read-only: views of them, because a caller may go on writing to their own."""
+        arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
+        vars(self).update({k: read_only(array.view()) for k, array in arrays.items()})
+
+    def __getstate__(self: Any) -> dict[str, Any]:
+        """Return the fields, without cached properties."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        """Set the attributes of a new or unpickled result, whose arrays are in no other hands."""
+        for value in attributes.values():
+            if type(value) is np.ndarray:
+                # `write`, by position twice as fast
+                value.setflags(False)  # type: ignore[call-arg]
+        object.__setattr__(self, "__dict__", attributes)
+
+    @classmethod
+    def _of(cls, attributes: dict[str, Any]) -> Self:
+        """Return a result with these attributes, whose arrays are in no other hands."""
+        result = cls.__new__(cls)
+        result.__setstate__(attributes)  # faster than a call of the class
+        return result
+
+    @classmethod
+    def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Self:
+        """Return the result in a file, of its arrays and of what it tells about them."""
+        return cls._of(attributes)
+
+    def __eq__(self: Any, other: object) -> bool:
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        names = [item.name for item in fields(self) if item.compare]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the components of a state."""
+        return tuple(self.body.labels)
+
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
+            if "body" not in vars(self):
+                raise AttributeError(name)
+            here = ""
+            labels = {label.lower(): label for label in self.body.labels}
+            plain = name.lower().replace("_", "")
+            if plain not in labels and not answer(name, dir(self)):
+                plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
+            if plain in labels:
+                here = f"run[{labels[plain]!r}], or run.states for all"
+            elif name in ("omega", "x"):
+                here = "run.states"
+            if name in self.body.parameters:
+                here = f"run.body.parameters[{name!r}]"
+            raise lacking(self, name, here)
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name != "called"]
+
+    def __getitem__(self, name: str | Sequence[str]) -> FloatArray:
+        """Return a component of the states by its name, or several."""
+        names = [name] if isinstance(name, str) else name
+        if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) for each in names):
+            label, how = self.body.labels[0], "run.states[k], or run.member(k) for one trajectory"
+            raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
+        labels = self.body.labels
+        for each in names:
+            if each not in labels:
+                known = f"run.{each}" if each in dir(self) else ", ".join(labels)
+                if each in getattr(self, "derivatives", ()):
+                    known = f"run.derivatives[{each!r}]"
+                raise KeyError(f"run[{each!r}] is no component: use {known}")
+        numbers = [labels.index(each) for each in names]
+        return self.states[..., numbers[0] if isinstance(name, str) else numbers]
+
+    def __iter__(self) -> NoReturn:
+        kind = type(self).__name__
+        raise TypeError(f"{self.called} is no sequence: use run.time and run.states of the {kind}")
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # NumPy 1.26 does not accept None
+            return np.asarray(self.states, dtype)
+        return np.array(self.states, dtype, copy=copy)
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """True where a trajectory did not fail, shape (...); a passed pole is not a failure."""
+        return read_only(np.asarray(self.status >= 0))
+
+    def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
+        """Return the attributes of a result of one trajectory of the batch."""
+        attributes = self.__getstate__()
+        for column in OF_KIND[type(self).__name__]:
+            before, is_of_batch, _ = column.axes.partition("batch")
+            array = attributes.get(column.name)
+            first: list[Any] = [slice(None)] * len(before.split())
+            if is_of_batch and isinstance(array, np.ndarray):
+                attributes[column.name] = np.array(array[(*first, *index)])
+        body, eps = self.body, attributes.get("eps")
+        attributes["body"] = body[_place_in(body.shape, index)] if body.shape else body
+        if isinstance(eps, np.ndarray):
+            attributes["eps"] = float(eps[_place_in(eps.shape, index)])
+        return attributes
+
+    @public
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a table with a row for each state or point, by trajectories; needs pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns: the number of the trajectory in the order of ``status.ravel()`` if there are
+            several; "n" along a map; "time", and what else tells points apart; parameters that
+            vary; the components of the state.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> run.to_dataframe().to_csv("states.csv", index=False)  # doctest: +SKIP
+        """
+        from .frames import table
+
+        return table(self)
+
+    @public
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the result to a file, without loss; :func:`suslov_fast.load` reads it.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .npz. The file appears under it only when it is complete.
+        overwrite : bool
+            Whether to replace an existing file.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is False.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from suslov_fast import Suslov3D, iterate, load
+        >>> run = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     run.save(f"{folder}/run.npz")
+        ...     load(f"{folder}/run.npz") == run
+        True
+        """
+        from .files import save
+
+        save(self, path, overwrite)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OfMotion:
+    """The fields of `Settings` that results of motions have; those of maps have None."""
+
+    rtol: float | Any = None
+    atol: float | tuple[float, ...] | None = None
+    max_step: float | None = None
+    stiff: bool | None = None
+
+
+class States(Result):
+    """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
+
+    For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
+    are, how far orbits go, and the number of states of one.
+    """
+
+    _is_whole: Any
+    _heading: Any
+
+    @public
+    def energy(self) -> FloatArray:
+        """Return the energy (n, ...) of the states, as :meth:`Suslov3D.energy` does."""
+        return self._of_body("energy")(self.states)
+
+    @public
+    def first_integral(self) -> FloatArray:
+        """Return the first integral (n, ...), as :meth:`Suslov3D.first_integral` does."""
+        return self._of_body("first_integral")(self.states, vars(self).get("eps", 0.0))
+
+    def _of_body(self, name: str) -> Any:
+        """Return a method of the body, if it has one."""
+        if not hasattr(type(self.body), name):
+            raise lacking(self.body, name)
+        return getattr(self.body, name)
+
+    @public
+    def plot(
+        self,
+        *names: int | str | Sequence[int | str],
+        lines: bool | None = None,
+        color: Any = None,
+        title: str | bool | None = None,
+        ax: Any = None,
+        label: str | None = None,
+    ) -> Any:
+        """Draw the states over two components, over time, or in space (extra `plots`).
+
+        A single orbit at one or two times, which are no more than dots, is drawn with a warning. A
+        space-time picture of a chain of many variables is ``ax.imshow(run.states, aspect="auto")``.
+
+        Parameters
+        ----------
+        *names : int or str
+            The components to draw, by default the first two: two or three indices or labels, or
+            "time", as in ``run.plot("time", "x1")``; three are drawn in space. ``run.plot("x1")``
+            draws one over time, ``run.plot("time")`` all, and
+            ``run.plot("time", ("x1", "x3"))`` these.
+        lines : bool, optional
+            Whether to join consecutive states, those of a motion in the order of time; by default
+            if all states of a run are saved, at most 100,000, and they lie close together.
+        color : str or array_like(float, shape=(...)), optional
+            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
+            default the parameter of a family, or else the colours of Matplotlib one after another,
+            with a legend of up to 8 orbits; several components over time have a colour each.
+            ``color=run.energy()[0]`` shows levels.
+        title : str or bool, optional
+            True: the map, or the tolerance, and the number of orbits. By default none.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on, 3-D axes for three components; by default those of a new figure.
+        label : str, optional
+            The name of the run in ``ax.legend()``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, iterate
+        >>> predators = lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1])
+        >>> field = Field(predators, "prey predator")
+        >>> run = iterate(field, [[1.0, 0.5], [1.0, 0.3]], eps=1 / 64, steps=1000)
+        >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
+        >>> run.plot("time").figure.savefig("over_time.png")  # doctest: +SKIP
+        """
+        from . import figures  # which imports Matplotlib
+
+        count = len(self.states)
+        if count < 3 and self.status.size == 1 and "map" not in vars(self):
+            warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
+        given = names or (0, 1)
+        return figures.plot_run(self._in_order(), given, lines, color, title, ax, label)
+
+    @public
+    def member(self, k: int | tuple[int, ...], /) -> Self:
+        """Return the run of one trajectory.
+
+        Parameters
+        ----------
+        k : int or tuple of int
+            The number of the trajectory, or one number for each axis of the batch.
+
+        Returns
+        -------
+        Trajectories or Motion
+            A run with the batch shape (), equal to the run of this trajectory alone.
+
+        Raises
+        ------
+        TypeError, IndexError
+            If k has not one integer for each axis, or one is out of range.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> run.member(1) == iterate(body, [0.2, -0.7], eps=0.2, steps=25)
+        True
+        """
+        index, batch = k if isinstance(k, tuple) else (k,), self.status.shape
+        if not batch:
+            raise TypeError("member: the run is that of one trajectory already")
+        if len(index) != len(batch):
+            expected = f"an integer for each axis of the batch {batch}"
+            raise wrong("k", expected, short(k), TypeError)
+        numbers = [integer("k", each, -n, f"from {-n} to {n - 1}", n - 1)
+                   for each, n in zip(index, batch, strict=True)]  # fmt: skip
+        places = tuple(number % n for number, n in zip(numbers, batch, strict=True))
+        return self._of(self._members(places))
+
+    def _in_order(self) -> Any:
+        """Return the run with its states in the order of time."""
+        return self
+
+    @public
+    def to_xarray(self, dims: str | Sequence[str] | None = None) -> xarray.Dataset:
+        """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
+
+        Parameters
+        ----------
+        dims : str or sequence of str, optional
+            Names of the batch axes. By default that of the first named parameter of a field that
+            varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
+            axis with the name of a parameter, or "eps", has its values as the coordinate:
+            ``data.sel(eps=0.2)``. For others see `xarray.Dataset.assign_coords`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
+            "component"; ``to_dataframe()`` has a row for each component of each state.
+
+        Raises
+        ------
+        ValueError
+            If the number of names is not that of the axes, or a name is taken.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> data = orbits.to_xarray(dims="start").assign_coords(start=["fast", "slow"])
+        >>> data.states.sel(start="slow", n=0, component="Omega2").item()
+        -0.7
+        """
+        from .frames import to_xarray
+
+        return to_xarray(self, dims)
+
+
+@public
+def load(path: str | os.PathLike[str]) -> Any:
+    """Return the result in a file of `save`, of whichever class it is; `extend` continues runs.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The name of the file.
+
+    Returns
+    -------
+    Trajectories, Events or Motion
+        An instance of the class that was saved, equal to the saved one.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no file of this name.
+    ValueError
+        If the file is damaged, or holds something else.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from suslov_fast import Field, flow, load
+    >>> motion = flow(Field(lambda x: (-x[0],), 1), [1.0], time=[0.0, 1.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     motion.save(f"{folder}/motion.npz")
+    ...     load(f"{folder}/motion.npz") == motion
+    True
+    """
+    from .files import load
+
+    return load(path)
+
+
+def _place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the index, into an array that broadcasts with the batch, of a trajectory."""
+    own = index[len(index) - len(shape) :]
+    return tuple(0 if n == 1 else k for k, n in zip(own, shape, strict=True))
+
+
+def read_only(array: NDArray[T]) -> NDArray[T]:
+    """Return an array after it was made read-only."""
+    array.setflags(write=False)
+    return array
+
+
+def in_short(result: Any) -> str:
+    """Return the step sizes and the number of failures of a result, as text."""
+    failures = count_in_words(result.status, result.first_pole)
+    if not result.body.has_eps:
+        return failures
+    low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
+    eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
+    return f"eps: {eps}, {failures}"
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Return whether two attributes are equal, where NaN equals NaN."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return type(a) is type(b) and bool(a == b)

@@ -1,0 +1,129 @@
+"""Columns of results: one table of each kind, from which datasets and files are made.
+
+A column of runs is a line of `RUN`, a field of `Trajectories`, which `run_to_end` sets, and an
+attribute of `March`, all of the same name. `FORMAT` changes whenever files of the last release lack
+a column.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ..core.flow.integrator import Settings
+
+# Version of files.
+FORMAT = 15
+# Files have names that begin with it, datasets do not.
+_PRIVATE = "_"
+
+
+class Column(NamedTuple):
+    """An array of a result."""
+
+    # Of the attribute; in datasets and stores, states have the name of their map, and "a.b" is b.
+    name: str
+    type: str
+    axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
+    meaning: str = ""  # long name in datasets
+    when: str = ""  # the condition under which results have it
+
+    @property
+    def short(self) -> str:
+        """The name in datasets and stores."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def is_public(self) -> bool:
+        """True if datasets and stores have the column."""
+        return not self.name.startswith(_PRIVATE)
+
+    @property
+    def is_saved(self) -> bool:
+        """True if it has a row for each saved state; others have one for all steps."""
+        return self.axes.startswith(("n ", "time "))
+
+
+RUN = (
+    Column("states", "float64", "n batch component"),
+    Column("attitude", "float64", "n batch space body", "rotation", when="turns"),
+    Column("final", "float64", "batch component", "state after the last step"),
+    Column("failed_at", "int64", "batch", "first state missing or beyond a pole, or -1"),
+    Column("first_pole", "int64", "batch", "first state beyond a pole, or -1"),
+    Column("status", "int8", "batch"),
+)
+OF_EVENTS = (
+    Column("trajectory", "int64", "event"),
+    Column("which", "int64", "event"),
+    Column("time", "float64", "event"),
+    Column("before", "float64", "event component", "state before"),
+    Column("states", "float64", "event component", "state after"),
+)
+EVENTS = (
+    *OF_EVENTS,
+    Column("count", "int64", "batch kind"),
+    Column("status", "int8", "batch"),
+    Column("end", "float64", "batch"),
+    Column("final", "float64", "batch component"),
+)
+MOTION = (
+    Column("time", "float64", "time", "time"),
+    Column("states", "float64", "time batch component"),
+    Column("end", "float64", "batch", "time at which a solution ends"),
+    Column("steps", "int64", "batch", "number of steps"),
+    Column("status", "int8", "batch"),
+    Column("_derivatives", "float64", "time batch component direction", when="_by"),
+    *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),
+    Column("events.count", "int64", "batch kind", "number of events", "events"),
+)
+OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
+# The arguments of the functions that made a result: texts, numbers or None.
+ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "Trajectories": ("method", "steps", "save_every"),
+    "Events": (),
+    "Motion": (*Settings._fields, "_by"),
+}
+
+Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
+
+
+def in_datasets(kind: str, *conditions: str) -> list[Column]:
+    """Return the columns that datasets have of results under these conditions."""
+    columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
+    return [c for c in columns if c.is_public and not c.axes.startswith("event")]
+
+
+def value_of(result: Any, name: str) -> Any:
+    """Return the value of a column, an attribute or one of an attribute; None if there is none."""
+    for part in name.split("."):
+        result = getattr(result, part, None)
+    return result
+
+
+def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:
+    """Return the lengths of all axes of a result."""
+    sizes = {"batch": batch, "component": (D,), "space": (D + 1,), "body": (D + 1,)}
+    return sizes | {name: (n,) for name, n in (others | {"trajectory": math.prod(batch)}).items()}
+
+
+def shape_of(column: Column, sizes: Sizes) -> tuple[int, ...]:
+    """Return the shape of a column."""
+    return sum((sizes[axis] for axis in column.axes.split()), ())
+
+
+def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the dimensions of a column in a dataset, whose batch has these."""
+    return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())
+
+
+class OtherFormat(ValueError):
+    """A file or store of another format: the message says what it is "of", and what to do."""
+
+    def __init__(self, number: Any, version: Any) -> None:
+        age, how = "an earlier", "compute it anew"
+        if isinstance(number, int) and number > FORMAT:
+            age, how = "a later", "a newer suslov_fast reads it: pip install -U suslov_fast"
+        numbers = f"this version reads {FORMAT}" if number is None else f"{number}, not {FORMAT}"
+        writer = str(version).removeprefix("suslov_fast ")
+        super().__init__(f"of {age} format ({numbers}), written by suslov_fast {writer}: {how}")

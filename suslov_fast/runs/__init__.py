@@ -1,1 +1,0 @@
-"""Orbits of maps, and motions: steps, closed form, crossings, results, files, stores, figures."""

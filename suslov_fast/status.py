@@ -1,0 +1,167 @@
+"""Statuses of trajectories, and one warning for all trajectories that passed a pole."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import first_index, spell, warn
+from .core.numba import status as codes
+
+
+class Status(IntEnum):
+    """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
+
+    `OK` (0) is a finished trajectory. `SINGULAR` and `NONFINITE` are negative: the last state has
+    no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
+    the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
+    dimensions, whose :meth:`Suslov3D.criticality` is 1 or more; `PASSED_POLE` is for others, see
+    :class:`IntegrationWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
+    `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
+    at the start, and `STOPPED`, which is positive, those that a change of the state ends.
+    `DEGENERATE`, which is positive, and `NOT_FOUND` are for :func:`equilibria`. `message` explains
+    the status.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, Status, iterate
+    >>> blow_up = Field.from_terms([[[1]]])  # x' = x**2, whose map has a pole at x = 1 / eps
+    >>> run = iterate(blow_up, [[-0.5], [1.0]], eps=1.0, steps=3, on_singular="ignore")
+    >>> [Status(status).name for status in run.status], run.failed_at.tolist()
+    (['OK', 'SINGULAR'], [-1, 1])
+    >>> Status(run.status[1]).message
+    'singular step: the state lies on a pole of the map and has no next state'
+    """
+
+    OK = codes.OK
+    SUPERCRITICAL = codes.SUPERCRITICAL
+    PASSED_POLE = codes.PASSED_POLE
+    SINGULAR = codes.SINGULAR
+    NONFINITE = codes.NONFINITE
+    ENDED = codes.ENDED
+    SLIDING = codes.SLIDING
+    TOO_MANY_STEPS = codes.TOO_MANY_STEPS
+    ACCUMULATES = codes.ACCUMULATES
+    STOPPED = codes.STOPPED
+    DEGENERATE = codes.DEGENERATE
+    NOT_FOUND = codes.NOT_FOUND
+
+    @property
+    def message(self) -> str:
+        """The meaning of the status, as a sentence."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.OK: "finished",
+    Status.SUPERCRITICAL: (
+        "finished, but t >= 1: the orbit does not follow the continuous motion; "
+        "to follow it choose a smaller eps"
+    ),
+    Status.PASSED_POLE: (
+        "finished, but passed a pole: the motion escapes to infinity, or eps is too large "
+        "(det A < 0, or a component changed its sign, which is impossible along the motion)"
+    ),
+    Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
+    Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
+    Status.ENDED: "the solution ends: it escapes to infinity, or reaches a pole of the equations",
+    Status.SLIDING: "the solution slides along a condition, where the equations do not continue it",
+    Status.TOO_MANY_STEPS: (
+        "stopped before the last time: too many steps from one time to the next, or progress "
+        "returned False"
+    ),
+    Status.ACCUMULATES: "events follow one another without end",
+    Status.STOPPED: "finished: a change of the state ended it",
+    Status.DEGENERATE: (
+        "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"
+    ),
+    Status.NOT_FOUND: "no equilibrium is found from this state: pass a nearer one",
+}
+
+
+class IntegrationWarning(RuntimeWarning):
+    """Some trajectories of a batch ended early, left the motion, or lost digits.
+
+    - **They failed**: `status` is negative and gives the cause (:class:`Status`), `failed_at` of a
+      run is the number of the first missing state, and states are NaN from there on. Other
+      trajectories are not affected. The argument ``on_singular`` of runs turns this warning into a
+      :class:`SingularStepError`, or off.
+    - **They passed a pole of the map**, or eps is too large for them. A trajectory took a step from
+      a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x): an odd number of real
+      eigenvalues mu of f' has eps mu / 2 > 1. Then the motion escapes to infinity and the map
+      returns from the other side, or eps is too large. Or a component that occurs in each term of
+      its own equation, such as a population, changed its sign, which is impossible along the
+      motion. The absence of a warning proves nothing, because an even number of such eigenvalues
+      goes undetected. These trajectories have the status `PASSED_POLE`, unless they failed later.
+      `first_pole` of a run is the number of the first state after such a step, and `valid` is True
+      before it. Later states are those of the map; they approximate the motion only if the orbit
+      does not move along the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for
+      which a mode that decays fast looks like a pole.
+    - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its
+      digits: once for a whole batch, with the time of the first.
+    """
+
+
+def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of the first state beyond the motion, or the largest integer if none.
+
+    A failure never comes before a pole that was passed.
+    """
+    first = np.where(first_pole < 0, failed_at, first_pole)
+    return np.where(first < 0, np.iinfo(np.int64).max, first)
+
+
+def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> str:
+    """Return in words how many trajectories failed, and how many passed a pole, if any."""
+    passed = np.count_nonzero(first_pole >= 0)
+    text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
+    return f"{text}, passed a pole: {passed}" if passed else text
+
+
+def ended_in_words(status: NDArray[np.int8]) -> str:
+    """Return in words how many motions ended, and how many events stopped, if any."""
+    counts = {"ended": status < 0, "stopped": status == Status.STOPPED}
+    texts = (f", {k}: {np.count_nonzero(v)} of {v.size}" for k, v in counts.items() if v.any())
+    return "".join(texts)
+
+
+def report_poles(
+    problem: Any,
+    steps: Any,
+    status: NDArray[np.int8],
+    failed_at: NDArray[np.int64],
+    told_by_signs: Any = False,
+) -> None:
+    """Warn if trajectories of a problem passed a pole by these `Steps`.
+
+    `told_by_signs` is true where a change of sign revealed the pole.
+    """
+    passed = status == Status.PASSED_POLE
+    if not passed.any():
+        return
+    index, why = first_index(passed), "eps is too long"
+    step = int(failed_at[index])
+    if problem.body.may_escape:
+        time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
+        why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
+    if (passed & told_by_signs).any():
+        why += " (a component that cannot change its sign did)"
+    if steps.goes_back:
+        why += ", or a mode decays so fast that a substep backwards in time looks "
+        why += "like a pole, and the states may be right"
+    warn(
+        f"{passed.sum()} of {passed.size} trajectories passed a pole "
+        f"(first: trajectory {spell(index)} at step {step}): {why}",
+        IntegrationWarning,
+    )
+
+
+def _at_least(time: float) -> str:
+    """Return a time with two digits, rounded away from 0, because the motion escaped before it."""
+    unit = 10.0 ** (math.floor(math.log10(abs(time))) - 1) if time else 1.0
+    digits = math.ceil(abs(time) / unit * (1 - 1e-12))
+    return f"{math.copysign(float(f'{digits * unit:.2g}'), time):g}"

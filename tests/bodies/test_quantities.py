@@ -1,0 +1,309 @@
+"""Quantities of states against the paper's equations in 60 digits."""
+
+from functools import partial
+
+import mpmath
+import naive
+import numpy as np
+import pytest
+from samples import quantity
+from systems import HENON_HEILES
+
+import suslov_fast as sf
+
+
+def exact_matrix(f, eps, x):
+    """1 - (eps / 2) f'."""
+    derivative = mpmath.matrix(naive.derivative(f, naive.exactly(*x)))
+    return mpmath.eye(len(x)) - naive.mpf(eps) / 2 * derivative
+
+
+def random_problem(rng, size=0.0):
+    """Random parameters, step size and state, with t below and above 1."""
+    parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
+    return parameters, rng.uniform(-0.5, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-size, size)
+
+
+def exact_modified_energy(J, slope, eps, omega):
+    """E**2 / (E + eps**2 f.Jf / 8)."""
+    E = naive.energy_nd(J, omega)
+    return E**2 / (E + naive.mpf(eps) ** 2 / 4 * naive.energy_nd(J, slope))
+
+
+def modified_energy_in_3d(*problem, k):
+    slope = naive.vector_field(*problem[:4], problem[5], k)
+    return exact_modified_energy(problem[:2], slope, *problem[4:])
+
+
+def momentum_in_3d(I1, I2, I13, I23, eps, omega, k):
+    (w1, w2), (I1, I2) = naive.exactly(*omega), naive.exactly(I1, I2)
+    return I1 * w1, I2 * w2, naive.rotor(I13, I23, omega, k)
+
+
+def rotation_number(I1, I2, I13, I23, eps, omega, k):
+    """Turns per step, where k**2 is above its value at the onset."""
+    I1, I2, k = naive.exactly(I1, I2, k)
+    square = k**2 - 4 * I1 * I2 * naive.level(I1, I2, I13, I23, eps, omega, k)
+    e = eps / (2 * mpmath.sqrt(I1 * I2))
+    return mpmath.atan(e * mpmath.sqrt(max(square, 0))) / mpmath.pi * mpmath.sign(k)
+
+
+# Errors relative to the size of the exact numbers.
+IN_3D = {
+    "first_integral": (naive.first_integral, 2e-15),
+    "modified_energy": (modified_energy_in_3d, 3e-15),
+    "criticality": (naive.criticality, 3e-15),
+    "invariant_density": (naive.invariant_density, 3e-15),
+    "matrix": (naive.matrix, 1e-15),
+    "rotation_number": (rotation_number, 1e-14),
+    "energy": (lambda *p, k: naive.energy_nd(p[:2], p[5]), 5e-16),
+    "to_xy": (lambda *p, k: naive.xy(*p[:4], p[5]), 1e-15),
+    "__call__": (lambda *p, k: naive.vector_field(*p[:4], p[5], k), 1e-15),
+    "momentum": (momentum_in_3d, 1e-15),
+}
+
+
+def error(computed, exact):
+    """Error of a number, vector or matrix relative to its norm."""
+    return naive.relative_error(np.ravel(computed), np.ravel(np.array(exact, object)))
+
+
+@pytest.mark.sampled(23)  # all names, which change fastest
+@pytest.mark.parametrize("name", IN_3D)
+@pytest.mark.parametrize("k", [0.0, 1e-3, 0.9, -20.0])
+@pytest.mark.parametrize("near", [False, True])
+def test_in_three_dimensions(rng, name, k, near):
+    """Quantities in 60 digits, also next to steady states, as far as rounded inputs decide them."""
+    exact, tolerance = IN_3D[name]
+    if k and name == "to_xy":
+        return
+    for _ in range(40):
+        parameters, eps, omega = random_problem(rng, 2.0)
+        products = np.array(parameters[2:])
+        if near:
+            omega = products[::-1] * [1, -1] - k * products / (products @ products)
+            omega *= 1 + 1e-6 * rng.normal(size=2)
+        arguments = () if name in ("energy", "to_xy", "__call__", "momentum") else (eps,)
+        computed = quantity(name)(sf.Suslov3D(*parameters, k), omega, *arguments)
+        l = abs(float(naive.rotor(*products, omega, k)))
+        condition = (abs(products * omega).sum() + abs(k)) / l
+        assert error(computed, exact(*parameters, eps, omega, k=k)) < tolerance * condition
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 7, 40])
+def test_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        body, eps = sf.SuslovND(J=J, I=I), rng.uniform(-1, 1)
+        assert error(body.energy(omega), naive.energy_nd(J, omega)) < 3e-15
+        # f.Jf may be small beside its terms.
+        exact = exact_modified_energy(J, naive.vector_field_nd(J, I, omega), eps, omega)
+        assert error(sf.kahan.modified_energy(body, omega, eps), exact) < 1e-13
+        exact = np.array(naive.vector_field_nd(J, I, omega), float)
+        size = np.linalg.norm(I) * np.linalg.norm(omega) ** 2 / J.min()
+        assert abs(body(omega) - exact).max() < 1e-15 * size
+        if m < 7:
+            A = exact_matrix(partial(naive.vector_field_nd, J, I), eps, omega)
+            assert error(sf.kahan.matrix(body, omega, eps), A.tolist()) < 1e-15
+    assert sf.kahan.modified_energy(body, np.zeros(m), 0.3) == 0
+
+
+ALONG = [sf.SuslovND(J=[1.3, 2.1, 3.7], I=I) for I in np.diag([0.7, -1.3, 0.4])]
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, HENON_HEILES])
+def test_densities_are_those_of_invariant_measures(rng, body):
+    """rho(next) det DPhi = rho."""
+    omega, eps = rng.normal(size=(9, body.dimension)), rng.uniform(-1, 1, 9)
+    before, after = (
+        sf.kahan.invariant_density(body, w, eps) for w in (omega, sf.step(body, omega, eps))
+    )
+    det = np.linalg.det(sf.kahan.jacobian(body, omega, eps))
+    np.testing.assert_allclose(after * det, before, rtol=1e-11)
+
+
+def test_a_density_where_a_pivot_is_small():
+    """For eps = 1 the matrix A is [[0, -1], [-1, 2]]; its determinant is 1 - 2 eps**2."""
+    H = lambda x: 2 * x[0] * x[1] + x[1] ** 2 - x[0] ** 2  # noqa: E731
+    field, eps = sf.Field.from_hamiltonian(H, 2), np.array([1, 1 - 2.0**-29, 0.5, -0.25])
+    for some in (eps, eps[2:0:-1], eps[1]):
+        density = sf.kahan.invariant_density(field, [0.25, -3.0], some)
+        np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
+
+
+def test_special_cases(body, unit):
+    still = sf.Suslov3D(1, 2, 0, 0)
+    assert body.energy([1, 0.5]) == 2.125
+    assert body.criticality([0, 0], 0.2) == body.criticality([1, 2], 0) == 0
+    assert still.criticality([1, 2], 1) == sf.kahan.modified_energy(body, [0, 0], 0.3) == 0
+    assert sf.kahan.invariant_density(unit, [0.0, 1.0], 0.3) == np.inf
+    assert sf.kahan.invariant_density(ALONG[0], [0.5, 1.0, -0.25], 0.0) == -4
+    assert sf.kahan.invariant_density(ALONG[1], [0.0, 1.0, 0.5], 0.3) == np.inf
+    assert (sf.Suslov3D(4, 1, -0.5, -0.25)([[0.375, -0.75], [0, 0]]) == 0).all()
+    assert (sf.kahan.jacobian(body, [1, 2], 0) == np.eye(2)).all()
+    assert (sf.kahan.jacobian(still, [1, 2], 0.3) == np.eye(2)).all()
+    far_apart = sf.SuslovND(J=[0.6, 1.2, 0.8], I=[-0.95, 0.0, 0.0])  # terms in A that cancel
+    assert sf.kahan.matrix(far_apart, [-0.86, -1e-12, 7e-6], 6e8)[0, 0] == 1
+    constant = sf.Field.from_terms(np.zeros((2, 2, 2)), constant=[1, 2])
+    assert constant([[5.0, 6.0]]).tolist() == [[1, 2]]
+    for function, eps in (
+        (lambda field, x: field(x), ()),
+        (sf.kahan.matrix, (0.1,)),
+        (sf.kahan.jacobian, (0.1,)),
+    ):
+        assert np.isnan(function(constant, [[np.nan, 6.0]], *eps)).all()
+    assert sf.Field.from_terms(np.zeros((2, 2, 2)))([5.0, 6.0]).tolist() == [0, 0]
+
+
+def test_out_of_range_there_is_a_warning_and_no_number(body):
+    huge = np.array([[1.0, 2.0], [1e200, 1.0]])
+    calls = [(f, ()) for f in (sf.Suslov3D.energy, sf.Suslov3D.__call__)]
+    calls += [
+        (f, (0.2,)) for f in (sf.Suslov3D.first_integral, sf.kahan.jacobian, sf.Suslov3D.reaction)
+    ]
+    for function, eps in calls:
+        with pytest.warns(sf.IntegrationWarning, match=r"1 of 2 states.*first: 1"):
+            found = function(body, huge, *eps)
+        assert np.isnan(found[1]).all()
+        assert np.isfinite(found[0]).all()
+    still = sf.SuslovND(J=[2.0, 2.0, 2.0], I=[0.5, -0.75, 0.25])
+    small = np.array([[1.0, 0.5, 2.0], [1e-200, 0.5e-200, 2e-200]])
+    slow, slower = still.criticality(small, 1e-30)
+    assert abs(slower / slow / 1e-200 - 1) < 1e-15
+    for size in (1e-155, 1e155):  # of which the criticality is in range: eps size / 2
+        assert abs(sf.Suslov3D(1, 1, 1, 0).criticality([0, size], 0.4) / size - 0.2) < 1e-15
+    for size in (1e20, 1e180, 1e300):  # where eps ell is large: |g| |z| / |ell|
+        t = sf.Suslov3D(1, 1, 1, 1).criticality([size, 0.0], 1e3)
+        assert abs(t / 2**0.5 - 1) < 1e-15
+
+
+def test_criticality_agrees_with_the_status(unit, rng):
+    """Criticality and status agree, also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
+    x, y = np.meshgrid([0, 1e-9, 1e-3, 1, 1e6], [2 - 2e-15, 2 - 2.4e-16, 2, 2 + 4.6e-16, 2 + 2e-15])
+    omega = np.stack([x, y], axis=-1)
+    for eps in (1, -1):
+        t = eps * unit.criticality(omega, eps)
+        assert ((t >= 1) == (y >= 2)).all()
+        assert (abs(t - 1) < 4e-15).all()
+        status = sf.iterate(unit, omega, eps, 0).status
+        assert ((t >= 1) == (status == sf.Status.SUPERCRITICAL)).all()
+    # States at t = 1 to rounding: there the formula of t is often on the other side of 1.
+    I1, I2, I13, I23 = *rng.uniform(1, 4, (2, 300)), *rng.uniform(-0.9, 0.9, (2, 300))
+    bodies, near = sf.Suslov3D(I1, I2, I13, I23), rng.normal(size=(300, 2))
+    squares = I1 * near[:, 0] ** 2 + I2 * near[:, 1] ** 2
+    x = I13 * near[:, 0] + I23 * near[:, 1]
+    rest = squares * (I13**2 / I1 + I23**2 / I2) - x**2
+    near *= np.sqrt(4 * I1 * I2 / rest)[:, np.newaxis]
+    t = bodies.criticality(near, 1.0)
+    assert (abs(t - 1) < 3e-15).all()
+    status = sf.iterate(bodies, near, 1.0, 0).status
+    assert ((t >= 1) == (status == sf.Status.SUPERCRITICAL)).all()
+    gyrostat, states = sf.Suslov3D(2.3, 1.4, 0.5, -0.7, [0.05, 3.0]), omega.reshape(-1, 1, 2)
+    status = sf.iterate(gyrostat, states, 0.7, 0).status
+    is_large = abs(gyrostat.criticality(states, 0.7)) >= 1
+    assert ((status == sf.Status.SUPERCRITICAL) == is_large).all()
+    identity = sf.Suslov3D(1, 1, 0, 0)
+    assert not sf.iterate(identity, omega * 1e9, 1, 0).status.any()
+
+
+def test_closed_form(rng, unit):
+    for _ in range(30):
+        parameters, eps, omega = random_problem(rng)
+        h, k1, k2, t = sf.Suslov3D(*parameters).closed_form(omega, eps)
+        assert t == sf.Suslov3D(*parameters).criticality(omega, eps)
+        exact = naive.closed_form(*parameters, eps, omega)
+        assert abs(h / exact[0] - 1) < 5e-15
+        if abs(t) < 1:
+            assert abs(k1 / exact[1] - 1) < 1e-14
+            assert abs(k2 - exact[2]) < 1e-14 * (1 + abs(k2))
+        else:
+            assert np.isnan([k1, k2]).all()
+    found = unit.closed_form([1.0, -0.5], 0.0)  # x = 1, y = 1/2: the flow
+    expected = 0.3125, -2 * 0.3125**0.5, np.arctanh(0.5 / (2 * 0.3125**0.5)), 0
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
+    k2 = unit.closed_form([[0.0, -1.0], [0.0, 1.0], [0.0, 0.0], [np.nan, 1.0]], 0.5).k2
+    np.testing.assert_array_equal(k2, [np.inf, -np.inf, 0, np.nan])
+    assert sf.Suslov3D(1, 2, 0, 0).closed_form([1.0, 2.0], 0.5) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("m", [2, 3, 5])
+@pytest.mark.parametrize("eps", [None, 1e-12, 0.3])
+def test_reaction_in_n_dimensions(rng, m, eps):
+    """The discrete one loses no digits as eps tends to 0."""
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        state = after = naive.exactly(*omega)
+        slope = naive.vector_field_nd(J, I, omega)
+        if eps:
+            after = naive.step_nd(J, I, eps, state)
+            slope = naive.quotient(eps, state, after)
+        exact = np.array(naive.reaction_nd(J, I, state, after, slope), float)
+        computed = sf.SuslovND(J=J, I=I).reaction(omega, eps)
+        np.testing.assert_allclose(computed, exact, atol=3e-14 * (1 + np.linalg.norm(exact)))
+        assert (computed == -computed.T).all()
+
+
+@pytest.mark.parametrize("k", [0.0, 0.9])
+def test_reaction(rng, k):
+    for _ in range(30):
+        parameters, eps, omega = random_problem(rng)
+        body, state = sf.Suslov3D(*parameters, k), naive.exactly(*omega)
+        slope = naive.vector_field(*parameters, omega, k)
+        exact = float(naive.reaction(*parameters, state, state, slope))
+        size = max(parameters[:2]) * np.hypot(*omega) ** 2 + k * np.hypot(*omega)
+        assert abs(body.reaction(omega) - exact) < 2e-15 * size
+        assert body.reaction(omega, 1e-12) == pytest.approx(exact, abs=1e-10)
+        following = naive.step(*parameters, eps, state, k)
+        slope = naive.quotient(eps, state, following)
+        exact = float(naive.reaction(*parameters, state, following, slope))
+        size = max(size, max(parameters[:2]) * float(naive.mpmath.norm(following)) ** 2)
+        assert abs(body.reaction(omega, eps) - exact) < 1e-14 * size
+
+
+@pytest.mark.parametrize("k", [0.0, 0.9, -20.0])
+def test_jacobian(rng, k):
+    """Against differences in 60 digits, to 1e-13 times the condition of A."""
+    for _ in range(30):
+        parameters, eps, omega = random_problem(rng)
+        omega *= 10 ** rng.uniform(-2, 3)
+        exact = naive.derivative(partial(naive.step, *parameters, eps, k=k), omega)
+        body = sf.Suslov3D(*parameters, k)
+        condition = np.linalg.cond(sf.kahan.matrix(body, omega, eps))
+        assert error(sf.kahan.jacobian(body, omega, eps), exact) < 1e-15 * condition
+
+
+@pytest.mark.parametrize("name", ["jacobian", "reaction"])
+@pytest.mark.parametrize("m", [2, 4])
+def test_poles_are_counted(rng, name, m):
+    """One warning counts the poles and names the first in C order."""
+    body = sf.Suslov3D(1, 1, 1, 0) if m == 2 else sf.SuslovND(J=[2, 2, 2, 3], I=[1, 0, 0.5, 0.25])
+    omega = 0.1 * rng.normal(size=(4, 400, m))
+    omega[2, 17] = omega[2, 399] = omega[3, 5] = [1.0, -3.0] if m == 2 else [2, 1, 3, 2]
+    omega[2, 16, 0] = np.nan
+    with pytest.warns(sf.IntegrationWarning, match=r"^3 of 1600 .*first: \(2, 17\)") as caught:
+        values = quantity(name)(body, omega, 1.0)
+    assert len(caught) == 1
+    missing = np.isnan(values.reshape(4, 400, -1)).all(axis=-1)
+    assert np.argwhere(missing).tolist() == [[2, 16], [2, 17], [2, 399], [3, 5]]
+
+
+def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
+    """Between parts Ctrl-C is heard: a family, step sizes along another axis, states that fail."""
+    family = sf.Field(
+        lambda x, a: (x[1] - a * x[0] ** 2, x[0] * x[1] - a), 2, a=np.linspace(1.0, 2.0, 5)[:, None]
+    )
+    bodies = sf.Suslov3D(4, 1, np.linspace(-0.5, 0.5, 5)[:, None], -0.3)
+    states, eps = rng.normal(size=(7, 2)), np.linspace(0.1, 0.7, 7)
+    states[3] = np.nan
+    calls = [
+        (sf.kahan.jacobian, family, states, eps),
+        (sf.Suslov3D.first_integral, bodies, states, eps),
+        (sf.Suslov3D.reaction, bodies, states),
+        (sf.Suslov3D.energy, bodies, np.broadcast_to(states, (3, 5, 7, 2))),
+    ]
+    whole = [function(*arguments) for function, *arguments in calls]
+    for size in (8, 30, 100):
+        monkeypatch.setattr("suslov_fast.maps.evaluation.PART", size)
+        for (function, *arguments), expected in zip(calls, whole, strict=True):
+            assert np.array_equal(function(*arguments), expected, equal_nan=True)

@@ -1,0 +1,492 @@
+"""Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
+
+import warnings
+from itertools import pairwise
+
+import naive
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from systems import LORENZ, PREY, lorenz
+
+import suslov_fast as sf
+from suslov_fast.maps import derivatives
+
+# Long steps on purpose, from states with det A < 0.
+pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
+
+THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
+GYROSTAT = sf.Suslov3D(2.3, 1.4, 0.5, -0.7, 0.9)
+# Orbits with t > 1 jump through infinity.
+BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
+
+
+def exponents_by_qr(body, x, eps, steps):
+    """Exponents per unit of time by NumPy's QR of the derivative of each step."""
+    Q, total = np.eye(len(x)), np.zeros(len(x))
+    for slope in sf.kahan.jacobian(body, sf.iterate(body, x, eps, steps - 1).states, eps):
+        Q, R = np.linalg.qr(slope @ Q)
+        total += np.log(abs(np.diag(R)))
+    return np.sort(total / steps)[::-1] / abs(eps)
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.parametrize(
+    ("body", "omega", "eps", "steps", "tolerance"),
+    [(THREE, [1.0, 0.5], eps, steps, 1e-13) for eps in (0.2, -0.2) for steps in (1, 2, 40)]
+    + [(GYROSTAT, [1.0, 0.5], 0.4, 40, 1e-13)]
+    + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
+    + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
+    + [(LORENZ, [1.0, 2.0, 20.0], eps, 100, 1e-12) for eps in (1 / 64, 0.5)]
+    + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
+)
+def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
+    if isinstance(body, int):
+        J, I, omega = rng.uniform(1, 3, body), *rng.normal(size=(2, body))
+        body = sf.SuslovND(J=J, I=I)
+    assert body is not BEYOND or body.criticality(omega, eps) > 1
+    exponents = sf.lyapunov_exponents(body, omega, eps, steps)
+    expected, tolerance = exponents_by_qr(body, omega, eps, steps), tolerance / abs(eps)
+    np.testing.assert_allclose(exponents, expected, atol=tolerance)
+    np.testing.assert_allclose(exponents.sum(), expected.sum(), atol=tolerance)
+
+
+@pytest.mark.compiled  # interpreted, a million steps take more than half an hour
+def test_tangent_vectors_go_through_the_transient(rng):
+    """From vectors that start with the mean the exponent that is 0 has the bias -1.1 / T."""
+    x0 = sf.iterate(LORENZ, rng.normal((1, 1, 20), size=(400, 3)), 1 / 128, 3840, save_every=None)
+    found = sf.lyapunov_exponents(LORENZ, x0.final, 1 / 128, 1280, transient=1280).mean(axis=0)
+    assert abs(found[1]) < 0.02
+
+
+def test_batches_and_a_transient():
+    starts, run = np.random.default_rng(0).uniform(-5, 5, (3, 3)), (1 / 64, 40)
+    starts[2] = np.nan
+    expected = sf.lyapunov_exponents(LORENZ, starts, *run, 30)
+    assert np.isnan(expected[2]).all()
+    # Their sums are those of all steps, less those of the transient.
+    whole, first = (sf.lyapunov_exponents(LORENZ, starts, 1 / 64, n).sum(1) for n in (70, 30))
+    np.testing.assert_allclose(40 * expected.sum(1), 70 * whole - 30 * first, rtol=1e-12)
+    bodies = sf.Suslov3D(4, 1, -0.5, [-0.3, 0.2])
+    for arguments in ({"eps": 1 / 64, "steps": 9}, {"time": 1.0}):
+        assert sf.lyapunov_exponents(LORENZ, np.empty((0, 3)), **arguments).shape == (0, 3)
+    still = sf.lyapunov_exponents(sf.Suslov3D(4, 1, 0, [0, 0]), [1.0, 0.5], 0.2, 5)
+    assert abs(still).max() <= 1e-15  # of the identity map
+    with pytest.raises(ValueError, match="eps"):
+        sf.lyapunov_exponents(bodies, [1.0, 0.5], [0.1, 0.0], 5)
+    with pytest.raises(ValueError, match="transient"):
+        sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
+    square = sf.Field.from_terms([[[1]]])
+    with pytest.warns(sf.IntegrationWarning, match="1 of 1"):  # a pole in the transient
+        sf.lyapunov_exponents(square, [1.0], 1.0, 5, 3)
+    with pytest.warns(sf.IntegrationWarning, match="1 of 2"):  # and later
+        found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
+    assert np.isnan(found).ravel().tolist() == [True, False]
+
+
+def poles_told(function, *arguments, **keywords):
+    """Return what a function warns of."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        function(*arguments, **keywords)
+    return [str(each.message) for each in told]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "start", "eps", "steps"),
+    [
+        ("auto", [0.05, 0.05], 0.05, 170),
+        ("order6", [1.0747581894475755, 6.66376067084367], 0.4434432134948084, 21),
+    ],
+)
+def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
+    """A population turns negative, with det A > 0 all the way."""
+    batch = [start, [4.0, 5.0], start]
+    monkeypatch.setattr("suslov_fast.core.llvm.compiler.known_codes", {})
+    for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
+        sf.lyapunov_exponents(PREY, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
+    for x0 in (start, batch):
+        told = poles_told(sf.iterate, PREY, x0, eps, steps, method=method)
+        assert "(a component that cannot change its sign did)" in told[0]
+        arguments = PREY, x0, eps, 5, steps - 5
+        assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+    assert told[0].startswith("2 of 3")
+    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
+
+
+def test_steps_that_are_not_invertible(unit):
+    """The map takes the line y = -2a / eps to a point."""
+    exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
+    assert exponents[1] == -np.inf
+    assert np.isfinite(exponents[0])
+    field = sf.Field.from_terms(np.zeros((2, 2, 2)), [[-2, 0], [0, 1]])
+    exponents = sf.lyapunov_exponents(field, [[1.0, 2.0]], 1.0, 3)
+    np.testing.assert_allclose(exponents, [[np.log(3), -np.inf]], atol=1e-15)
+
+
+def log_of_step(f, eps, x, following):
+    """log |det DPhi| from 1 - (eps/2) f'(x) and 1 + (eps/2) f'(x_next), in 60 digits."""
+    dets = []
+    for state, half in ((x, -eps / 2), (following, eps / 2)):
+        slope = naive.mpmath.matrix(naive.derivative(f, state))
+        dets.append(naive.mpmath.det(naive.mpmath.eye(len(x)) + half * slope))
+    return naive.mpmath.log(abs(dets[1] / dets[0]))
+
+
+@pytest.mark.parametrize(
+    ("start", "eps", "steps"),
+    [
+        ((1.0, 2.0, 20.0), 1 / 64, 40),
+        ((1.0, 2.0, 20.0), 1e-9, 4),
+        ((1.0, 2.0, 20.0), 0.5, 12),  # with pivots
+        ((1.0, 2.0, 20.0), -4.0, 12),
+        ((-4.0, 300.0, 8.0), 1e-3, 12),
+    ],
+)
+def test_the_sum_is_that_of_determinants(start, eps, steps):
+    """To rounding of the mean modulus of their logarithms, or of columns."""
+    states = naive.iterated(lambda x: naive.kahan_step(lorenz, eps, x), start, steps)
+    logs = [log_of_step(lorenz, naive.mpf(eps), *each) for each in pairwise(states)]
+    modulus = float(sum(map(abs, logs)))
+    total = sf.lyapunov_exponents(LORENZ, start, eps, steps).sum()
+    assert abs(total * abs(eps) * steps - float(sum(logs))) < max(3e-11 * modulus, 1e-15 * steps)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("linear", "eps", "tolerance"),
+    [
+        (-np.eye(4), 1 / 64, 1e-14),  # orthonormalised after every 16 steps
+        (-np.diag([0.1, 1.0, 10.0, 100.0]), 0.05, 1e-13),  # after some steps
+        (np.triu(np.full((4, 4), 30.0)) - 30 * np.eye(4), 0.5, 1e-9),  # far from normal
+        (-np.diag([1.0, 1.0, 1.0, 2 - 1e-9]), 1.0, 1e-13),  # a factor of 2.5e-10 at each step
+        (-np.diag([1.0, 1.0, 1.0, -2 + 1e-9]), 1.0, 1e-13),  # and of 4e9
+        (-1.9999999 * np.eye(4), 1.0, 1e-13),  # all columns shrink, and leave the range of floats
+    ],
+)
+def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
+    """As by QR at each step, whether columns grow apart slowly or at once, or shrink together."""
+    quadratic = rng.normal(size=(4, 4, 4)) / 16 if eps < 1 else np.zeros((4, 4, 4))
+    field = sf.Field.from_terms(quadratic, linear)
+    x = 0.1 * rng.normal(size=(20, 4)) if eps < 1 else np.zeros((20, 4))
+    found, tolerance = sf.lyapunov_exponents(field, x, eps, 40), tolerance / eps
+    for k in (0, 19):
+        np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
+
+
+def ring(D):
+    def f(x):
+        return [x[k - 1] * (x[(k + 1) % D] - x[k - 2]) - x[k] + 8 for k in range(D)]
+
+    return sf.Field(f, D)
+
+
+def everything(D):
+    """All products in most equations, as of a Galerkin system: more than a list is made for."""
+    products = np.random.default_rng(8).normal(size=(D, D, D)) / D
+    products[::5] = 0.0
+    return sf.Field.from_terms(products, -np.eye(D))
+
+
+def cascade(D):
+    """Rates from -1 to -150, and a growing component: columns grow apart within a step."""
+
+    def f(x):
+        return [x[k - 1] * x[k] / 8 - (1 + 3 * k) * x[k] + 1 for k in range(D - 1)] + [9 * x[-1]]
+
+    return sf.Field(f, D)
+
+
+@pytest.mark.compiled
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("make", "D", "size", "tolerance"),
+    [
+        (ring, 16, 8.0, 1e-12),  # the largest whose columns stand in a list
+        (ring, 17, 8.0, 1e-12),
+        (everything, 44, 0.5, 1e-12),
+        (cascade, 50, 0.1, 1e-10),
+    ],
+)
+def test_many_variables(rng, monkeypatch, make, D, size, tolerance):
+    """Lists, or NumPy: as the equations, and as NumPy's QR of each derivative; bits."""
+    field, x = make(D), size + 0.1 * rng.normal(size=(3, D))
+    moved = sf.step(field, x, 1 / 64) - x  # A(x) (x_next - x) = eps f(x)
+    left = np.einsum("nij,nj->ni", sf.kahan.matrix(field, x, 1 / 64), moved)
+    np.testing.assert_allclose(left, field(x) / 64, rtol=1e-12, atol=1e-12)
+    for method in ("auto", "order4"):
+        slopes = sf.kahan.jacobian(field, x[0], 1 / 64, method=method)
+        for k in (0, D // 2, D - 1):
+            nearby = x[0] + 1e-6 * np.outer([1, -1], np.eye(D)[k])
+            above, below = sf.step(field, nearby, 1 / 64, method=method)
+            np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
+    found = sf.lyapunov_exponents(field, x, 1 / 64, 40)
+    expected = exponents_by_qr(field, x[0], 1 / 64, 40)
+    np.testing.assert_allclose(found[0], expected, atol=64 * tolerance)
+    dets = np.linalg.slogdet(
+        sf.kahan.jacobian(field, sf.iterate(field, x[1], 1 / 64, 39).states, 1 / 64)
+    )[1]
+    assert found[1].sum() == pytest.approx(64 * dets.mean(), rel=1e-10)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
+    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
+
+
+def switched_on(D):
+    """Rates of 0 until the last component grows from about 0 to 1, within a few steps."""
+
+    def f(x):
+        z = x[-1]
+        own = [z * (x[k - 1] - 4 * k * x[k]) for k in range(D - 1)]
+        weak = [0.1 * (x[(k + 1) % (D - 1)] - x[k - 1]) for k in range(D - 1)]
+        return [a + b for a, b in zip(own, weak, strict=True)] + [60 * z * (1 - z)]
+
+    return sf.Field(f, D)
+
+
+@pytest.mark.parametrize("method", ["auto", "order4"])
+def test_columns_that_grow_apart_all_at_once(monkeypatch, method):
+    """Steps that lost digits are taken again, also those of a call before."""
+    D, eps, transient, steps = 30, 1 / 64, 30, 40
+    field = switched_on(D)
+    x = np.tile(np.linspace(0.1, 0.2, D), (3, 1))
+    x[:, -1] = [1e-21, 1e-20, 1e-22]
+    run = field, x, eps, steps, transient
+    found = sf.lyapunov_exponents(*run, method=method)
+    for x0, exponents in zip(x, found, strict=True):
+        states = sf.iterate(field, x0, eps, transient + steps - 1, method=method).states
+        Q, logs = np.eye(D), []
+        for slope in sf.kahan.jacobian(field, states, eps, method=method):
+            Q, R = np.linalg.qr(slope @ Q)
+            logs.append(np.log(abs(np.diag(R))))
+        expected = np.mean(logs[transient:], axis=0) / eps
+        np.testing.assert_allclose(np.sort(exponents), np.sort(expected), atol=1e-12 / eps)
+    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
+    np.testing.assert_array_equal(sf.lyapunov_exponents(*run, method=method), found)
+
+
+def test_determinants_above_the_range_of_numbers():
+    """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
+    D, rate = 40, 2e8
+    linear = -rate * np.eye(D) + 1e-3 * np.eye(D, k=1)
+    field = sf.Field.from_terms(np.zeros((D, D, D)), linear)
+    exponents = sf.lyapunov_exponents(field, np.ones(D), 1.0, 3)
+    np.testing.assert_allclose(exponents, -2 / (rate / 2), rtol=1e-6)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
+    """Each of 40 columns shrinks to a tenth in each of 40 steps, and none grows apart."""
+    D, products = 40, np.full((40, 40, 40), 1e-30 if is_dense else 0.0)
+    field = sf.Field.from_terms(products, -18 / 11 * np.eye(D))
+    exponents = sf.lyapunov_exponents(field, np.zeros(D), 1.0, 40)
+    np.testing.assert_allclose(exponents, np.log(0.1), rtol=1e-12)
+
+
+@pytest.mark.compiled
+def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch):
+    """All stand at the same step; False ends the run, with means over the steps done."""
+    monkeypatch.setattr(derivatives, "STRETCH", 2**12)
+    family = sf.Field(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
+    starts, seen = rng.normal(size=(90, 2)), []
+
+    def exponents(steps, progress=None):
+        return sf.lyapunov_exponents(family, starts, 0.1, steps, transient=5, progress=progress)
+
+    def progress(done, total):
+        seen.append((done, total))
+
+    np.testing.assert_array_equal(exponents(40, progress), exponents(40))
+    assert seen == sorted(seen)
+    assert len(seen) > 3
+    assert seen[-1] == (45, 45)
+    for least in (3, 9, 45):
+        reached = []
+
+        def until(done, total, least=least, reached=reached):
+            reached.append(done)
+            return done < least
+
+        found = exponents(40, until)
+        if reached[-1] <= 5:
+            assert np.isnan(found).all()
+        else:
+            np.testing.assert_array_equal(found, exponents(reached[-1] - 5))
+    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
+    with pytest.raises(TypeError, match=r"^progress\b"):
+        sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)
+
+
+# -------------------------------------------------------------------------------- along the motion
+@pytest.mark.compiled  # interpreted, more than 20 seconds
+def test_motion_of_lorenz(rng):
+    x = rng.normal(size=(64, 3)) * 5 + [0, 0, 20]
+    found = sf.lyapunov_exponents(LORENZ, x, time=50.0, transient=10.0, rtol=1e-6)
+    assert abs(found.sum(axis=1) + 41 / 3).max() < 1e-6  # the trace of f'
+    assert abs(found.mean(axis=0) - [0.9056, 0.0, -14.5723]).max() < 0.02
+    for k in (0, 63):
+        alone = sf.lyapunov_exponents(LORENZ, x[k], time=50.0, transient=10.0, rtol=1e-6)
+        assert (alone == found[k]).all()
+
+
+def test_motion_along_a_direction_that_is_the_slowest_at_the_start_alone():
+    """No other one reaches it, so it would keep a column of its own for a long time."""
+    field = sf.Field(lambda s: (-0.5 * s[0], 1.0, -(1 + 2 * np.cos(s[1])) * s[2]),
+                                   "y t x")  # fmt: skip
+    times = {"time": 32 * np.pi, "transient": 8 * np.pi}
+    found = sf.lyapunov_exponents(field, [1.0, 3.0, 1.0], **times)
+    np.testing.assert_allclose(found, [-0.5, -1.0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("f", "exact"),
+    [
+        (lambda x, a: (-2 * x[0], 1 + 0 * a), [[-2], [-2]]),  # nothing depends on it
+        (lambda x, a: (-2 * x[0], 1 - a * x[1]), [[0, -2], [-2, -3]]),  # one member has no clock
+        (lambda x, a: (1.0, 2.0), [[], []]),
+    ],
+)
+def test_motion_leaves_out_variables_that_drift_in_all_members(f, exact):
+    family = sf.Field(f, 2, a=[0.0, 3.0])
+    found = sf.lyapunov_exponents(family, [1.0, 1.0], time=40.0, transient=20.0)
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+def test_motion_of_families_that_end():
+    family = sf.Field(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
+    with pytest.warns(sf.IntegrationWarning):
+        found = sf.lyapunov_exponents(family, [1.0], time=3.0)
+    assert found[0] == pytest.approx(-1.0)
+    assert np.isnan(found[1])
+    stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
+    assert np.isfinite(stopped).any()
+
+
+@pytest.mark.compiled  # interpreted, more than 20 seconds
+def test_motion_of_an_oscillator_forced_in_one_component():
+    """Published as (0, -1.05392, -5.11048), where the 0 belongs to time."""
+    turn = 2 * np.pi
+
+    def forced(s):
+        x, y, t = s
+        rest = 1 - x * x - y * y
+        return rest * x + turn * y - 3 * np.sin(turn * t), rest * y - turn * x, 1.0
+
+    field = sf.Field(forced, "x y t")
+    found = sf.lyapunov_exponents(field, [0.0, 1.0, 0.0], time=200.0, transient=20.0)
+    np.testing.assert_allclose(found, [-1.05392, -5.11048], atol=2e-5)
+
+
+@pytest.mark.parametrize("rate", [2.0, 1000.0])
+@pytest.mark.parametrize("time", [100.0, 2000.0])
+def test_motion_to_an_equilibrium(rate, time):
+    """Tangent vectors become shorter than the tolerance, and states than the least number."""
+
+    def falling(x):
+        return -x[0], np.sin(x[0]) - rate * x[1]
+
+    field = sf.Field(falling, 2)
+    found = sf.lyapunov_exponents(field, [1.0, 0.5], time=time, transient=10.0, rtol=1e-6)
+    np.testing.assert_allclose(found, [-1.0, -rate], atol=1e-5)
+
+
+TURN = np.linalg.qr(np.cos(np.arange(64.0) ** 2).reshape(8, 8))[0]
+APART = [-1.0, -3.0, -30.0, -100.0, -300.0, -1e3, -1e4, -3e4]
+
+
+@pytest.mark.parametrize(
+    ("f", "exact"),
+    [
+        (lambda x: (-1e4 * x[0], -x[1]), [-1.0, -1e4]),
+        (lambda x: (-x[0], -1e4 * x[1] + 1e4 * x[0]), [-1.0, -1e4]),
+        (lambda x: (-1e5 * (x[0] - x[1] * x[2]), -0.5 * x[1] + x[2], -x[1] - 0.5 * x[2]),
+         [-0.5, -0.5, -1e5]),
+        (lambda x: (-1e4 * x[0], -2e4 * x[1], -x[2]), [-1.0, -1e4, -2e4]),
+        pytest.param(lambda x: (TURN * APART) @ (TURN.T @ x), APART, marks=pytest.mark.slow),
+        pytest.param(
+            lambda x: (-(1e3 + 300 * np.sin(x[2])) * (x[0] - np.cos(x[2])),
+                       (50 * np.cos(x[2]) - 200) * (x[1] - x[0] ** 2), 1.0),
+            [-200.0, -1e3], marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_motion_with_directions_that_decay_fast(f, exact):
+    """They need no more segments than the slow ones, and frames where there are several."""
+    field = sf.Field(f, len(f(np.ones(8))))
+    starts = np.array([[1.0, 1.0, 0.5, 0.2] * 2, [0.3, -1.0, 2.0, 0.0] * 2])[:, : field.dimension]
+    calls, times = [], {"time": 96.0 * np.pi, "transient": 20.0}
+    found = sf.lyapunov_exponents(
+        field, starts, progress=lambda done, _: calls.append(done), **times
+    )
+    np.testing.assert_allclose(found, [exact] * 2, rtol=1e-7)
+    assert len(calls) < 1000
+    alone = sf.lyapunov_exponents(field, starts[1], **times)
+    np.testing.assert_array_equal(alone, found[1])
+
+
+# ---------------------------------------------------------------------- with changes of the state
+A = np.array([[-0.3, 1.0], [-1.0, -0.1]])
+KICK = np.array([[1.5, 0.2], [0.7, -0.4]])
+LINEAR = sf.Field(lambda x: A @ x, "x y")
+KICKS = {"times": np.arange(0.0, 81.0)}
+
+
+def test_motion_with_kicks_at_times():
+    """The logarithms of the eigenvalues of what a period does."""
+    change = sf.Event(**KICKS, to=lambda x: KICK @ x)
+    right = np.sort(np.log(abs(np.linalg.eigvals(KICK @ expm(A)))))[::-1]
+    times = {"time": 50.0, "transient": 30.0}
+    found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], events=change, **times)
+    np.testing.assert_allclose(found, [right, right], atol=1e-7)
+    alone = sf.lyapunov_exponents(LINEAR, [0.2, -1.0], events=change, **times)
+    np.testing.assert_array_equal(alone, found[1])
+
+
+@pytest.mark.parametrize("last", ["x/2", "0"])
+def test_motion_with_changes_that_take_a_direction_away(last):
+    change = sf.Event(**KICKS, to=(last, "0"))
+    found = sf.lyapunov_exponents(LINEAR, [1.0, 0.5], time=40.0, transient=5.0, events=change)
+    first = -np.inf if last == "0" else np.log(expm(A)[0, 0] / 2)
+    np.testing.assert_allclose(found, [first, -np.inf], rtol=1e-6)
+
+
+@pytest.mark.parametrize("direction", [0, -1])
+def test_motion_of_an_impact_oscillator(direction):
+    """It meets the wall at multiples of half the time of a turn, and keeps e of its speed."""
+    e = np.array([0.5, 0.9, 1.0])
+    field = sf.Field(lambda x, e: (x[1], -x[0]), "x v", e=e)
+    wall = sf.Event("x", direction=direction, to=lambda x, e: (x[0], -e * x[1]))
+    times = {"time": 16 * np.pi, "transient": 2 * np.pi}
+    found = sf.lyapunov_exponents(field, [1.0, 0.0], events=wall, **times)
+    np.testing.assert_allclose(found, np.log(e)[:, np.newaxis] / np.pi * [1, 1], atol=1e-8)
+
+
+def test_motion_of_a_spiking_cycle():
+    """One exponent is 0, the other one that of its multiplier; records count for nothing."""
+    field = sf.Field(lambda x: (1.5 - x[0], -0.3 * x[1]), "v w")
+    fires = sf.Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
+    given = {"events": [sf.Event("w"), fires], "transient": 80.0}
+    found = sf.lyapunov_exponents(field, [0.3, 1.5], time=100 * np.log(3), **given)
+    np.testing.assert_allclose(found, [0.0, -0.3], atol=1e-8)
+
+
+def test_maps_made_by_changes_alone():
+    """The logistic map has log 2, Hénon's -1.2039728 = log 0.3 as its sum."""
+    still = sf.Field(lambda x: (0.0 * x[0],), 1)
+    times = np.arange(1.0, 3001.0)
+    logistic = sf.Event(times=times, to=lambda x: (4 * x[0] * (1 - x[0]),))
+    found = sf.lyapunov_exponents(still, [[0.3], [0.4]], time=3000.5, events=logistic)
+    np.testing.assert_allclose(found, np.log(2.0), atol=2e-3)
+    still = sf.Field(lambda x: (0.0 * x[0], 0.0 * x[1]), 2)
+    henon = sf.Event(times=times[:500], to=lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]))
+    found = sf.lyapunov_exponents(still, [0.1, 0.1], time=499.0, transient=0.5, events=henon)
+    assert found.sum() == pytest.approx(np.log(0.3), rel=1e-9)
+
+
+@pytest.mark.parametrize("f", [lambda x: (x[1], -0.1 * x[1]), lambda x: (x[1], -x[0])])
+def test_a_wall_that_takes_all_speed(f):
+    wall = sf.Event("x1", to=("x1", 0))
+    field = sf.Field(f, 2)
+    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, events=wall)
+    assert found.tolist() == [-np.inf, -np.inf]

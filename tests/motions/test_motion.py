@@ -1,0 +1,342 @@
+"""`flow`: the motion at given times, and its result, `Motion`."""
+
+import mpmath
+import numpy as np
+import pytest
+from children import TWO_THREADS
+from samples import SQUARE
+from scipy.integrate import solve_ivp
+from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, SPRING, by_series
+
+import suslov_fast as sf
+from suslov_fast import Field, IntegrationWarning, Status, flow
+from suslov_fast.core.flow import integrator
+
+
+def of(f, dimension, **parameters):
+    return Field(f, dimension, **parameters)
+
+
+SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
+
+
+PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+# Populations with a saturating response, whose f has quotients.
+FOOD_CHAIN = Field(
+    lambda x, a: (
+        x[0] * (1 - x[0]) - a * x[0] * x[1] / (1 + 3 * x[0]),
+        a * x[0] * x[1] / (1 + 3 * x[0]) - 0.4 * x[1],
+    ),
+    "prey predator",
+    a=5.0,
+)
+
+
+def at(field, x, time, **options):
+    """The states at a time, of all trajectories."""
+    return flow(field, x, time=time, **options).states[0]
+
+
+# ---------------------------------------------------------------------------------------- accuracy
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("name", FLOWS)
+def test_series(name):
+    """Against power series in long doubles; forward and back."""
+    field, start, time = FLOWS[name]
+    end, largest = by_series(name).astype(float), abs(by_series(name)).max()
+    tolerances = np.array([1e-4, 1e-6, 1e-9, 1e-12])
+    errors = [abs(at(field, start, time, rtol=rtol) - end).max() / largest for rtol in tolerances]
+    assert (errors < (3e3 if name == "Lorenz" else 20) * tolerances).all(), errors
+    assert errors[3] < errors[2] < errors[1] < errors[0]
+    back = at(field, end, -time, rtol=1e-12)
+    assert abs(back - start).max() < (1e-5 if name == "Lorenz" else 1e-10)
+
+
+def test_a_pendulum_in_elliptic_functions():
+    """sin(q / 2) = k sn(K - t) from rest at q0, k = sin(q0 / 2)."""
+    times, q0 = [0.5, 3.0, 20.0], 2.5
+    with mpmath.workdps(30):
+        m = mpmath.sin(mpmath.mpf(q0) / 2) ** 2
+        sn = [mpmath.ellipfun("sn", mpmath.ellipk(m) - t, m=m) for t in times]
+        wanted = [float(2 * mpmath.asin(mpmath.sqrt(m) * each)) for each in sn]
+    for rtol in (1e-6, 1e-9, 1e-12):
+        motion = flow(PENDULUM, [q0, 0.0], time=times, rtol=rtol)
+        assert abs(motion.states[:, 0] - wanted).max() < 100 * rtol
+        assert abs(motion.energy() - np.cos(q0 - np.pi)).max() < 30 * rtol
+
+
+def test_exact_solutions_of_bodies(rng):
+    start, times = rng.normal(size=(40, 2)), [20.0, 3.0]
+    for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.Suslov3D(2, 1, -0.5, -0.3, 0.1)):
+        exact = flow(body, start, time=times)
+        found = flow(body.field(), start, time=times)
+        assert abs(found.states - exact.states).max() < 1e-8
+        assert not exact.steps.any()
+        assert found.steps.all()
+
+
+def test_bodies_without_a_closed_form_go_member_by_member():
+    bodies = sf.SuslovND(J=[[1.0, 2, 3], [1, 1, 1]], I=[0.1, 0.2, 0.3])
+    whole = flow(bodies, [1.0, 1, 1], time=[0.5, 2.0])
+    assert (whole.steps > 0).tolist() == [True, False]
+    for k in range(2):
+        own = flow(bodies[k], [1.0, 1, 1], time=[0.5, 2.0])
+        assert (own.states == whole.states[:, k]).all()
+    by_field = flow(bodies.field(), [1.0, 1, 1], time=[0.5, 2.0])
+    assert abs(by_field.states - whole.states).max() < 1e-8
+
+
+def test_small_components_have_digits_with_atol():
+    """y' = -y beside 1: 1e-12 of the largest has no digits by default."""
+    field = of(lambda x: (-1e-3 * x[0], 1e-14 * x[0] - 50 * x[1]), 2)
+    exact = 1e-14 * np.exp(-1e-2) / (50 - 1e-3)
+    small = at(field, [1.0, 0.0], 10.0, rtol=1e-8, atol=0.0)[1]
+    assert small == pytest.approx(exact, rel=1e-6)
+    assert flow(field, [1.0, 0.0], time=10.0, atol=[1e-3, 0.0]).atol == (1e-3, 0.0)
+
+
+def test_atol_allows_larger_errors():
+    steps = [
+        int(flow(HENON_HEILES, [0.1, 0.2, 0.3, -0.1], time=20.0, rtol=1e-12, atol=atol).steps)
+        for atol in (0.0, 1e-10, 1e-4)
+    ]
+    assert steps[0] > steps[1] > steps[2]
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-12])
+def test_populations_stay_positive(rtol):
+    """They fall to 1e-27 and below 1e-200; one below 0 would end at -1e80."""
+    field = of(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
+    times = np.linspace(0, 300, 61)
+    starts = [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]]
+    with pytest.warns(UserWarning, match="atol=0"):
+        found = flow(field, starts, time=times, rtol=rtol).states
+    assert (found[:, :2] > 0).all()
+    assert (found[:, 2] * [-1, 1] >= 0).all()  # one of them below the least number
+    [exact] = np.exp(
+        solve_ivp(
+            lambda t, u: (1 - np.exp(u[1]) / 2, np.exp(u[0]) / 2 - 1),
+            (0, 5), np.log([100.0, 50.0]), "DOP853", [5.0], rtol=1e-12, atol=1e-12,
+        ).y.T
+    )  # fmt: skip
+    assert abs(found[1, 0] - exact).max() < 100 * rtol
+
+
+def test_fast_decay():
+    family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41))
+    wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 9, 41)))
+    run = flow(family, [1.0], time=[0.1, 1.0])
+    assert abs(run.states[..., 0] - wanted).max() < 2e-9
+    assert run.steps.max() < 200
+
+
+# -------------------------------------------------------------------------- clocks, jumps, max_step
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_a_drive_that_is_on_for_a_while(rtol):
+    """Also of one hour in thirty, at the default lengths of steps."""
+
+    def on(t, first, last, width):
+        return (np.tanh((t - first) / width) - np.tanh((t - last) / width)) / 2
+
+    slow = Field(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
+    assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.16411389, abs=10 * rtol)
+    dose = Field(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
+    assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.45965246, abs=100 * rtol)
+
+
+def test_max_step_finds_pulses():
+    """A pulse of 0.01 in a time of 100; its area is 1."""
+    pulse = Field(
+        lambda s: (1.0, np.exp(-((1e3 * (s[0] - 61.7)) ** 2)) * 1e3 / np.sqrt(np.pi)), "t y"
+    )
+    motion = flow(pulse, [0.0, 0.0], time=100.0, max_step=1e-3)
+    assert motion.states[-1, 1] == pytest.approx(1.0, abs=1e-7)
+    assert motion.max_step == 1e-3
+    assert motion.steps >= 1e5
+
+
+# ------------------------------------------------------------------------------------------- times
+def test_times_in_any_order(rng):
+    x = rng.normal(size=(2, 3, 4)) / 8
+    times = [3.0, 1.0, 0.0, 3.0, 0.5, 2.0, 1.0]
+    found = flow(HENON_HEILES, x, time=times)
+    assert found.states.shape == (7, 2, 3, 4)
+    assert (found.time == times).all()
+    assert (found.states[0] == found.states[3]).all()
+    assert (found.states[1] == found.states[6]).all()
+    assert (found.states[2] == x).all()
+    ascending = flow(HENON_HEILES, x, time=np.sort(times))
+    assert (ascending.states == found.states[np.argsort(times, kind="stable")]).all()
+    for time, states in zip(times, found.states, strict=True):
+        assert abs(at(HENON_HEILES, x, time) - states).max() < 1e-8
+    back = flow(HENON_HEILES, x, time=[-2.0, 0.0, -1.0])
+    assert (back.states[1] == x).all()
+    assert abs(at(HENON_HEILES, back.states[0], 2.0) - x).max() < 1e-8
+
+
+def test_many_times_do_not_shorten_steps(rng):
+    x, times = rng.normal(size=4) / 8, np.sort(rng.uniform(0, 20, 1001))
+    few = flow(HENON_HEILES, x, time=times[-1])
+    many = flow(HENON_HEILES, x, time=times)
+    assert many.steps == few.steps
+    exact = flow(HENON_HEILES, x, time=times, rtol=1e-13)
+    assert abs(many.states - exact.states).max() < 1e-7
+
+
+def test_empty_and_trivial_calls():
+    assert flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[]).states.shape == (0, 4)
+    empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0])
+    assert empty.states.shape == (1, 0, 4)
+    assert empty.ok.all()
+    nobody = FRICTION.with_parameters(mu=[])
+    assert flow(nobody, [1.0, 0.0], time=[1.0, 2.0]).states.shape == (2, 0, 2)
+    none = sf.crossings(HENON_HEILES, np.empty((0, 4)), surface="x1", time=1.0, most=2)
+    assert (none.states.shape, none.final.shape) == ((0, 4), (0, 4))
+    assert (at(LORENZ, [0.0, 0.0, 0.0], 1e300) == 0.0).all()
+    nothing = flow(SQUARE, [[1.0], [np.nan]], time=[0.0])
+    assert nothing.status.tolist() == [Status.OK, Status.NONFINITE]
+    assert nothing.steps.tolist() == [0, 0]
+
+
+# -------------------------------------------------------------------------------------------- bits
+@pytest.mark.compiled
+@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
+def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
+    a = np.array([0.0, 1.0, 0.3, -0.2, 0.5] * 12)
+    family = of(lambda x, a: (x[1] - a * x[0] * x[2], -x[0] + x[0] * x[1], a - x[2]), 3, a=a)
+    cases = (
+        (LORENZ, rng.normal(size=(60, 3)) * 8 + [0, 0, 25]),
+        (family, rng.normal(size=(60, 3)) / 9),
+        (FOOD_CHAIN.with_parameters(a=np.linspace(1, 5, 60)), rng.uniform(0.2, 1, (60, 2))),
+        (SPRING, rng.normal(size=(60, 2))),
+        (FRICTION, rng.normal(size=(60, 2))),
+    )
+    for field, x in cases:
+        whole = flow(field, x, time=[0.3, 1.0])
+        for part in (slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
+            own = field[part] if field.shape else field
+            found = flow(own, x[part], time=[0.3, 1.0])
+            np.testing.assert_array_equal(found.states, whole.states[:, part])
+        for k in (0, 1, 7):
+            own = field[k] if field.shape else field
+            alone = flow(own, x[k], time=[0.3, 1.0])
+            np.testing.assert_array_equal(alone.states, whole.states[:, k])
+            assert alone.steps == whole.steps[k]
+        with monkeypatch.context() as patch:
+            patch.setattr(integrator, "BLOCK", 8)
+            threaded = flow(field, x, time=[0.3, 1.0], threads=TWO_THREADS)
+            assert threaded == whole
+            patch.setattr(integrator, "BUDGET", 1)
+            assert flow(field, x, time=[0.3, 1.0]) == whole
+
+
+# ------------------------------------------------------------------------------- ends and warnings
+@pytest.mark.parametrize(
+    ("field", "start", "end"),
+    [
+        (SQUARE, [1.0], 1.0),
+        (SQUARES, [1.0, 0.0], 1.0),
+        (of(lambda x: (1 + x[0] ** 2,), 1), [0.0], np.pi / 2),
+        (of(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
+    ],
+)
+def test_solutions_that_end(field, start, end):
+    times = np.array([0.5, 0.99, 1.01, 2.0]) * end
+    with pytest.warns(IntegrationWarning) as record:
+        found = flow(field, start, time=times)
+    assert len(record) == 1
+    assert found.end == pytest.approx(end, abs=1e-6)
+    assert (found.status, found.ok) == (Status.ENDED, False)
+    assert np.isfinite(found.states[:2]).all()
+    assert np.isnan(found.states[2:]).all()
+
+
+def test_a_solution_that_passes_a_pole_by_does_not_end():
+    z = 1 + 0.1j
+    found = flow(SQUARES, [z.real, z.imag], time=[1.0, 2.0])
+    exact = z / (1 - z * np.array([1.0, 2.0]))
+    assert abs(found.states - np.stack([exact.real, exact.imag], axis=-1)).max() < 1e-7
+
+
+def test_one_warning_names_the_first():
+    start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
+    with pytest.warns(IntegrationWarning, match=r"2 of 5 solutions end.* 1 at t = 2$") as record:
+        found = flow(SQUARE, start, time=[3.0, 0.0])
+    assert len(record) == 1
+    statuses = [Status.OK, Status.ENDED, Status.ENDED, Status.NONFINITE, Status.OK]
+    assert found.status.tolist() == statuses
+    assert np.isnan(found.states[0, :, 0]).tolist() == [False, True, True, True, False]
+    assert np.isnan(found.end).tolist() == [True, False, False, False, True]
+    with pytest.warns(IntegrationWarning, match="1 of 1 solutions have no value"):
+        none = flow(LORENZ, [1e200, 1e200, 1.0], time=1.0)
+    assert (none.status, none.end) == (Status.NONFINITE, 0.0)
+    assert np.isnan(none.states).all()
+
+
+def test_times_that_look_like_values_of_a_clock():
+    field = Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")
+    times = np.linspace(5.0, 10.0, 6)
+    with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
+        found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)
+    np.testing.assert_allclose(found.states[:, 0, 1], times + 5.0, rtol=1e-14)
+    flow(field, [5.0, 0.0], time=times)  # a state, not a clock: no warning
+    flow(field, [1.0, 5.0], time=times - 5.0)
+
+
+@pytest.mark.compiled
+def test_solutions_that_need_ever_shorter_steps():
+    """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
+    with pytest.warns(IntegrationWarning, match="1 of 2 solutions take more than 250,000 steps"):
+        found = flow(LORENZ, [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], time=[-50.0, -1.0])
+    assert found.status.tolist() == [Status.TOO_MANY_STEPS, Status.OK]
+    assert -2.0 < found.end[0] < -1.0
+    assert np.isnan(found.states[0, 0]).all()
+    np.testing.assert_allclose(found.states[0, 1, 2], np.exp(8 / 3 * 50.0), rtol=1e-6)
+
+
+# ---------------------------------------------------------------------------------------- progress
+def test_progress(rng, monkeypatch):
+    monkeypatch.setattr(integrator, "BUDGET", 2**12)
+    x, times, seen = rng.normal(size=(40, 4)) / 9, [0.0, 1.0, 1.0, 200.0], []
+    found = flow(HENON_HEILES, x, time=times, progress=lambda *each: seen.append(each))
+    assert len(seen) > 2
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+    assert {total for _, total in seen} == {160}
+    assert seen[-1] == (160, 160)  # though a time is asked twice
+    assert found.ok.all()
+    stopped = flow(HENON_HEILES, x, time=times, progress=lambda done, total: len(seen) < 0)
+    assert (stopped.status == Status.TOO_MANY_STEPS).any()
+    is_there = ~np.isnan(stopped.states)
+    assert not is_there.all()
+    assert (stopped.states[is_there] == found.states[is_there]).all()
+
+
+# -------------------------------------------------------------------------------------- the result
+def test_the_result_is_no_sequence():
+    found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=[0.0, 1.0, 2.0])
+    assert (np.asarray(found) == found.states).all()
+    assert found.names == ("q", "p")
+    assert found.energy().shape == (3, 2)
+    assert "energy" in dir(found)
+    assert not {"omega", "extend"} & {*dir(found)}
+    for array in (found.states, found.time, found.status, found.end, found.steps):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(AttributeError, match=r"run\.states"):
+        _ = found.omega
+    for wrong in (lambda: [*found], lambda: found[1], lambda: found[:, 0], lambda: len(found)):
+        with pytest.raises(TypeError, match=r"run\.states|has no len"):
+            wrong()
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    exact = flow(body, [1.0, 0.5], time=[0.0, 1.0, 2.0])
+    assert abs(np.diff(exact.energy())).max() < 1e-14
+    assert abs(np.diff(exact.first_integral())).max() < 1e-14
+
+
+def test_plots():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    found = flow(PENDULUM, [[2.5, 0.0], [1.0, 0.0]], time=np.linspace(20, 0, 201))
+    lines = found.plot("time", "q").lines
+    assert len(lines) == 2
+    assert (np.diff(lines[0].get_xdata()) > 0).all()
+    plt.close("all")

@@ -1,0 +1,430 @@
+"""Periodic orbits of motions and maps, against published values, exact ones, and SciPy."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from systems import LORENZ, three_bodies
+
+import suslov_fast as sf
+from suslov_fast import Field, NoConvergence, flow, periodic_orbit
+from suslov_fast.motions import shooting
+
+# Those of integrals that are not known are told by one warning, which a test below asks for.
+pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
+
+VOLTERRA = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+VAN_DER_POL = Field(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
+KEPLER = Field(lambda s: (s[2], s[3], *(-s[:2] / (s[0] ** 2 + s[1] ** 2) ** 1.5)), "x y u v")
+
+
+def roessler(c):
+    return Field(lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - c)), 3)
+
+
+def morris_lecar(s):
+    v, w = s
+    m, rest = 0.5 * (1 + np.tanh((v + 1.2) / 18)), 0.5 * (1 + np.tanh((v - 2) / 30))
+    current = 90 - 2 * (v + 60) - 4.4 * m * (v - 120) - 8 * w * (v + 84)
+    return current / 20, 0.04 * np.cosh((v - 2) / 60) * (rest - w)
+
+
+def of_masses(s):
+    """Three equal masses in the plane."""
+    places, rates = s[:6].reshape(3, 2), [*s[6:]]
+    for i in range(3):
+        ways = [places[j] - places[i] for j in range(3) if j != i]
+        rates += [*sum(d / (d[0] ** 2 + d[1] ** 2) ** 1.5 for d in ways)]
+    return rates
+
+
+HALO = Field(three_bodies, 6, mu=0.01215058560962404)
+ARENSTORF = Field(three_bodies, 6, mu=0.012277471)
+X, V = np.array([0.97000436, -0.24308753]), np.array([-0.93240737, -0.86473146])
+# A field, a start, an approximate period or None, the period and how exact it is, or None.
+KNOWN = {
+    "AB": (LORENZ, [-13.4, -18.2, 25.5], 1.7, 1.558652210716175, 1e-12),
+    "AB, no period": (LORENZ, [-13.76, -19.58, 27.0], None, 1.558652210716175, 1e-12),
+    "AAB": (LORENZ, [-12.6, -17.0, 27.0], 2.3, 2.3059072639398, 1e-12),
+    "Roessler": (roessler(5.7), [0.0, -8.4, 0.03], None, 5.881088455555, 1e-11),
+    "halo": (
+        HALO, [1.0134037728554581, 0, -0.1753622728109184, 0, -0.083688427472776439, 0], 1.396,
+        1.3960732332950263, 1e-10,
+    ),
+    "Arenstorf": (
+        ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 2e-9
+    ),
+    "Morris-Lecar": (Field(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 2e-9),
+    "figure eight": (
+        Field(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
+        2e-8,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_published_periods(name):
+    field, start, about, period, digits = KNOWN[name]
+    if name == "Morris-Lecar":
+        start = flow(field, start, time=500.0).states[0]
+    orbit = periodic_orbit(field, start, about)
+    assert abs(orbit.period / period - 1) < digits
+    assert orbit.residual < 1e-10
+    # Of a system with an integral 1 is double, and has the root of the errors.
+    assert abs(orbit.multipliers - 1).min() < 5e-4
+    back = flow(field, orbit.state, time=orbit.period, rtol=1e-12).states[0]
+    assert abs(back - orbit.state).max() < 3e-8 * abs(orbit.state).max()
+
+
+def test_published_multipliers():
+    orbit = periodic_orbit(roessler(5.7), [0.0, -8.4, 0.03])
+    assert abs(orbit.multipliers[0] + 2.4039535318) < 1e-9
+    assert abs(orbit.multipliers[1] - 1) < 1e-9
+    orbit = periodic_orbit(LORENZ, [-13.76, -19.58, 27.0])
+    np.testing.assert_allclose(
+        np.prod(orbit.multipliers), np.exp(-41 / 3 * orbit.period), atol=1e-9
+    )
+
+
+def test_a_family_is_followed_to_its_bifurcation():
+    """Roessler's system with a = b = 0.2 doubles its period at c = 2.832445."""
+    orbit = periodic_orbit(roessler(2.5), flow(roessler(2.5), [1, 1, 0], time=300.0).states[0])
+
+    def distance(c):
+        nonlocal orbit
+        orbit = periodic_orbit(roessler(c), orbit.state, orbit.period)
+        others = np.delete(orbit.multipliers, abs(orbit.multipliers - 1).argmin())
+        return others.real.min() + 1
+
+    assert abs(brentq(distance, 2.7, 2.9, xtol=1e-9) - 2.832445) < 1e-6
+
+
+def test_several_arcs():
+    """The orbit of a circle beside a saddle whose differences grow by 2e27 in a period."""
+    field = Field(lambda x: (x[1], -x[0], 10 * x[2]), 3)
+    orbit = periodic_orbit(field, [1.0, 0.0, 0.0], 6.0)
+    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-12)
+    assert orbit.multipliers[0] == pytest.approx(np.exp(20 * np.pi), rel=1e-8)
+    motion = shooting.OfMotion(LORENZ, np.array([-12.6, -17.0, 27.0]), 1e-12)
+    nodes = motion.states(np.array([-12.6, -17.0, 27.0]), np.arange(8) * 2.3 / 8)
+    search = shooting.Shooting(motion, nodes, 2.3, 1e-12, np.ones(3))
+    assert search.search()
+    assert abs(search.T / 2.3059072639398 - 1) < 1e-12
+
+
+def test_systems_with_an_integral():
+    """Of a family of orbits one near the start is found; both multipliers are 1."""
+    orbit = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8)
+    assert abs(orbit.state - [1, 2]).max() < 0.1
+    assert abs(orbit.multipliers - 1).max() < 1e-5
+    solution = solve_ivp(
+        lambda t, x: VOLTERRA(x), (0, 8), orbit.state, "DOP853", rtol=1e-12,
+        atol=1e-12, events=lambda t, x: x[0] - orbit.state[0],
+    )  # fmt: skip
+    assert abs(solution.t_events[0][-1] / orbit.period - 1) < 1e-8
+
+
+def test_forces_keep_their_period():
+    """By a variable t, and the same by two variables: the orbit is known."""
+    forced = Field(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
+    amplitude = 1 / (1 - 4 + 2j)  # of q = Re(amplitude exp(2 i t))
+    for t in (0.0, 0.7):
+        orbit = periodic_orbit(forced, [0.5, 0.1, t], np.pi)
+        turned = amplitude * np.exp(2j * t)
+        assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-11
+        assert orbit.state[2] == t
+        assert orbit.period == np.pi
+        assert len(orbit.multipliers) == 2
+        assert abs(orbit.multipliers) == pytest.approx(np.exp(-np.pi / 2))
+    with pytest.raises(ValueError, match="period"):
+        periodic_orbit(forced, [0.5, 0.1, 0.0])
+    own = Field(lambda s: (s[1], -s[0] - s[1] + s[2], -2 * s[3], 2 * s[2]), "q p c s")
+    orbit = periodic_orbit(own, [-0.2, 0.3, 1.0, 0.0], np.pi)
+    turned = amplitude * complex(*orbit.state[2:])
+    assert abs(orbit.state[:2] - [turned.real, (2j * turned).real]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("field", "start", "period", "reason"),
+    [
+        (LORENZ, [0, 0, 0], 3.0, "equilibrium"),
+        (LORENZ, [0, 0, 0], None, "equilibrium"),
+        pytest.param(LORENZ, [8.4, 8.4, 27.1], 0.7, "equilibrium", marks=pytest.mark.slow),
+        (VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, "equilibrium"),
+        (LORENZ, [1e200, 1, 1], 1.0, "ends"),
+        (Field.from_terms([[[1.0]]]), [1.0], 2.0, "ends"),
+        (Field(lambda x: (1 - x[0],), 1), [0.5], 2.0, "equilibrium"),
+        (Field(lambda x: (1 - x[0],), 1), [0.5], None, "falls to"),
+        (Field(lambda x: (1 + x[1] ** 2, x[0]), 2), [1, 1], 0.5, "orbit"),
+        (
+            Field(lambda x: (x[1], -x[0], 400 * x[2]), 3), [1, 0, 0],
+            2 * np.pi, "range",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_no_orbit_is_told(field, start, period, reason):
+    with pytest.raises(NoConvergence, match=reason):
+        periodic_orbit(field, start, period)
+
+
+@pytest.mark.slow
+def test_a_tolerance_below_the_error_of_f():
+    """Differences of large numbers have errors above the tolerance, not both small by luck."""
+    field = Field(  # friction, because two sets may be lucky
+        lambda x: (x[1], 3e6 - (3e6 + x[0]) - 1e-99 * x[1], x[3], 6e6 - (6e6 + x[2])), 4
+    )
+    start = [1.0, 0.0, 1.0, 0.0]
+    with pytest.raises(NoConvergence, match="a larger rtol"):
+        periodic_orbit(field, start, 6.2, rtol=1e-13)
+    orbit = periodic_orbit(field, start, 6.2, rtol=1e-9)
+    assert orbit.period == pytest.approx(2 * np.pi, rel=1e-8)
+
+
+def test_a_period_that_is_none_of_the_force():
+    forced = Field(lambda s: (s[1], -s[0] - s[1] + np.cos(2 * s[2]), 1), "q p t")
+    for period in (3.0, np.pi / 2, 3.1416):
+        with pytest.raises(ValueError, match="period"):
+            periodic_orbit(forced, [0.5, 0.1, 0.0], period)
+    assert periodic_orbit(forced, [0.5, 0.1, 0.0], 3.1415927).residual < 1e-11
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-13])
+@pytest.mark.parametrize("about", [None, 5.6])
+def test_an_orbit_across_jumps(rtol, about):
+    field = Field(lambda x: (x[1], -np.sign(x[0])), 2)
+    orbit = periodic_orbit(field, [1.0, 0.0], about, rtol=rtol)
+    assert orbit.period == pytest.approx(4 * np.sqrt(2 * orbit.state[0]), rel=1e-10)
+    np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("start", [(1.0, 0.0), (0.0, 0.4), (0.243, 1.801), (0.774, 0.281)])
+def test_a_return_is_found_wherever_steps_end(start, monkeypatch):
+    """Here they end where x'' = -sign x jumps alone, and pass each half of the orbit in one."""
+    x0, field = np.array(start), Field(lambda x: (x[1], -np.sign(x[0])), 2)
+    motion = shooting.OfMotion(field, x0, 1e-6)
+    x, v = start
+    speed = np.sqrt(v * v + 2 * abs(x))
+    times = np.append(0.0, speed + v + 2 * speed * np.arange(9) + 1e-12)
+    ends = times, motion.states(x0, times)
+    monkeypatch.setattr(motion, "steps", lambda *_: iter([ends]))
+    assert shooting.near_return(motion, x0)[0] == pytest.approx(4 * speed, rel=0.01)
+
+
+def van_der_pol(mu):
+    return Field(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
+
+
+def fitzhugh_nagumo(e):
+    return Field(lambda s: ((s[0] - s[0] ** 3 / 3 - s[1] + 0.5) / e, s[0] + 0.7 - 0.8 * s[1]), 2)
+
+
+def brusselator(b):
+    return Field(lambda s: (1 + s[0] ** 2 * s[1] - (b + 1) * s[0], b * s[0] - s[0] ** 2 * s[1]), 2)
+
+
+# A field, its parameter, a time in which it settles from (1, 0.5), and the level of the first
+# component at which the start is on the jump, or None.
+RELAXATION = [
+    (van_der_pol, 12.0, 200.0, 0.3),
+    (van_der_pol, 484.202163, 3e3, -0.7),
+    (van_der_pol, 2000.0, 1e4, 0.9),
+    (van_der_pol, 1038.02, 6e3, None),
+    (fitzhugh_nagumo, 1e-4, 20.0, 0.4),
+    (fitzhugh_nagumo, 0.05, 20.0, -0.3),
+    (fitzhugh_nagumo, 2e-3, 20.0, None),
+    (brusselator, 12.0, 300.0, 4.0),
+    (brusselator, 6.0, 300.0, None),
+]
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(("of", "parameter", "time", "level"), RELAXATION)
+def test_relaxation_cycles(of, parameter, time, level, rtol):
+    """The period is that between sections; the state returned is slow."""
+    field = of(parameter)
+    settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).states[0]
+    middle = {van_der_pol: 0.0, fitzhugh_nagumo: 0.0, brusselator: 1.0}[of]
+    section = sf.crossings(
+        field,
+        settled,
+        surface=lambda x: x[..., 0] - middle,
+        time=time,
+        rtol=1e-12,
+        most=3,
+        direction=1,
+    )
+    start = settled * 1.0001
+    if level is not None:
+        jump = sf.crossings(
+            field, settled, surface=lambda x: x[..., 0] - level, time=time, most=1, direction=1
+        )
+        start = jump.states[0]
+    orbit = periodic_orbit(field, start, rtol=rtol)
+    assert orbit.period == pytest.approx(section.time[2] - section.time[1], rel=1e3 * rtol)
+    assert orbit.residual < 10 * rtol
+    around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).states
+    speeds = abs(field(around)).max(axis=1)
+    assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(
+    ("mu", "start", "period"),
+    [
+        (1075.597107, [0.8281067262227219, -30.18114435450839], 1736.4174),
+        (484.202163, [-1.9825836799509253, -27.753642669524144], 782.3475),
+        # Beyond the largest x of the cycle, off the slow manifold, and on it.
+        (1151.398804, [2.000063921668133, -0.0005789789995359393], 1858.7417),
+        (1952.882047, [2.0000613328115775, -0.001289537739784978], 3152.0245),
+        (50.0, [2.1, 0.0], 82.5),
+    ],
+)
+def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
+    assert periodic_orbit(van_der_pol(mu), start, rtol=rtol).period == pytest.approx(
+        period, rel=1e-2
+    )
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(("mu", "A", "w"), [(5.0, 25.0, 0.7), (20.0, 100.0, 0.6)])
+def test_a_forced_relaxation_cycle_from_its_jump(mu, A, w, rtol):
+    field = Field(
+        lambda s: (s[1], mu * (1 - s[0] ** 2) * s[1] - s[0] + A * np.cos(w * s[2]), 1.0), "x v t"
+    )
+    period = 2 * np.pi / w
+    times = 100 * period * np.arange(1, 5)
+    settled = flow(field, [1.0, 0.0, 0.0], time=times, rtol=1e-12).states[-1]
+    states = flow(field, settled, time=np.linspace(0, period, 2000), rtol=1e-12).states
+    start = states[abs(field(states)[:, :2]).max(axis=1).argmax()]
+    orbit = periodic_orbit(field, start, period, rtol=rtol)
+    assert (orbit.state[2], orbit.period) == (start[2], period)
+    scale = np.ptp(states[:, :2], axis=0)
+    assert (abs(orbit.state - start)[:2] / scale).max() < 1e4 * rtol
+
+
+REST = {
+    "Mathieu": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)), np.pi, 0.0),
+    "damped": (lambda x, v, t: -x * (1 + 0.5 * np.cos(2 * t)) - 0.3 * v, np.pi, 0.0),
+    "shaken": (lambda x, v, t: -(1 + 3 * np.cos(5 * t)) * np.sin(x), 0.4 * np.pi, 0.0),
+    "inverted": (lambda x, v, t: (1 + 99 * np.cos(20 * t)) * np.sin(x), 0.1 * np.pi, 0.0),
+    "elsewhere": (lambda x, v, t: -(x - 5) * (1 + 0.5 * np.cos(2 * t)) - 0.1 * v, np.pi, 5.0),
+}
+
+
+@pytest.mark.parametrize("way", [0.0, 0.01])
+@pytest.mark.parametrize("name", REST)
+def test_rest_states_of_forced_systems(name, way):
+    """Their multipliers are the question; Newton's method comes to them, too."""
+    force, period, rest = REST[name]
+    field = Field(lambda s: (s[1], force(*s), 1.0), "x v t")
+    orbit = periodic_orbit(field, [rest + way, 0.0, 0.25], period)
+    np.testing.assert_allclose(orbit.state, [rest, 0.0, 0.25], atol=1e-9)
+    motion = flow(field, [rest, 0.0, 0.25], time=period, rtol=1e-12, derivatives="x0")
+    expected = np.linalg.eigvals(motion.derivatives["x0"][0, :2, :2])
+    np.testing.assert_allclose(sorted(abs(orbit.multipliers)), sorted(abs(expected)), rtol=1e-7)
+
+
+def test_an_orbit_far_from_the_origin():
+    field = Field(lambda x: (x[1], (1 - (x[0] - 1e5) ** 2) * x[1] - (x[0] - 1e5)), 2)
+    for about in (6.6, None):
+        orbit = periodic_orbit(field, [1e5 + 2.0, 0.0], about)
+        assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
+
+
+@pytest.mark.parametrize("k", [2, 11])
+def test_a_multiple_of_a_period_is_named(k):
+    about = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8).period
+    with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):
+        periodic_orbit(VOLTERRA, [1.0, 2.0], k * about)
+
+
+def test_time_scales_with_its_unit():
+    """In another unit of time and of the state the orbit is the same."""
+    unit = 2.0**-14
+    fast = Field(lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2)
+    for about in (None, 6.5):
+        one = periodic_orbit(VOLTERRA, [1.0, 2.0], about)
+        other = periodic_orbit(fast, [0.125, 0.25], about and about * unit)
+        np.testing.assert_allclose(8 * other.state, one.state, rtol=1e-8)
+        assert abs(other.period / (one.period * unit) - 1) < 1e-8
+
+
+def test_an_orbit_far_from_what_was_asked_for():
+    """The orbit about the first point of Lagrange has the velocity 0.1625, and the period 2.78."""
+    moon = sf.Field(three_bodies, "x y z u v w", mu=0.01215)
+    with pytest.warns(UserWarning, match="period 2.04.* far from 2.8"):
+        periodic_orbit(moon, [0.82, 0, 0, 0, 0.15, 0], period=2.8)
+    assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
+
+
+# --------------------------------------------------------------------------------- orbits of maps
+
+
+def test_clocks_that_nothing_depends_on_or_that_stand():
+    def f(s, rate):
+        x, y, _, t = s
+        r = 1 - x * x - y * y
+        return x * r - y + 0.1 * np.cos(t), y * r + x, 1.0, rate
+
+    with pytest.raises(ValueError, match="depend on t,"):
+        periodic_orbit(Field(f, "x y phi t", rate=1.0), [1.0, 0.0, 0.0, 0.0])
+    orbit = periodic_orbit(Field(f, "x y phi t", rate=0.0), [1, 0, 0, np.pi / 2])
+    assert orbit.period == pytest.approx(2 * np.pi)
+    np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-4 * np.pi)], atol=1e-9)
+
+
+FORCED = "x v c s", lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * s[2], s[3], -s[2])
+
+
+@pytest.mark.parametrize(
+    ("field", "start", "period"),
+    [
+        (Field(FORCED[1], FORCED[0]), [0, 0, 1, 0], 2 * np.pi),
+        (VOLTERRA, [1.0, 2.0], None),
+        (KEPLER, [1.0, 0.0, 0.0, 1.1], None),
+    ],
+    ids=["force as states", "Volterra", "Kepler"],
+)
+def test_a_member_of_a_family_is_told(field, start, period):
+    with pytest.warns(UserWarning, match="a member of a family") as told:
+        periodic_orbit(field, start, period)
+    assert len(told) == 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_known_integrals_and_isolated_orbits_are_no_families():
+    H = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+    assert periodic_orbit(H, [1.0, 0.0]).period == pytest.approx(6.699975664370, rel=1e-11)
+    time = Field(lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * np.cos(s[2]), 1.0), "x v t")
+    orbit = periodic_orbit(time, [0.0, 0.0, 0.0], 2 * np.pi)
+    right = solve_ivp(
+        lambda t, y: (y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * np.cos(t)),
+        (0, 100 * np.pi), [0, 0], "DOP853", rtol=1e-11, atol=1e-12,
+    ).y[:, -1]  # fmt: skip
+    np.testing.assert_allclose(orbit.state[:2], right, atol=1e-8)
+    cycle = Field(  # x + y + z is constant, and given by the start
+        lambda x: (
+            x[1],
+            (1 - x[0] ** 2) * x[1] - x[0],
+            -x[1] - (1 - x[0] ** 2) * x[1] + x[0],
+        ),
+        3,
+    )
+    assert periodic_orbit(cycle, [2.0, 0.0, 0.0]).period == pytest.approx(6.663286859, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motions_that_fall_to_an_equilibrium(seed):
+    """Of an oscillator with friction, about any state, in other coordinates."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(2, 2))
+    B = A @ np.array([[0.0, 1.0], [-1.0, -rng.uniform(0.05, 0.5)]]) @ np.linalg.inv(A)
+    rest = rng.normal(size=2)
+    field = Field(lambda x: [*(B @ (np.array(x) - rest))], 2)
+    with pytest.raises(NoConvergence, match="the equilibrium") as told:
+        periodic_orbit(field, rest + rng.normal(size=2))
+    found = str(told.value).split("equilibrium [")[1].split("]")[0]
+    np.testing.assert_allclose([float(a) for a in found.split(", ")], rest, atol=1e-4)

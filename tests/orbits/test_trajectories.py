@@ -1,0 +1,196 @@
+"""`Trajectories`: attributes, methods, orientations, and conversion to labelled arrays."""
+
+import pickle
+import re
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import samples
+from kinds import BODY, FOUR, RUNS, STARTS, run_of
+
+import suslov_fast as sf
+from suslov_fast.results.schema import in_datasets
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.npz"
+
+
+QUANTITIES = {"first_integral", "energy", "modified_energy"}
+HAS = {
+    "batch": QUANTITIES,
+    "gyrostat": QUANTITIES,
+    "four": {"energy", "modified_energy"},
+    "field": set(),
+    "hamiltonian": {"energy", "modified_energy"},
+}
+
+
+@pytest.mark.parametrize("name", HAS)
+def test_a_run_has_the_functions_of_its_map(name):
+    run = run_of(name)
+    for quantity in HAS[name]:
+        eps = () if quantity == "energy" else (run.eps,)
+        expected = samples.quantity(quantity)(run.body, run.states, *eps)
+        np.testing.assert_array_equal(getattr(run, quantity)(), expected)
+    for quantity in QUANTITIES - HAS[name]:
+        with pytest.raises((TypeError, AttributeError, sf.NotIntegrableError)):
+            getattr(run, quantity)()
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_attributes(name):
+    run, (body, _, eps, steps, options) = run_of(name), RUNS[name]
+    every = options.get("save_every", 1)
+    assert run.n.tolist() == ([steps] if every is None else [*range(0, steps + 1, every)])
+    assert run.states.shape == (len(run.n), *run.status.shape, body.dimension)
+    assert len(run.states) == len(run.time) == len(run.n)
+    np.testing.assert_array_equal(run.time, np.multiply.outer(run.n, eps))
+    assert (run.status.dtype, run.failed_at.dtype) == (np.int8, np.int64)
+    assert run.ok.shape == run.status.shape
+    assert run.ok.all() == (name != "failed")
+    assert (run.method, run.steps, run.save_every) == (options.get("method", "auto"), steps, every)
+    assert re.fullmatch(r"Trajectories\(states: .{,98}\)", repr(run))
+    more = f" ... {run.n[-1]}" if len(run.n) > 2 else ""
+    assert f" n: {', '.join(map(str, run.n[:2]))}{more}, " in repr(run)
+    for name in ("x", "omega", "savefig"):
+        with pytest.raises(AttributeError, match=name):
+            getattr(run, name)
+
+
+def test_a_run_as_an_array():
+    run, other = run_of("failed"), run_of("batch")
+    assert np.asarray(run) is run.states
+    assert np.array(run) is not run.states
+    assert np.asarray(run, np.float32).dtype == np.float32
+    assert (run == replace(run)) is True
+    assert (run == replace(run, states=run.states + 1.0)) is (run == other) is (run == 1) is False
+    assert run != replace(run, attitude=np.ones(3))
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(run)
+
+
+ARRAYS = "states eps status failed_at final attitude n time".split()
+
+
+def test_arrays_of_a_run_are_read_only(path):
+    """In-place arithmetic fails before it changes a number, in copies and files, too."""
+    run = run_of("last")
+    run.save(path)
+    copies = [pickle.loads(pickle.dumps(run)), deepcopy(run), replace(run)]
+    for each in (run, *copies, sf.load(path)):
+        for name in ARRAYS:
+            before = getattr(each, name).copy()
+            with pytest.raises(ValueError, match=r"read-only|output array"):
+                exec(f"each.{name} *= 2")
+            np.testing.assert_array_equal(getattr(each, name), before)
+        assert not each.valid.flags.writeable
+    given = run.states.copy()
+    assert not replace(run, states=given).states.flags.writeable
+    given[0] = 1.0  # an array of the caller
+
+
+def test_results_keep_their_step_sizes():
+    """Whoever changes the array that was passed changes no result."""
+    eps = np.full(5, 0.2)
+    run = sf.iterate(BODY, STARTS, eps, 3)
+    eps[:] = 9.0
+    assert (run.eps == 0.2).all()
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_run_goes_on_from_its_last_states(name):
+    """With the bits of one run; those of bodies in three dimensions may have other last digits."""
+    body, omega0, eps, _, options = RUNS[name]
+    given = {"on_singular": "ignore", "save_every": None, "method": options.get("method", "auto")}
+    whole, half = (sf.iterate(body, omega0, eps, steps, **given) for steps in (60, 40))
+    last = sf.iterate(body, half.final, eps, 20, **given).final
+    if isinstance(body, sf.Suslov3D):
+        np.testing.assert_allclose(last, whole.final, rtol=1e-13, atol=1e-13)
+    else:
+        np.testing.assert_array_equal(last, whole.final)
+
+
+def test_parameters_as_coordinates():
+    sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
+    body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
+    run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
+    data = run.to_xarray(dims=("eps", "I13", "start"))
+    assert (data.states.sel(eps=0.2, I13=-0.4).values == run.states[:, 1, 1]).all()
+    assert (data.time.sel(eps=0.3).values == 0.3 * np.arange(6)).all()
+    one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
+    assert one.states.sel(eps=0.2).shape == (6, 2)
+    for last in (
+        "a",
+        "n",
+        "states",
+        3,
+        "eps",
+        "I1",
+    ):  # eps varies along another axis, I1 along none
+        with pytest.raises(ValueError, match=r"^dims "):
+            run.to_xarray(dims=("a", "b", last))
+    family = run_of("field").to_xarray()
+    assert (family.states.sel(a=2).values == run_of("field").states[:, 1]).all()
+
+
+def test_contents_of_a_dataset():
+    run = run_of("turning")
+    data = run.to_xarray()
+    others = {column.short for column in in_datasets("Trajectories", "turns")}
+    assert {*data.variables} - others == {*"n time eps component I1 I2 I13 I23".split()}
+    assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
+    assert data.states.dims == ("n", "trajectory", "component")
+    assert (data.states.sel(n=5, component="Omega2") == run.states[1, :, 1]).all()
+    assert (data.time.values == run.time).all()
+    names = data.status.attrs["flag_meanings"].split()
+    for value, name in zip(data.status.attrs["flag_values"], names, strict=True):
+        assert sf.Status[name] == value
+    assert run_of("four").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
+    several = sf.iterate(FOUR, np.full((5, 3), 0.3), 0.4, 2, method="gauss").to_xarray()
+    assert (several.J.dims, several.states.shape) == (("component",), (3, 5, 3))
+    assert (BODY.first_integral(data.states, 0.2) == run.first_integral()).all()
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
+    """As `odeint` takes them; step sizes of a family are not."""
+    times = np.linspace(0, 10, 100 + more)
+    how = rf"^eps: {100 + more} step sizes from 0 to 10, .* pass eps=0.1.*, steps={99 + more}$"
+    with pytest.warns(UserWarning, match=how):
+        run = sf.iterate(BODY, STARTS[0], times, 100)
+    assert run.states.shape == (101, 100 + more, 2)
+    with pytest.warns(UserWarning, match=how), pytest.raises(ValueError, match="other than 0"):
+        sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
+    with pytest.warns(UserWarning, match=how):
+        sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
+    for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
+        sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
+
+
+SHORT = {"STRETCH": 2**10, "TURNING": 2**10, "BETWEEN": 1}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", RUNS)
+def test_a_callable_ends_a_run(monkeypatch, name):
+    """All trajectories stand at the step of the call; the run is that of so many steps."""
+    body, omega0, eps, _, options = RUNS[name]
+    options = options | {"on_singular": "ignore"}
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.maps.batch.{short}", value)
+    for first in (0, 23, 299):
+        seen = []
+
+        def progress(done, total, seen=seen, first=first):
+            seen.append((done, total))
+            return np.False_ if done >= first else None
+
+        run = sf.iterate(body, omega0, eps, 300, **options, progress=progress)
+        steps = run.steps
+        assert seen[-1] == (steps, 300)
+        assert steps == 300 or not first or steps - first < 100
+        assert run == sf.iterate(body, omega0, eps, steps, **options)

@@ -1,0 +1,247 @@
+"""Runs in files."""
+
+import contextlib
+import errno
+import os
+import stat
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from kinds import BODY, RUNS, run_of
+
+import suslov_fast as sf
+from suslov_fast.results.schema import FORMAT
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.npz"
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_file_holds_all_of_a_run(name, path):
+    run = run_of(name)
+    run.save(path)
+    again = sf.load(path)
+    assert again == run
+    assert again.body.to_dict() == run.body.to_dict()
+    assert os.listdir(path.parent) == [path.name]
+    run.to_xarray().to_netcdf(path.with_suffix(".nc"))
+    with xarray.open_dataset(path.with_suffix(".nc")) as data:
+        np.testing.assert_array_equal(data.states.values, run.states)
+
+
+def test_a_file_of_trajectories_that_fail_at_once(path):
+    """Or at their last step."""
+    starts = [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]]
+    body = sf.Suslov3D(1, 1, 1, 0)
+    for steps, failed_at in ((0, [0, -1, -1]), (1, [0, 1, -1])):
+        run = sf.iterate(body, starts, 1.0, steps, on_singular="ignore")
+        assert run.failed_at.tolist() == failed_at
+        run.save(path, overwrite=True)
+        assert sf.load(path) == run
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, None])
+def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatch, code):
+    """The error of a full disk has the file."""
+    run = run_of("one")
+    run.save(path)
+
+    def filled(file, **arrays):
+        file.write(b"PK")
+        raise KeyboardInterrupt if code is None else OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(np, "savez", filled)
+    for target in (path, path.with_name("other.npz")):
+        with pytest.raises((OSError, KeyboardInterrupt)) as told:
+            run.save(target, overwrite=True)
+        if code is not None:
+            assert (told.value.errno, told.value.filename) == (code, str(target))
+    assert os.listdir(path.parent) == [path.name]
+    assert sf.load(path) == run
+
+
+def test_existing_files(path):
+    run = run_of("one")
+    path.write_bytes(b"kept")
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run.save(path)
+    assert path.read_bytes() == b"kept"
+    run.save(os.fspath(path), overwrite=True)
+    assert sf.load(path) == run
+    for name in ("run.nc", "run", "run.zarr"):
+        with pytest.raises(ValueError, match=r"^path.*\.npz"):
+            run.save(path.with_name(name))
+    with pytest.raises(FileNotFoundError, match=r"absent.+run\.npz"):
+        run.save(path.parent / "absent" / "run.npz")
+    with pytest.raises(FileNotFoundError):
+        sf.load(path.with_name("absent.npz"))
+
+
+def entries(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.mark.parametrize("change", [-1, 1])
+def test_files_of_other_formats_are_refused(path, change):
+    run_of("one").save(path)
+    found = entries(path)
+    about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
+    np.savez(path, **found | {"about": about.replace(sf.__version__, "7.8.9")})
+    with pytest.raises(ValueError, match=rf"run\.npz .*{FORMAT + change}.*7\.8\.9"):
+        sf.load(path)
+
+
+def test_a_tilde_is_the_home_folder(path, monkeypatch):
+    """In names of files."""
+    monkeypatch.setenv("HOME", str(path.parent))
+    monkeypatch.setenv("USERPROFILE", str(path.parent))
+    monkeypatch.chdir(path.parent)
+    run = run_of("one")
+    run.save("~/run.npz")
+    assert sf.load(Path("~/run.npz")) == run
+    assert sorted(os.listdir()) == ["run.npz"]
+
+
+def test_damaged_files(path):
+    run_of("batch").save(path)
+    whole = path.read_bytes()
+    for cut in (0, 10, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            sf.load(path)
+    end = len(whole)
+    for place in (*range(200, end // 2, 301), *range(end - 22, end)):  # those where entries begin
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+        with contextlib.suppress(ValueError):
+            assert sf.load(path) == run_of("batch")
+
+
+FORCED = sf.Field(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
+SETTINGS = {"atol": 1e-12, "stiff": False, "max_step": 0.125, "derivatives": ("x0", "a")}
+OF_EACH_KIND = {
+    "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
+    "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], **SETTINGS),
+    "Motion with changes": lambda: sf.flow(
+        FORCED,
+        [1.0, 0.5],
+        time=3.0,
+        events=[
+            sf.Event("p", to=lambda x, a: (a, x[1]), direction=1),
+            sf.Event(times=[1.0, np.nan]),
+        ],
+    ),
+    "Events": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
+}
+
+
+@pytest.mark.parametrize("kind", OF_EACH_KIND)
+def test_a_lost_or_renamed_entry_is_told(kind, path):
+    """Renamed by a single bit in the directory of the archive, or everywhere."""
+    result = OF_EACH_KIND[kind]()
+    result.save(path)
+    loaded = sf.load(path)
+    assert (type(loaded), loaded) == (type(result), result)
+    assert not any(each.flags.writeable for each in vars(loaded).values() if hasattr(each, "flags"))
+    whole, found = path.read_bytes(), entries(path)
+    for name in found:
+        others = {key: array for key, array in found.items() if key != name}
+        np.savez(path, **others)
+        with pytest.raises(ValueError, match=rf"run\.npz .*\b{name}\b"):
+            sf.load(path)
+        np.savez(path, **others, **{f"{name}_": found[name]})
+        with pytest.raises(ValueError, match=r"run\.npz "):
+            sf.load(path)
+        place = whole.rindex(f"{name}.npy".encode())
+        for k in range(len(name)):
+            flipped = bytes([whole[place + k] ^ 4])
+            path.write_bytes(whole[: place + k] + flipped + whole[place + k + 1 :])
+            with pytest.raises(ValueError, match=r"run\.npz "):
+                sf.load(path)
+
+
+@pytest.mark.parametrize("kind", OF_EACH_KIND)
+def test_arrays_that_do_not_belong_together(kind, path):
+    result = OF_EACH_KIND[kind]()
+    result.save(path)
+    found = entries(path)
+    for name, array in found.items():
+        if array.dtype.kind == "U":
+            continue
+        others = [array.astype("c16")] if name != "eps" else []
+        others += [array[..., np.newaxis]] if array.ndim else []
+        others += [array[:-1]] if array.ndim and name != "_carry" else []  # of any length
+        others += [np.full(array.shape, x) for x in (np.inf, np.nan) if name == "eps"]
+        if name == "time":
+            others += [np.where(np.arange(len(array)) == 0, x, array) for x in (np.inf, np.nan)]
+        for other in others:
+            np.savez(path, **found | {name: other})
+            with pytest.raises(ValueError, match=r"run\.npz "):
+                sf.load(path)
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
+    """On file systems without links, too; the file is that of the one that succeeded."""
+    if not links:
+
+        def link(*_):
+            raise OSError(errno.EOPNOTSUPP, "no links")
+
+        monkeypatch.setattr(os, "link", link)
+    runs = [sf.iterate(BODY, [1.0, 0.5], 0.1 * k, 5) for k in range(1, 5)]
+    start = threading.Barrier(len(runs), timeout=60)
+
+    def attempt(run):
+        start.wait()
+        try:
+            run.save(path)
+        except FileExistsError as error:
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(len(runs)) as pool:
+        for _ in range(5):
+            told = [*pool.map(attempt, runs)]
+            assert told.count("") == 1
+            assert all(f"pass overwrite=True: {os.fspath(path)!r}" in text for text in told if text)
+            assert sf.load(path) == runs[told.index("")]
+            assert os.listdir(path.parent) == [path.name]
+            path.unlink()
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
+
+
+@posix
+def test_overwriting_keeps_mode_and_link(path, monkeypatch):
+    run, other = run_of("one"), run_of("batch")
+    real = path.with_name("real.npz")
+    run.save(real)
+    path.symlink_to(real.name)
+    seen, savez = [], np.savez
+
+    def watched(file, **arrays):
+        seen.append(stat.S_IMODE(os.fstat(file.fileno()).st_mode))
+        savez(file, **arrays)
+
+    monkeypatch.setattr(np, "savez", watched)
+    for mode in (0o600, 0o640):
+        real.chmod(mode)
+        other.save(path, overwrite=True)
+        assert path.is_symlink()
+        assert stat.S_IMODE(real.stat().st_mode) == mode == seen[-1]
+        assert sf.load(real) == other
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run.save(path)
+    real.unlink()  # the link now names a file that is yet to be made
+    run.save(path)
+    assert path.is_symlink()
+    assert sf.load(real) == run
+    assert sorted(os.listdir(path.parent)) == [real.name, path.name]

@@ -1,4 +1,4 @@
-"""Hirota-Kimura bases: the linear relations of `linear_relations`, over the rationals, and integrals.
+"""Hirota-Kimura bases: the relations of `linear_relations`, over the rationals, and integrals.
 
 The relations hold for all points of an orbit, so that quotients of their coefficients are first
 integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).

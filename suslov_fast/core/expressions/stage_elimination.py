@@ -1,7 +1,7 @@
 """Elimination in A = 1 - s J as lists of operations, planned on the pattern of J.
 
-The equations are those of `kahan_step`, with N = s J. A small pivot shows as a value that is not finite,
-or as an error of the step, which is refused.
+The equations are those of `kahan_step`, with N = s J. A small pivot shows as a value that is not
+finite, or as an error of the step, which is refused.
 """
 
 from .kahan_step import Values, dot

@@ -1,7 +1,7 @@
 """Rules: lists of operations on the numbers of one lane, which decide on a step.
 
-Each stands in the file of its subject: `tolerance`, `second_trial` and `step_length` have those of every
-step.
+Each stands in the file of its subject: `tolerance`, `second_trial` and `step_length` have those of
+every step.
 """
 
 import inspect

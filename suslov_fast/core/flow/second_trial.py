@@ -3,9 +3,9 @@
 The state is rounded, and f with it, which shows where components cancel, where f is steep in time
 or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
 allowed, for states x' beside those at both ends of the step, whichever is less; in an implicit step
-A**-1 of that, see `linearly_implicit`, because fast modes forget it. There clocks are 2**-50 of their values
-later, and others differ by some 2**-49 of theirs. It takes time, and so it is for steps after one
-that was refused, or that was taken by such a trial.
+A**-1 of that, see `linearly_implicit`, because fast modes forget it. There clocks are 2**-50 of
+their values later, and others differ by some 2**-49 of theirs. It takes time, and so it is for
+steps after one that was refused, or that was taken by such a trial.
 
 A component that is 0 but for rounding, because terms of its rate cancel, has nothing but that: no
 step has digits of it, and shorter ones would not help. So an error below NOISY of the largest

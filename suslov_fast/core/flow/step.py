@@ -8,9 +8,9 @@ where v_c are the weights without the first column. The step is taken if
 
 max_i |e_i| / allowed_i <= 1,     max_i |d_i| / allowed_i <= MOST_APART,
 
-where d = sum_c w_c (a_c - b_c) or 0, see `gragg`, or what `linearly_implicit` says. `tolerance` says
-what is allowed, and `step_length` how long the next step is and which half takes it. Lanes that take no
-step in this half have length 0 and stay as they are.
+where d = sum_c w_c (a_c - b_c) or 0, see `gragg`, or what `linearly_implicit` says. `tolerance`
+says what is allowed, and `step_length` how long the next step is and which half takes it. Lanes
+that take no step in this half have length 0 and stay as they are.
 """
 
 from ..llvm.text import Carried

@@ -9,8 +9,8 @@ where b runs over the other columns (Aitken and Neville).
 
 The explicit half has p = 2; its five columns have order 10 (`gragg`). The implicit half has
 p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
-(`linearly_implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and lose as
-many digits.
+(`linearly_implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and
+lose as many digits.
 """
 
 from math import prod

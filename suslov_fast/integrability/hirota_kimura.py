@@ -18,7 +18,7 @@ from ..checks import integer, short, wrong
 from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import Point, Residues, Values
+from .arithmetic import Point, Residues, Rows, Values
 from .birational_maps import RationalMap
 from .darboux import check_unknowns
 from .interpolation import over_rationals
@@ -76,8 +76,8 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        one = {(): Fraction(1)}
-        rows = [[({(): a}, one) for a in row] for row in self.basis or ()]
+        one: dict[Values, Any] = {(): Fraction(1)}
+        rows: Rows = [[({(): a}, one) for a in row] for row in self.basis or ()]
         polynomials = polynomials_with(rows, self.monomials)
         return tuple(renamed(P, self.names) for P in polynomials)
 

@@ -164,8 +164,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
             raise Unknown("degrees are too high")
     if count == 1:
         for i, pair in zip(varying, on_line, strict=True):
-            N, D = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
-            found[i] = _with_unit(N, D, p)
+            found[i] = _with_unit(_terms(pair[0]), _terms(pair[1]), p)
         return found
     degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in on_line]
     line = _Line(max(map(sum, degrees)) + 3, p, rng)
@@ -181,8 +180,13 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         for entry in entries:
             entry.solve(points)
     for i, entry in zip(varying, entries, strict=True):
-        found[i] = _with_unit(*(entry.parts or ()), p)
+        N, D = entry.parts or ({}, {})
+        found[i] = _with_unit(N, D, p)
     return found
+
+
+def _terms(P: Any) -> Terms:
+    return {(k,): int(c) for k, c in enumerate(P.coeffs()) if c}
 
 
 def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:

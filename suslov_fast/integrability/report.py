@@ -324,7 +324,7 @@ def report(
     ...     return a * x[1] * x[2], b * x[2] * x[0], c * x[0] * x[1]
     >>> found = report(Field(euler, 3, a=1, b=2, c=-3), letters="a b c")
     >>> found.integrals[0], found.integrals[0].basis
-    ((a*x2^2 - b*x1^2)/(-eps^2*a*c*x2^2 + 4), 'identity')
+    ((a*x2^2 - b*x1^2)/(-eps^2*a*b*x3^2 + 4), 'identity')
     """
     degree = integer("degree", degree, 1)
     if eps is not None and letters is not None:

@@ -151,7 +151,7 @@ def code(name, count, W):
 
 
 class STEP:
-    indices, D, is_long = np.empty((3, 0), int), 1, False
+    indices, D, is_long, key = np.empty((3, 0), int), 1, False, "STEP"
 
 
 @pytest.mark.compiled

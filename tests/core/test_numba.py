@@ -24,15 +24,15 @@ FILES = {
     "__init__.py": "",
     "core/__init__.py": "",
     "core/small.py": """
-from .numba import for_users
+from .decorators import for_users
 
 @for_users
 def change(x):
     return 2.0 * x
 """,
     "core/loops.py": """
-from .llvm import select
-from .numba import kernel, share, universal
+from .intrinsics import select
+from .decorators import kernel, share, universal
 from .small import change
 
 @kernel
@@ -57,7 +57,7 @@ def outer(a, x, product, row):
 CALL = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from package.core import loops, numba as options
+from package.core import decorators as options, loops
 import numpy as np
 options.PATIENCE = -1.0  # nothing runs as Python
 assert loops.__file__.startswith(sys.argv[1])

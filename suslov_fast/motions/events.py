@@ -59,7 +59,7 @@ class Events(Result):
     time : ndarray(float, shape=(K,))
         Times, with the digits of the tolerance.
     before, states : ndarray(float, shape=(K, D))
-        The states before and after; equal where nothing events. At a surface they lie on it to
+        The states before and after; equal where no event acts. At a surface they lie on it to
         rounding, on the side to which the motion goes.
     count : ndarray(int, shape=(..., C))
         How often each of the C surfaces or events was met by each trajectory.

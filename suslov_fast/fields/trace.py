@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, arguments_of, either, short, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
-from ..words import STEPS
+from ..words import STEPS, answer
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
@@ -48,7 +48,11 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
             how = "pass a constant matrix as K, of x' = K H'(x)"
         elif unknown:
             near = get_close_matches(unknown[0], known, 1, 0.6)
-            how = f"it has no parameter {unknown[0]!r}, but {either(near or known or ['none'])}"
+            how = f"it has no parameter {unknown[0]!r}"
+            if near or known:
+                how += f", but {either(near or known)}"
+            elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a symbol
+                how += f": use {meant}"
             if known and not near:
                 call = "Field(lambda x, a, b: ..., names, a=1.0, b=2.0)"
                 how += f": pass the value of each by its name, as {call}"

@@ -57,6 +57,8 @@ ROWS = [
     ("sf.RandomStarts", r"default_rng\(seed\)"),
     ("sf.steady_states | Suslov3D.steady_states | BODY.steady_states", r"near=|equilibria"),
     # arguments
+    ("Field(lambda s: (s[0],), 'x', mass_matrix=2.0)", r"mass=M"),
+    ("Field(lambda s: (s[0],), 'x', Mass=2.0)", r"mass=M"),
     ("flow(PENDULUM, [1, 0], t_span=1 | t_eval=1 | tf=1)", r"\btime\b"),
     ("flow(PENDULUM, [1, 0], dt=1 | h=1)", r"steps follow from rtol="),
     ("flow(PENDULUM, [1, 0], tol=1 | RelTol=1)", "rtol"),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import first_index, spell, warn
-from .core.numba import status as codes
+from .core.numba import status
 
 
 class Status(IntEnum):
@@ -37,18 +37,18 @@ class Status(IntEnum):
     'singular step: the state lies on a pole of the map and has no next state'
     """
 
-    OK = codes.OK
-    SUPERCRITICAL = codes.SUPERCRITICAL
-    PASSED_POLE = codes.PASSED_POLE
-    SINGULAR = codes.SINGULAR
-    NONFINITE = codes.NONFINITE
-    ENDED = codes.ENDED
-    SLIDING = codes.SLIDING
-    TOO_MANY_STEPS = codes.TOO_MANY_STEPS
-    ACCUMULATES = codes.ACCUMULATES
-    STOPPED = codes.STOPPED
-    DEGENERATE = codes.DEGENERATE
-    NOT_FOUND = codes.NOT_FOUND
+    OK = status.OK
+    SUPERCRITICAL = status.SUPERCRITICAL
+    PASSED_POLE = status.PASSED_POLE
+    SINGULAR = status.SINGULAR
+    NONFINITE = status.NONFINITE
+    ENDED = status.ENDED
+    SLIDING = status.SLIDING
+    TOO_MANY_STEPS = status.TOO_MANY_STEPS
+    ACCUMULATES = status.ACCUMULATES
+    STOPPED = status.STOPPED
+    DEGENERATE = status.DEGENERATE
+    NOT_FOUND = status.NOT_FOUND
 
     @property
     def message(self) -> str:
@@ -136,7 +136,7 @@ def report_poles(
     failed_at: NDArray[np.int64],
     told_by_signs: Any = False,
 ) -> None:
-    """Warn if trajectories of a problem passed a pole by these `Steps`.
+    """Warn if trajectories of a problem passed a pole by this `StepMethod`.
 
     `told_by_signs` is true where a change of sign revealed the pole.
     """

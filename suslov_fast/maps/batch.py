@@ -1,6 +1,6 @@
-"""Runs in stretches: one call of a kernel each, for some trajectories and some steps.
+"""Runs in chunks: one call of a kernel each, for some trajectories and some steps.
 
-Between stretches, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, time is divided
+Between chunks, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, time is divided
 first: whenever it is called all trajectories have taken the same steps, so the run can end there.
 """
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
 from ..core.maps.map_system import MapSystem
 from ..core.maps.step_system import FieldSystem
-from ..core.numba import status as codes
 from ..core.numba.decorators import Kernel
+from ..core.numba.status import OK, PASSED_POLE
 from ..core.suslov import orientations
 from ..core.suslov.n_dimensions import NDSystem
 from ..core.suslov.system import BodySystem
@@ -27,13 +27,13 @@ from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .kernel_calls import call_kernel
 from .problem import Problem
 
-# Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
-STRETCH, _SAVING = 2**26, 8.0
-# Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
+# Work of a thread in a chunk, and cost of saving a state; the unit is a step of the 3D map.
+CHUNK_WORK, _SAVING = 2**26, 8.0
+# Seconds: after a shorter chunk the next one has twice as many steps, after a longer one half.
 _SHORT, _LONG = 0.02, 0.1
 # Seconds that Python takes for a part of a step, and trajectories that kernels take one by one.
 _IN_PYTHON, _FEW = 1e-5, 6
-# Work of a stretch with orientations: the number of states times n**2.
+# Work of a chunk with orientations: the number of states times n**2.
 TURNING = 2**24
 # Work of a run that one call of the kernel takes.
 _SHORT_RUN = 1e5
@@ -90,7 +90,7 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
         yield report
 
 
-class Steps(NamedTuple):
+class StepMethod(NamedTuple):
     """The steps of a method: a kernel, and data to call it, see `maps.Discretization`."""
 
     kernel: Kernel
@@ -111,7 +111,7 @@ class Steps(NamedTuple):
     goes_back: bool = False
 
 
-class March:
+class BatchRun:
     """A run of B trajectories from the states of a problem, which have taken `n` steps."""
 
     def __init__(self, problem: Problem, method: str | None = None) -> None:
@@ -139,7 +139,7 @@ class March:
         if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
             return _no_states(self.problem.batch)
         first, status = self.noted()
-        passed = (first > 0) & (status == codes.PASSED_POLE)
+        passed = (first > 0) & (status == PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)
 
     @property
@@ -152,8 +152,8 @@ class March:
     def noted(self) -> tuple[NDArray[np.int64], Any]:
         """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
         if not self.steps.notes_poles:
-            return np.zeros(len(self.omega0), np.int64), codes.OK
-        return abs(self.carry[0]).astype(np.int64), codes.PASSED_POLE
+            return np.zeros(len(self.omega0), np.int64), OK
+        return abs(self.carry[0]).astype(np.int64), PASSED_POLE
 
     def to(
         self,
@@ -232,7 +232,7 @@ class March:
             blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
             work += cost * blocks * lanes / min(blocks, threads)
             fewest = max(int(BETWEEN / min(cost, 4.0)), fewest)
-        return max(int(STRETCH / work), fewest)
+        return max(int(CHUNK_WORK / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
         """Continue all trajectories, group by group, to state `stop`."""
@@ -254,8 +254,8 @@ class March:
     def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
         """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
 
-        The batch is divided first, so that the data of a stretch stay in the caches, and time only
-        if few trajectories take long. Stretches grow while they are short, because the estimated
+        The batch is divided first, so that the data of a chunk stay in the caches, and time only
+        if few trajectories take long. Chunks grow while they are short, because the estimated
         cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
         one block is serial: a block of lanes takes as long however many of them are in use.
         """
@@ -264,9 +264,9 @@ class March:
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
-        if width * length * cost > STRETCH:
+        if width * length * cost > CHUNK_WORK:
             most = threads or numba.config.NUMBA_NUM_THREADS
-            budget = min(width // lanes, most) * STRETCH / cost  # steps of single trajectories
+            budget = min(width // lanes, most) * CHUNK_WORK / cost  # steps of single trajectories
             unit = lanes * most  # multiples of it give all threads as many blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
@@ -294,7 +294,7 @@ class March:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Continue with orientations: compute all states of a stretch, then rotate along them."""
+        """Continue with orientations: compute all states of a chunk, then rotate along them."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
         length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path = np.empty((length + 1, size, D))
@@ -335,16 +335,16 @@ def states_after(problem: Problem) -> FloatArray:
     """Return the states (..., D) after one step; NaN where there is none."""
     after = few_after(problem, problem.method)
     if after is None:
-        march = March(problem)
-        march.to(1)
-        after = march.final
+        batch_run = BatchRun(problem)
+        batch_run.to(1)
+        after = batch_run.final
     return after
 
 
 def few_after(problem: Problem, method: str) -> FloatArray | None:
     """Return the states (..., D) after one step of a few trajectories, or None: see `Kernel.few`.
 
-    It takes a fourth of the time of a march, which `step` in a loop of a user consists of.
+    It takes a fourth of the time of a batch run, which `step` in a loop of a user consists of.
     """
     body, x, batch, steps = problem.body, problem.omega, problem.batch, problem.map.methods[method]
     if steps.kernel.few is None or body.shape or x.shape[:-1] != batch:

@@ -21,7 +21,7 @@ from .kernel_arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
-STRETCH = 2**28
+CHUNK_WORK = 2**28
 
 
 def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
@@ -103,7 +103,7 @@ def density(problem: Problem) -> FloatArray:
     return _at_states(_fill_densities, problem, problem.batch, ())
 
 
-class Growth(NamedTuple):
+class TangentGrowth(NamedTuple):
     """Sums over the steps of an orbit, from which Lyapunov exponents follow, and its end."""
 
     sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
@@ -161,7 +161,9 @@ class _Part:
         return self.x[:, -self.D :] + np.log(np.where(rest > 0.0, rest, 1.0))
 
 
-def growth(problem: Problem, steps: int, transient: int, report: Report | None = None) -> Growth:
+def growth(
+    problem: Problem, steps: int, transient: int, report: Report | None = None
+) -> TangentGrowth:
     """Return the sums of Kahan's map over `steps` steps after a transient.
 
     Tangent vectors go through the transient, too. With `report` all trajectories stand at the same
@@ -175,7 +177,7 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
     ]
     sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
     by_signs, done = np.zeros(B, bool), 0
-    length, n = max(STRETCH // max(400 * B * D, 1), 1), 0
+    length, n = max(CHUNK_WORK // max(400 * B * D, 1), 1), 0
     for last in (transient, transient + steps):
         for part in parts:
             part.begin()
@@ -197,7 +199,7 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
         failed_at[part.where] = np.where(is_pole, abs(carry[0]), part.notes[2])
     done = max(done, 0)
     sums[(status < 0) | (done == 0)] = np.nan
-    return Growth(sums, _of_poles(problem, status), failed_at, by_signs, done)
+    return TangentGrowth(sums, _of_poles(problem, status), failed_at, by_signs, done)
 
 
 def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:

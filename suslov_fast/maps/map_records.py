@@ -13,7 +13,7 @@ from ..checks import FloatArray
 from ..core.maps.stages import WHOLE, Stages
 from ..fields.field import Field
 from ..fields.map import Map
-from .batch import Steps
+from .batch import StepMethod
 from .evaluation import Formula
 from .formulas import eigenvalues
 from .problem import Problem
@@ -42,7 +42,7 @@ class Discretization:
         The name in plots and datasets.
     body : type
         The class of the bodies.
-    methods : mapping of str to Steps
+    methods : mapping of str to StepMethod
         Ways to compute the steps, by the values of the argument `method`, the default first.
     formulas : mapping of str to Formula
         How to compute the functions of `kahan`, and those of a state that are methods of `body`,
@@ -61,7 +61,7 @@ class Discretization:
     name: str
     title: str
     body: type[Any]
-    methods: Mapping[str, Steps]
+    methods: Mapping[str, StepMethod]
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE
     attitude: Literal["axial", "in_rows"] | None = None

@@ -3,10 +3,10 @@
 from functools import partial
 from typing import Any
 
-from ..core.maps import kernel as steps_field
+from ..core.maps import kernel
 from ..core.maps.stages import Stages
 from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
-from .batch import Steps
+from .batch import StepMethod
 from .kernel_arguments import (
     body_system,
     by_constants,
@@ -22,7 +22,7 @@ from .kernel_arguments import (
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a usual step; a call with many careful steps ends early by itself."""
+    """Return the time of a usual step; a call with much pivoting ends early by itself."""
     step, stages = arguments[0]
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
@@ -37,14 +37,16 @@ def _cost_in_nd(D: int, arguments: Any) -> float:
     return 16.0 * D + D**3 / 30.0
 
 
-STEPS_3D = Steps(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
+STEPS_3D = StepMethod(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
 # Kahan's map of the field of any body.
-FIELD = Steps(
-    steps_field.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
+FIELD = StepMethod(
+    kernel.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
 )
 # A map of one's own, x -> f(x).
 OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
-STEPS_ND = Steps(steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True)
+STEPS_ND = StepMethod(
+    steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True
+)
 GAUSS = STEPS_ND._replace(
     kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
 )
@@ -85,7 +87,7 @@ _TO_THE_MIDDLE = {
 COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDDLE.items()}
 
 
-def field_in(stages: Stages) -> Steps:
+def field_in(stages: Stages) -> StepMethod:
     """Return the steps of fields that consist of these stages."""
     system = partial(field_system, stages=stages)
     return FIELD._replace(

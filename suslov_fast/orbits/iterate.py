@@ -9,7 +9,7 @@ from ..bodies.systems import MapOrField
 from ..checks import FloatArray, Reals, integer, wrong
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
-from ..maps.batch import March, Progress, few_after
+from ..maps.batch import BatchRun, Progress, few_after
 from ..maps.evaluation import mask_and_warn
 from ..maps.problem import check, warn_of_times
 from ..results.failures import OnSingular, report_failures
@@ -67,11 +67,12 @@ def step(
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     if (after := few_after(problem, method)) is not None:
         return after
-    march = March(problem, method)
-    march.to(1)
-    march.status[march.status > 0] = 0  # `step` reports no passed poles
-    report_failures(march, march, "warn", since=1)  # not at step 0, where the given states are NaN
-    return march.final
+    batch_run = BatchRun(problem, method)
+    batch_run.to(1)
+    batch_run.status[batch_run.status > 0] = 0  # `step` reports no passed poles
+    # Not at step 0, where the given states are NaN.
+    report_failures(batch_run, batch_run, "warn", since=1)
+    return batch_run.final
 
 
 @public
@@ -162,8 +163,8 @@ def iterate(
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)
-    march = March(problem, method)
-    return run_to_end(march, method, steps, save_every, on_singular, progress)
+    batch_run = BatchRun(problem, method)
+    return run_to_end(batch_run, method, steps, save_every, on_singular, progress)
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

@@ -46,17 +46,17 @@ class SingularStepError(SuslovError, ArithmeticError):
         return type(self), (str(self), self.trajectories)
 
 
-def report_failures(run: Any, march: Any, on_singular: OnSingular, since: int = 0) -> None:
+def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: int = 0) -> None:
     """Warn that trajectories of a run failed at step `since` or later, or raise an error.
 
-    The run has the statuses, and the march made it.
+    The run has the statuses, and `batch_run` made it.
     Passed poles are never more than a warning.
     """
     status, failed_at = run.status, run.failed_at
     if not (status.item() if status.size == 1 else status.any()):
         return
     if on_singular != "ignore":
-        report_poles(march.problem, march.steps, status, failed_at, march.told_by_signs)
+        report_poles(batch_run.problem, batch_run.steps, status, failed_at, batch_run.told_by_signs)
     if status.min() >= 0:
         return
     texts = []
@@ -71,11 +71,11 @@ def report_failures(run: Any, march: Any, on_singular: OnSingular, since: int = 
     passed = (status < 0) & (failed_at >= since) & (run.first_pole >= 0)
     if texts and passed.any():
         why = "eps is too long"
-        why += ", or the motion escapes" if march.problem.body.may_escape else ""
+        why += ", or the motion escapes" if batch_run.problem.body.may_escape else ""
         texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
     at_once = (status == Status.NONFINITE) & (failed_at == 1)
     if texts and since <= 1 and at_once.any():
-        texts.append(march.problem.body.without_value(march.problem.omega, at_once))
+        texts.append(batch_run.problem.body.without_value(batch_run.problem.omega, at_once))
     message = "; ".join(filter(None, texts))
     if message and on_singular == "raise":
         raise SingularStepError(message, run)

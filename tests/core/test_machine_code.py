@@ -13,9 +13,9 @@ from llvmlite import binding
 import suslov_fast as sf
 from suslov_fast.core.expressions import kahan_step as lists_step
 from suslov_fast.core.llvm import compiler as machine_code
-from suslov_fast.core.maps import driver, few_orbits, kernel as steps_field, pivoting
+from suslov_fast.core.maps import driver, few_orbits, kernel, pivoting
 from suslov_fast.core.maps.stages import Stages
-from suslov_fast.core.numba import decorators as core_numba
+from suslov_fast.core.numba import decorators
 from suslov_fast.maps import batch, derivatives
 
 pytestmark = pytest.mark.compiled
@@ -41,7 +41,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((steps_field, "_step_of"), (lists_step, "_tangent_of")):
+    for module, name in ((kernel, "_step_of"), (lists_step, "_extended_step")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -77,7 +77,7 @@ def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
     monkeypatch.setattr(machine_code, "_compile", refuse)
     with pytest.raises(RuntimeError, match=r"no such text.*report"):
         CALLS[call]()
-    monkeypatch.setattr(core_numba, "TESTED", (0, 1))
+    monkeypatch.setattr(decorators, "TESTED", (0, 1))
     with pytest.raises(RuntimeError, match=r"no such text.*pip install 'numba<0.2'"):
         CALLS[call]()
     assert len(texts) == 2
@@ -215,7 +215,7 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
         monkeypatch.setattr(f"suslov_fast.core.expressions.thresholds.{name}", size)
     forget(monkeypatch)
     field = sf.Field(of_a, 3, a=1)
-    assert not steps_field.scheme_of(field.terms[0], 3).step.usual
+    assert not kernel.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
 
@@ -243,8 +243,8 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
     monkeypatch.setattr(machine_code, "MOST_TEXT", 3 * machine_code.LEAST_TEXT)
-    monkeypatch.setattr(batch, "STRETCH", 1)
-    monkeypatch.setattr(derivatives, "STRETCH", 1)
+    monkeypatch.setattr(batch, "CHUNK_WORK", 1)
+    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)
     last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).states == run.states).all()
     last = 1
@@ -292,13 +292,13 @@ def places_in(*things):
 def test_what_machine_code_is_given_stays_alive():
     """Each address among its arguments is one of arrays that these calls return or have."""
     indices, values = sf.Field(lambda x: of_a(x, 1.0), 3).terms
-    step, stages = steps_field.scheme_of(indices, 3, Stages((0.5, 0.5)))
+    step, stages = kernel.scheme_of(indices, 3, Stages((0.5, 0.5)))
     given, x = (np.atleast_2d(values), np.array([0.1])), np.ones((20, 3))
     notes, saved = [np.zeros(20, kind) for kind in (np.int8, np.int64, float)], np.ones((5, 20, 3))
-    lines = steps_field._Lines((steps_field.Scheme(step, stages), *given), x, notes, 8)
+    lines = kernel._Lines((kernel.Scheme(step, stages), *given), x, notes, 8)
     bits = values.tobytes()
     one = few_orbits._prepared(step, stages, given[1].tobytes(), bits, 3, False)
-    code = pivoting.careful.address
+    code = pivoting.pivoting_step.address
     for arguments, kept, *owners in (
         (*lines._driver_arguments(0, 10, saved, 4, 1, code), lines, saved, code),
         (np.array(one[1]), one[-1]),
@@ -328,7 +328,7 @@ def test_frames(with_columns):
     """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
     D, W = 4 if with_columns else 8, 8
     indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
-    step = steps_field.scheme_of(np.transpose(indices), D).step
+    step = kernel.scheme_of(np.transpose(indices), D).step
     options = False, True, False
     if with_columns:
         step = step.with_columns()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.numba import cache, decorators as core_numba
+from suslov_fast.core.numba import cache, decorators
 from suslov_fast.core.suslov import (
     steps as steps_3d,
 )
@@ -97,7 +97,7 @@ LOADED = rf"data loaded from .*/(?:{NAMES})_"
 
 @pytest.fixture
 def folder(tmp_path):
-    core, source = tmp_path / "package" / "core", Path(core_numba.__file__).parent
+    core, source = tmp_path / "package" / "core", Path(decorators.__file__).parent
     shutil.copytree(source, core, ignore=shutil.ignore_patterns("__pycache__"))
     for name, text in FILES.items():
         (tmp_path / "package" / name).write_text(text)
@@ -164,7 +164,7 @@ def test_without_a_writable_folder(folder):
 
 
 def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
-    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)  # compile, whatever ran before
+    monkeypatch.setattr(decorators, "PATIENCE", -1.0)  # compile, whatever ran before
     sf.iterate(body, [1.0, 0.5], 0.2, 1)
     assert list(Path(cache.folder_of(steps_3d.steps.compiled)).glob("*steps.steps_*.nbi"))
     assert cache.folder_of(len) is None
@@ -213,7 +213,7 @@ def test_without_private_names_of_numba(folder):
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     """What a newer one breaks ends in its own words, of no use to who installed the package."""
 
-    @core_numba.kernel
+    @decorators.kernel
     def broken(part, parts, numbers):
         numbers[0] += "1"
 
@@ -223,7 +223,7 @@ def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     with pytest.raises(numba.TypingError):
         call()
     monkeypatch.setattr(numba, "__version__", "99.7.0rc1")
-    last = f"{core_numba.TESTED[0]}.{core_numba.TESTED[1]}"
+    last = f"{decorators.TESTED[0]}.{decorators.TESTED[1]}"
     words = rf"numba 99\.7\.0rc1; .* tested with is {last}: pip install 'numba<0\.\d+'$"
     with pytest.raises(RuntimeError, match=words) as found:
         call()

@@ -12,7 +12,7 @@ from numba import config
 
 import suslov_fast as sf
 from suslov_fast.core.maps import pivoting
-from suslov_fast.core.numba import decorators as core_numba
+from suslov_fast.core.numba import decorators
 from suslov_fast.core.suslov.steps import steps
 
 pytestmark = [
@@ -86,15 +86,15 @@ def as_in_an_empty_process(monkeypatch):
     def begin():
         modules = [name for name in sys.modules if name.startswith("suslov_fast")]
         for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
-            if isinstance(each, core_numba.Patient):
+            if isinstance(each, decorators.Patient):
                 monkeypatch.setattr(each, "seconds", 0.0)
                 names = ["briefly", "serial", "_compiled", "is_compiled"]
-                names += ["compiled", "_is_kept"] * isinstance(each, core_numba.Universal)
+                names += ["compiled", "_is_kept"] * isinstance(each, decorators.Universal)
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
         for name in ("is_kept", "has_files"):
-            monkeypatch.setattr(core_numba, name, lambda *_: False)
-        monkeypatch.setattr(core_numba, "PATIENCE", 1000.0)
+            monkeypatch.setattr(decorators, name, lambda *_: False)
+        monkeypatch.setattr(decorators, "PATIENCE", 1000.0)
 
     return begin
 
@@ -102,16 +102,16 @@ def as_in_an_empty_process(monkeypatch):
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("name", CALLS)
 def test_same_bits(name, as_in_an_empty_process, monkeypatch):
-    monkeypatch.setattr(core_numba, "PATIENCE", -1.0)
+    monkeypatch.setattr(decorators, "PATIENCE", -1.0)
     expected = CALLS[name]()
     as_in_an_empty_process()
-    called, call_in_python = [], core_numba.Patient.in_python
+    called, call_in_python = [], decorators.Patient.in_python
 
     def note(self, *arguments):
         called.append(self)
         return call_in_python(self, *arguments)
 
-    monkeypatch.setattr(core_numba.Patient, "in_python", note)
+    monkeypatch.setattr(decorators.Patient, "in_python", note)
     found = CALLS[name]()
     assert called
     for one, other in zip(found, expected, strict=True):
@@ -133,25 +133,25 @@ def test_the_kernel_takes_batches_for_which_numpy_lacks_memory(as_in_an_empty_pr
 
 
 @pytest.fixture
-def of_careful(as_in_an_empty_process, monkeypatch):
+def of_pivoting(as_in_an_empty_process, monkeypatch):
     """Return a function that replaces what Python does where a step of a field needs pivots."""
     as_in_an_empty_process()
-    monkeypatch.delitem(vars(pivoting.careful), "_callback", raising=False)
-    yield lambda replaced: monkeypatch.setattr(core_numba, "as_python", lambda _: replaced)
-    vars(pivoting.careful).pop("_callback", None)
+    monkeypatch.delitem(vars(pivoting.pivoting_step), "_callback", raising=False)
+    yield lambda replaced: monkeypatch.setattr(decorators, "as_python", lambda _: replaced)
+    vars(pivoting.pivoting_step).pop("_callback", None)
 
 
-def test_errors_in_python_that_machine_code_calls(of_careful):
+def test_errors_in_python_that_machine_code_calls(of_pivoting):
     def fail(*arguments):
         raise IndexError("of a kernel")
 
-    of_careful(fail)
+    of_pivoting(fail)
     with pytest.raises(IndexError, match="of a kernel"):
         sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
-    assert not core_numba._raised
+    assert not decorators._raised
 
 
-def test_ctrl_c_in_python_that_machine_code_calls(of_careful):
+def test_ctrl_c_in_python_that_machine_code_calls(of_pivoting):
     """The call ends, and then is interrupted: no step is left half done."""
     called = []
 
@@ -159,7 +159,7 @@ def test_ctrl_c_in_python_that_machine_code_calls(of_careful):
         called.append(True)
         signal.raise_signal(signal.SIGINT)
 
-    of_careful(interrupt)
+    of_pivoting(interrupt)
     with pytest.raises(KeyboardInterrupt):
         sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
     assert called
@@ -168,20 +168,20 @@ def test_ctrl_c_in_python_that_machine_code_calls(of_careful):
 def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
     """Calls count that Python carried out; one that would take too long compiles at once."""
     as_in_an_empty_process()
-    monkeypatch.setattr(core_numba, "PATIENCE", 0.1)
+    monkeypatch.setattr(decorators, "PATIENCE", 0.1)
     in_python, in_code = [], []
 
-    @core_numba.kernel
+    @decorators.kernel
     def count(part, parts, numbers):
         numbers[0] += 1
 
-    monkeypatch.setattr(core_numba, "as_python", lambda _: lambda *_: in_python.append(1))
+    monkeypatch.setattr(decorators, "as_python", lambda _: lambda *_: in_python.append(1))
     monkeypatch.setattr(count, "compiled", lambda *_: in_code.append(1))
-    monkeypatch.setattr(core_numba, "perf_counter", iter(np.arange(0, 2, 0.04)).__next__)
+    monkeypatch.setattr(decorators, "perf_counter", iter(np.arange(0, 2, 0.04)).__next__)
     for seconds, calls in ((0.01, (1, 0)), (0.01, (2, 0)), (0.01, (3, 0)), (0.01, (3, 1))):
         count.briefly(seconds, np.zeros(1))
         assert (len(in_python), len(in_code)) == calls
-    other = core_numba.Kernel(count.py_func)
+    other = decorators.Kernel(count.py_func)
     other.compiled = count.compiled
     other.briefly(0.2, np.zeros(1))
     assert (len(in_python), len(in_code)) == (3, 2)
@@ -189,15 +189,15 @@ def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
 
 def test_a_user_at_a_terminal_is_told_once_that_it_compiles(monkeypatch, capsys):
     """After a while."""
-    monkeypatch.setattr(core_numba, "_said", [])
+    monkeypatch.setattr(decorators, "_said", [])
     for silent, is_terminal in ((9, True), (0.1, False), (0.1, True), (0.1, True)):
-        monkeypatch.setattr(core_numba, "SILENT", silent)
+        monkeypatch.setattr(decorators, "SILENT", silent)
         monkeypatch.setattr(sys.stderr, "isatty", lambda told=is_terminal: told)
-        with core_numba._compiling():
+        with decorators._compiling():
             time.sleep(0.3)
     told = capsys.readouterr()
     assert len(told.err.splitlines()) == 1
-    assert str(core_numba.folder_of(core_numba._loop)) in told.err
+    assert str(decorators.folder_of(decorators._loop)) in told.err
     assert told.out == ""
 
 

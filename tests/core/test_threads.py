@@ -314,7 +314,7 @@ def test_no_memory_for_a_call():
 
 @pytest.mark.slow
 def test_ctrl_c():
-    """Ctrl-C ends a long run at the next return to Python; a stretch has a bounded number of steps.
+    """Ctrl-C ends a long run at the next return to Python; a chunk has a bounded number of steps.
 
     A step of the map of a body takes about a nanosecond, one of a field ten.
     """
@@ -364,7 +364,7 @@ def test_calls_take_few_steps_of_large_fields(monkeypatch):
 
 @pytest.mark.compiled
 def test_progress(body, capsys, monkeypatch):
-    for name in ("STRETCH", "TURNING"):
+    for name in ("CHUNK_WORK", "TURNING"):
         monkeypatch.setattr(batch, name, 2**8)
     seen, omega = [], np.ones((70, 2))
     sf.iterate(body, omega, 0.2, 300, progress=lambda *n: seen.append(n))

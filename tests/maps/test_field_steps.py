@@ -16,8 +16,8 @@ from systems import lorenz, rates_of_henon_heiles
 import suslov_fast as sf
 from suslov_fast.compiled import system
 from suslov_fast.core.expressions import kahan_step as plans
-from suslov_fast.core.maps import kernel as steps_field
-from suslov_fast.core.maps.pivoting import careful
+from suslov_fast.core.maps import kernel
+from suslov_fast.core.maps.pivoting import pivoting_step
 from suslov_fast.core.numba import status as codes
 from suslov_fast.maps.orders import COMPOSITIONS
 
@@ -274,21 +274,21 @@ def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
 @pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
-    field, calls, call = of_function(rates_of_henon_heiles, 4), [], steps_field.call
+    field, calls, call = of_function(rates_of_henon_heiles, 4), [], kernel.call
 
     def counted(*given):
         calls.append(given)
         return call(*given)
 
-    assert careful.address
-    monkeypatch.setattr(steps_field, "call", counted)
+    assert pivoting_step.address
+    monkeypatch.setattr(kernel, "call", counted)
     x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
     for method in ("auto", "order4"):
         args = field, x0, rng.choice([0.1, 0.5, 2.0], size=700), 30
         options = {"save_every": 3, "method": method, "on_singular": "ignore", "threads": 1}
         whole, usual = sf.iterate(*args, **options), len(calls)
         with monkeypatch.context() as patch:
-            patch.setattr(steps_field, "CAREFUL_TIME", 1)
+            patch.setattr(kernel, "PIVOTING_TIME", 1)
             assert sf.iterate(*args, **options) == whole
         assert len(calls) > 2 * usual
         calls.clear()
@@ -320,7 +320,7 @@ def test_steps_of_a_lattice(rng):
         )
 
     field, x = of_function(lattice, n * n, k=0.8), rng.uniform(0.2, 1.0, (3, n * n))
-    step = steps_field.scheme_of(field.terms[0], n * n).step
+    step = kernel.scheme_of(field.terms[0], n * n).step
     assert step.is_sparse
     assert not step.usual
     for eps in (0.1, -0.3, 1.5):
@@ -344,7 +344,7 @@ def test_steps_of_a_linear_lattice_whose_increments_cancel_the_state(rng):
     cells = np.arange(n * n).reshape(n, n)
     near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
     field = of_function(lambda u: c * sum(u[each] for each in near) - 2 / eps * u, n * n)
-    assert not steps_field.scheme_of(field.terms[0], n * n).step.usual
+    assert not kernel.scheme_of(field.terms[0], n * n).step.usual
     sums = csc_array((np.ones(4 * n * n), (np.tile(cells.ravel(), 4), np.concatenate(near))))
     x = rng.uniform(1.0, 2.0, (3, n * n))
     run, half = sf.iterate(field, x, eps, 3), 0.5 * eps * c * sums
@@ -392,7 +392,7 @@ def populations(rng, n=20):
 def test_poles_and_signs_in_large_lattices(rng):
     """SuperLU's steps tell of det A < 0, beside NumPy's determinant, and of signs that change."""
     family, D = populations(rng), 400
-    assert not steps_field.scheme_of(family.terms[0], D).step.usual
+    assert not kernel.scheme_of(family.terms[0], D).step.usual
     fractions = {"auto": [1.0], "order4": COMPOSITIONS[4].fractions}
     for method, parts in fractions.items():
         for eps in (0.2, 6.0):
@@ -423,7 +423,7 @@ def test_large_lattices_on_poles_and_out_of_range(rng):
     cells = np.arange(n * n).reshape(n, n)
     near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
     field = of_function(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
-    assert not steps_field.scheme_of(field.terms[0], n * n).step.usual
+    assert not kernel.scheme_of(field.terms[0], n * n).step.usual
     x = np.zeros((3, n * n))
     x[0, 7], x[1] = 1.0, 1e-3 * rng.normal(size=n * n)
     x[2, 7] = 1e308

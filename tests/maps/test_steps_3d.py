@@ -10,7 +10,7 @@ from numba import config
 from promises import same
 
 import suslov_fast as sf
-from suslov_fast.core.numba import decorators as core_numba
+from suslov_fast.core.numba import decorators
 from suslov_fast.core.numba.status import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from suslov_fast.core.suslov import map as map_3d, steps as steps_3d
 
@@ -151,7 +151,7 @@ def test_large_outputs(mixture, size):
     for threads in (1, TWO_THREADS):
         saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
         same([saved], [states])
-    assert None not in core_numba.known_addresses.values()  # or parts would run one after the other
+    assert None not in decorators.known_addresses.values()  # or parts would run one after the other
     exact = sf.Suslov3D.exact
     same([exact(*whole, n)], [np.concatenate([exact(*each, n) for each in few], 1)])
 

@@ -229,7 +229,7 @@ def test_many_variables(rng, monkeypatch, make, D, size, tolerance):
     )[1]
     assert found[1].sum() == pytest.approx(64 * dets.mean(), rel=1e-10)
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
-    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
+    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)  # a call for each step
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
 
 
@@ -262,7 +262,7 @@ def test_columns_that_grow_apart_all_at_once(monkeypatch, method):
             logs.append(np.log(abs(np.diag(R))))
         expected = np.mean(logs[transient:], axis=0) / eps
         np.testing.assert_allclose(np.sort(exponents), np.sort(expected), atol=1e-12 / eps)
-    monkeypatch.setattr(derivatives, "STRETCH", 1)  # a call for each step
+    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)  # a call for each step
     np.testing.assert_array_equal(sf.lyapunov_exponents(*run, method=method), found)
 
 
@@ -288,7 +288,7 @@ def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
 @pytest.mark.compiled
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch):
     """All stand at the same step; False ends the run, with means over the steps done."""
-    monkeypatch.setattr(derivatives, "STRETCH", 2**12)
+    monkeypatch.setattr(derivatives, "CHUNK_WORK", 2**12)
     family = sf.Field(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
     starts, seen = rng.normal(size=(90, 2)), []
 

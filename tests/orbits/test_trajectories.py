@@ -171,7 +171,7 @@ def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
         sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
 
 
-SHORT = {"STRETCH": 2**10, "TURNING": 2**10, "BETWEEN": 1}
+SHORT = {"CHUNK_WORK": 2**10, "TURNING": 2**10, "BETWEEN": 1}
 
 
 @pytest.mark.compiled

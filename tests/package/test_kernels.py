@@ -5,9 +5,9 @@
 A kernel is decorated with `core.numba.decorators.kernel`.
 It neither validates nor raises, and allocates nothing inside loops over steps.
 
-1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once for a
-   run; a kernel only reads it. An array has one row if all B trajectories share it, else B rows:
-   ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
+1. `arguments` is the tuple of arrays that `StepMethod.arguments(body, eps, batch)` returned, once
+   for a run; a kernel only reads it. An array has one row if all B trajectories share it, else B
+   rows: ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
 2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
    begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
    `parts`; `core.numba.decorators.share` returns its trajectories.
@@ -23,8 +23,8 @@ It neither validates nor raises, and allocates nothing inside loops over steps.
 7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond float64),
    failed_at[i] = n, and NaN from there on, in `saved` and `final`, also in later calls. The bits of
    a trajectory depend neither on others, nor on the batch, its order, or `parts`. With
-   `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and both failed_at[i] and
-   carry[0, i], which is 0 before, to the number of the state after it; a failure later leaves
+   `StepMethod.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and both failed_at[i]
+   and carry[0, i], which is 0 before, to the number of the state after it; a failure later leaves
    carry[0, i] as it is.
 
 A kernel writes to arrays that it is given, and no error shows if it writes too much.

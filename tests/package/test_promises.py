@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 import suslov_fast as sf
 from suslov_fast.bodies import exact
 from suslov_fast.core.numba import decorators as compiling
-from suslov_fast.maps import MAPS, batch as stretches, kernel_calls
+from suslov_fast.maps import MAPS, batch, kernel_calls
 from suslov_fast.maps.map_records import Method
 
 
@@ -80,13 +80,13 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
 @pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 @pytest.mark.compiled
 @cases(threaded=True)
-def test_threads_and_stretches(rng, monkeypatch, name, kind):
+def test_threads_and_chunks(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
     monkeypatch.setattr(compiling, "PATIENCE", -1.0)  # kernels, not NumPy
     same(alone, row.values(*problem, threads=TWO_THREADS))
-    for module, name in ((stretches, "STRETCH"), (stretches, "TURNING"), (exact, "SLICE")):
+    for module, name in ((batch, "CHUNK_WORK"), (batch, "TURNING"), (exact, "SLICE")):
         monkeypatch.setattr(module, name, 2**6)
     same(alone, row.values(*problem))
 

@@ -13,12 +13,12 @@ import itertools
 
 from .double_crossings import hidden_of
 from .event_formulas import GAP, changes_of
-from .explicit_time import Elapsed
+from .explicit_time import ElapsedTime
 from .function_records import same
 from .kahan_step import Values
 from .right_hand_side import (
     Expressions,
-    List,
+    Program,
     RightHandSide,
     depending,
     emitted,
@@ -56,7 +56,7 @@ def choices_of(kind):
 
 
 def watch_of(f, kinds, jumps):
-    """Return the `List` that finds where a straight line from x to y crosses surfaces of f first.
+    """Return the `Program` that finds where the line from x to y crosses surfaces of f first.
 
     Values are those of the surfaces at x, those at y, and those of the table, where the choices
     stand after the parameters. Results are the part of the line before a surface, which is 1 where
@@ -114,7 +114,7 @@ def watch_of(f, kinds, jumps):
 
     of_kinks = now[len(now) - (len(kinds) - jumps) :]
     results = [operand_of(part), some(changes), some(changes[:jumps]), *of_kinks]
-    return List(needed_for(values.operations, results), results)
+    return Program(needed_for(values.operations, results), results)
 
 
 def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
@@ -124,7 +124,7 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
     the order of `Changes`.
     """
-    elapsed, D = Elapsed(values, results, P, acts), len(results)
+    elapsed, D = ElapsedTime(values, results, P, acts), len(results)
     values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
     offsets, own = elapsed.offsets, elapsed.shifts.items()
     # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
@@ -175,7 +175,7 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 
     `chosen` are the kinds of all conditions by number, those of kinks, and the numbers of choices.
     Return the new numbers of values in `fixed`, the surfaces there, their operands in `tests`, and
-    shifts of tables by number, see `Elapsed`.
+    shifts of tables by number, see `ElapsedTime`.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -246,20 +246,20 @@ def _choosing(values, operations, of_clocks):
 def _watch(f, kinds, jumps, choices):
     """Add to f what finds crossings of its surfaces: those of `kinds`, and those of changes."""
     results = f.surfaces.results[: len(kinds) + (f.changes.surfaces if f.changes else 0)]
-    f.watched = List(needed_for(f.surfaces.operations, results), results)
+    f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch, f.hidden = watch_of(f, kinds, jumps), hidden_of(f, kinds, jumps, choices)
     f.aim = tuple(aim_of(f, kinds, choices, is_implicit) for is_implicit in (False, True))
 
 
 def _derived(f, choices):
-    """Return the `List` of the numbers of the table of f that depend on these choices."""
+    """Return the `Program` of the numbers of the table of f that depend on these choices."""
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
-    return List(needed_for(f.fixed, results), results)
+    return Program(needed_for(f.fixed, results), results)
 
 
 def _choices(tests, kinds, jumps, found, first):
-    """Return the `List` of the choices of a state, after what tells whether they are others.
+    """Return the `Program` of the choices of a state, after what tells whether they are others.
 
     Choices that there are have the numbers from `first` on. Results are the number of a surface of
     the first `jumps` where f jumps, -1 if it does not; 1 if any choice is another one, else 0; and
@@ -280,7 +280,7 @@ def _choices(tests, kinds, jumps, found, first):
         if k < jumps:
             surface = differs.select(float(k), surface)
     results = [operand_of(surface), operand_of(some), *reversed(results)]
-    return List(needed_for(tests.operations, results), results)
+    return Program(needed_for(tests.operations, results), results)
 
 
 def _finite(values, argument):

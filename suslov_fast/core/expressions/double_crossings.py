@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from .derivative import gradients
 from .kahan_step import Values
-from .right_hand_side import Expressions, List, depending, emitted, needed_for
+from .right_hand_side import Expressions, Program, depending, emitted, needed_for
 from .tables import LARGEST, interval, is_table
 from .values import larger, operand_of, smaller
 
@@ -52,9 +52,10 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 class Hidden(NamedTuple):
     """What tells whether a step hides crossings.
 
-    told         the `List` of what values tell, None if no surface may be crossed twice, see below
-    phases       the `List` of arguments of waves, of a state, or None
-    rates        the `List` of rates of surfaces that may have humps, or None, see `_rates_of`
+    told         the `Program` of what values tell, None if no surface may be crossed twice; see
+                 below
+    phases       the `Program` of arguments of waves, of a state, or None
+    rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
     of_clocks    whether some surfaces depend on clocks alone
     of_states    whether some depend on states
 
@@ -64,9 +65,9 @@ class Hidden(NamedTuple):
     and how much longer the step is than waves allow.
     """
 
-    told: List | None = None
-    phases: List | None = None
-    rates: List | None = None
+    told: Program | None = None
+    phases: Program | None = None
+    rates: Program | None = None
     of_clocks: bool = False
     of_states: bool = False
 
@@ -93,7 +94,7 @@ def hidden_of(f, kinds, jumps, choices):
         return Hidden()
     operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
-    phases = List(needed_for(operations, arguments), arguments) if arguments else None
+    phases = Program(needed_for(operations, arguments), arguments) if arguments else None
     humps = _humps(f, operations)
     humps = [*dict.fromkeys(a for _, a, *_ in own if a in humps)]
     of_clocks = [each for each in own if each[1] not in by_states]
@@ -114,7 +115,7 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `List` of rates of these surfaces, each with what counts as 0 beside it.
+    """Return the `Program` of rates of these surfaces, each with what counts as 0 beside it.
 
     Values are the state, its change in a step at the present rate, rtol, and those of the table.
     """
@@ -123,7 +124,7 @@ def _rates_of(f, humps):
     D = f.D
     values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
-    own = emitted(values, List(needed_for(f.watched.operations, humps), humps), new)
+    own = emitted(values, Program(needed_for(f.watched.operations, humps), humps), new)
     results, of_states = [], values.number(2 * D) + OF_STATES
     for row in gradients(values, [*values.operations], own, D):
         rate = zero = 0.0
@@ -132,11 +133,11 @@ def _rates_of(f, humps):
             rate, zero = rate + term, zero + abs(term) * OF_TERMS
             zero = zero + abs(values.number(slope) * values.number(j)) * of_states
         results += [operand_of(rate), operand_of(zero)]
-    return List(needed_for(values.operations, results), results)
+    return Program(needed_for(values.operations, results), results)
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return the `List` of what values of surfaces tell, see `Hidden`."""
+    """Return the `Program` of what values of surfaces tell, see `Hidden`."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases
@@ -175,7 +176,7 @@ def _list_of(f, own, by_states, kinks, humps, inside):
             ratio, twice = _told(*each, rounding, tells_nothing)
             largest, some = larger(ratio, largest), larger(twice, some)
     results = [*map(operand_of, (largest, some, waves))]
-    return List(needed_for(values.operations, results), results)
+    return Program(needed_for(values.operations, results), results)
 
 
 def _turns(operations, arguments):

@@ -418,7 +418,7 @@ def hypot(x, y):
 # with all parts of pi / 2 but the last one are exact. r is as accurate for each x as two parts
 # can be, because no double of this size is nearer to a multiple of pi / 2 than 2**-62. Larger
 # angles have the functions of the C library.
-FAR, OF_ANGLES = 2.0**31, ("sin", "cos", "tan")
+LARGE_ANGLE, OF_ANGLES = 2.0**31, ("sin", "cos", "tan")
 _PER_QUARTER = float.fromhex("0x1.45f306dc9c883p-1")
 _QUARTER = tuple(map(float.fromhex, (
     "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from .derivative import gradients
 from .double_crossings import sizes_of
 from .kahan_step import dot
-from .right_hand_side import Expressions, List, emitted, needed_for, renumbered
+from .right_hand_side import Expressions, Program, emitted, needed_for, renumbered
 from .tables import is_table
 from .values import operand_of
 
@@ -35,10 +35,11 @@ _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "og
 _PLAIN = 0.0, 1.0, -1.0
 
 
-class KeyedList(List):
-    """A `List` that is a key, by its text: 1 is a value's number, 1.0 a constant, and 0 has a sign.
+class KeyedProgram(Program):
+    """A `Program` that is a key of caches, by its text.
 
-    Tuples of these are equal where texts are not, because 1 == 1.0 and 0.0 == -0.0.
+    Its operations are no key: 1 is the number of a value and 1.0 a constant, but 1 == 1.0; and
+    0.0 == -0.0.
     """
 
     @cached_property
@@ -55,14 +56,14 @@ class KeyedList(List):
 class Act(NamedTuple):
     """The action of a change. The first values of its lists are x (D), then the parameters (P).
 
-    surface    `KeyedList` of the function that is 0 where it acts, or None if it acts at times
-    to         `KeyedList` of the new state, or None if the state stays
+    surface    `KeyedProgram` of the function that is 0 where it acts, or None if it acts at times
+    to         `KeyedProgram` of the new state, or None if the state stays
     direction  1 or -1, in which the surface is crossed along the motion, or 0
     most       how often it acts before it ends the trajectory, infinity if it does not
     """
 
-    surface: List | None
-    to: List | None
+    surface: Program | None
+    to: Program | None
     direction: int
     most: float
 
@@ -76,8 +77,8 @@ class Act(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `KeyedList` of operands that are values of `Expressions`."""
-        return KeyedList(tuple(needed_for(values.operations, results)), tuple(results))
+        """Return the `KeyedProgram` of operands that are values of `Expressions`."""
+        return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def with_parameters(acts, first):
@@ -85,8 +86,8 @@ def with_parameters(acts, first):
 
     Events that differ by numbers alone have the same lists then, and so the same code.
     """
-    lists = [list_ for act in acts for list_ in act[:2] if list_ is not None]
-    found = [a for list_ in lists for a in _constants(list_) if a == a and a not in _PLAIN]
+    lists = [program for act in acts for program in act[:2] if program is not None]
+    found = [a for program in lists for a in _constants(program) if a == a and a not in _PLAIN]
     constants = {a: first + k for k, a in enumerate(dict.fromkeys(found))}
 
     def new(operands, are_parameters=True):
@@ -94,34 +95,34 @@ def with_parameters(acts, first):
         later = (a if type(a) is float or a < first else a + len(constants) for a in operands)
         return tuple(known.get(a, a) if type(a) is float else a for a in later)
 
-    def of(list_):
+    def of(program):
         operations = (
             (name, *new([number]), new(operands, name in _OF_PARAMETERS))
-            for name, number, operands in list_.operations
+            for name, number, operands in program.operations
         )
-        return KeyedList(tuple(operations), new(list_.results))
+        return KeyedProgram(tuple(operations), new(program.results))
 
-    own = [[list_ and of(list_) for list_ in act[:2]] for act in acts]
+    own = [[program and of(program) for program in act[:2]] for act in acts]
     acts = tuple(Act(*pair, *act[2:]) for act, pair in zip(acts, own, strict=True))
     return acts, tuple(constants)
 
 
-def _constants(list_):
+def _constants(program):
     """Return the constants of a list that may be parameters."""
-    of = [a for name, _, operands in list_.operations if name in _OF_PARAMETERS for a in operands]
-    return [a for a in (*of, *list_.results) if type(a) is float]
+    of = [a for name, _, operands in program.operations if name in _OF_PARAMETERS for a in operands]
+    return [a for a in (*of, *program.results) if type(a) is float]
 
 
-def read_by(list_, results):
+def read_by(program, results):
     """Return the numbers of all values that are read for results, and of these."""
-    read = [a for each in list_.operations for a in each[2]]
+    read = [a for each in program.operations for a in each[2]]
     return {a for a in (*read, *results) if type(a) is int}
 
 
-class Part(NamedTuple):
-    """A `List` whose first values are so many rows, then the parameters, then scales of columns."""
+class EventProgram(NamedTuple):
+    """A `Program` with its inputs: `rows` numbers, the parameters, and scales of columns."""
 
-    list_: List
+    program: Program
     rows: int
 
 
@@ -132,7 +133,7 @@ class Changes(NamedTuple):
     jumps, gaps, flats  whether the function of each jumps somewhere, or may have no value, or may
                  be 0 all around a state
     most         of all changes
-    parts        `Part`s by name, see below
+    parts        `EventProgram`s by name, see below
     components   the numbers of these components, for each change
     P            number of parameters
 
@@ -183,7 +184,8 @@ def changes_of(acts, D, P, by=(), with_columns=False):
         components.append(own)
         if own:
             results = [act.to.results[i] for i in own]
-            parts[f"to{k}"] = Part(List(needed_for(act.to.operations, results), results), D)
+            own = Program(needed_for(act.to.operations, results), results)
+            parts[f"to{k}"] = EventProgram(own, D)
         if with_columns:
             for q in (None, *range(len(by))):
                 parts |= _of_columns(k, act, D, P, by, q)
@@ -201,7 +203,7 @@ def changes_of(acts, D, P, by=(), with_columns=False):
 
 
 def _toward(acts, D, P):
-    """Return the `Part` of `OF_SURFACE` of all surfaces, one after the other."""
+    """Return the `EventProgram` of `OF_SURFACE` of all surfaces, one after the other."""
     values = Expressions(D + P, range(D, D + P))
     known = [{i: i for i in range(D + P)} for _ in acts]
     of_surfaces = [
@@ -219,11 +221,12 @@ def _toward(acts, D, P):
         results.append(_product(values.emit, steep, dict.fromkeys(steep, 1.0)))
     given = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
     given |= {a: D + j for j, a in enumerate(rates)}
-    return Part(renumbered(List(needed_for(values.operations, results), results), given), 2 * D)
+    found = Program(needed_for(values.operations, results), results)
+    return EventProgram(renumbered(found, given), 2 * D)
 
 
 def _of_columns(k, act, D, P, by, q):
-    """Return the `Part`s for columns by the starts, or by parameter q of `by`."""
+    """Return the `EventProgram`s for columns by the starts, or by parameter q of `by`."""
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if act.to is None else emitted(values, act.to)
     results += [] if act.surface is None else emitted(values, act.surface)
@@ -237,8 +240,8 @@ def _of_columns(k, act, D, P, by, q):
     end, found = "" if q is None else f"_{q}", {}
 
     def add(name, results):
-        own = List(needed_for(values.operations, results), results)
-        found[f"{name}{k}{end}"] = Part(renumbered(own, place), 4 * D + 1)
+        own = Program(needed_for(values.operations, results), results)
+        found[f"{name}{k}{end}"] = EventProgram(renumbered(own, place), 4 * D + 1)
 
     if act.surface is not None:
         reach = _product(emit, rows[D], directions)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from .event_formulas import components_of
 from .kahan_step import OF_TRUTH_VALUES
-from .right_hand_side import Expressions, List, emitted, needed_for
+from .right_hand_side import Expressions, Program, emitted, needed_for
 from .tables import is_table
 
 _LARGE = 2.0**20  # phase, beyond which whole turns are taken away
@@ -27,7 +27,7 @@ class _Pair(NamedTuple):
     whole: object = None
 
 
-class Elapsed:
+class ElapsedTime:
     """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
 
     acts     changes of the state, whose functions read clocks that none of them changes
@@ -55,7 +55,7 @@ class Elapsed:
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
-        own = [of and List(needed_for(self.values.operations, of), of) for of in (surface, to)]
+        own = [of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)]
         return act._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):

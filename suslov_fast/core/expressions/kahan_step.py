@@ -28,8 +28,8 @@ from itertools import chain
 
 import numpy as np
 
-from . import thresholds as sizes
-from .elementary import ELEMENTARY, FAR, OF_ANGLES
+from . import thresholds
+from .elementary import ELEMENTARY, LARGE_ANGLE, OF_ANGLES
 from .symbolic_elimination import (
     Factors,
     Matrix,
@@ -91,8 +91,8 @@ def _of_list(name):
         values = dict(enumerate(arrays))
         with np.errstate(all="ignore"):
             evaluate(operations, values)
-        if name in OF_ANGLES and (is_far := np.abs(arrays[0]) >= FAR).any():
-            return np.where(is_far, _of_library(getattr(math, name))(arrays[0]), values[result])
+        if name in OF_ANGLES and (is_large := np.abs(arrays[0]) >= LARGE_ANGLE).any():
+            return np.where(is_large, _of_library(getattr(math, name))(arrays[0]), values[result])
         return values[result]
 
     return of_arrays
@@ -280,9 +280,9 @@ class Step:
         order, fill, varying = _plan_of(indices, D)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
-        self.is_sparse = work < sizes.SPARSE * D**3
-        most = sizes.OF_LATTICE if self.is_sparse else sizes.OF_DENSE
-        if work - of_state > sizes.LONGEST_ONCE or of_state > most:
+        self.is_sparse = work < thresholds.SPARSE * D**3
+        most = thresholds.OF_LATTICE if self.is_sparse else thresholds.OF_DENSE
+        if work - of_state > thresholds.LONGEST_ONCE or of_state > most:
             return
         self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
         self._separate_fixed()
@@ -313,10 +313,10 @@ class Step:
 
     def with_columns(self, lengths=True):
         """Return the step of x with columns; without operations if these are too many."""
-        return _tangent_of(self, lengths)
+        return _extended_step(self, lengths)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
-    is_long = property(lambda self: self.length > sizes.CODE)
+    is_long = property(lambda self: self.length > thresholds.CODE)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.
@@ -396,7 +396,7 @@ class Step:
         return table
 
 
-class Tangent(Step):
+class ExtendedStep(Step):
     """The operations of a step of x, of columns q of derivatives, and of their lengths.
 
     Kahan's method is a Runge-Kutta method, so that the derivative of its map is its map of the
@@ -461,5 +461,5 @@ MOST_COLUMNS, MOST_WORK = 16, 4000  # of lists; NumPy has others
 
 
 @functools.lru_cache(32)
-def _tangent_of(step, lengths):
-    return Tangent(step.indices, step.D, step.keeps_signs, lengths)
+def _extended_step(step, lengths):
+    return ExtendedStep(step.indices, step.D, step.keeps_signs, lengths)

@@ -6,8 +6,8 @@ components of f(x) are finite; where they are not, no other operations help.
 
 import functools
 
-from .kahan_step import OF_TRUTH_VALUES, Tangent, Values
-from .right_hand_side import Expressions, List, emitted
+from .kahan_step import OF_TRUTH_VALUES, ExtendedStep, Values
+from .right_hand_side import Expressions, Program, emitted
 from .values import joined
 
 # NumPy takes longer lists, which LLVM would compile for seconds, and multiplies derivatives with
@@ -16,11 +16,11 @@ LONGEST, MOST_WORK = 10_000, 4000
 _PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
 
 
-class MapStep(Tangent):
+class MapStep(ExtendedStep):
     """The list of f, with D columns q_next = f'(x) q behind x if there are `columns`.
 
     f        the `RightHandSide` with the lists of f and f'
-    lengths  whether columns are orthonormalised, with sums of logarithms, as in `Tangent`
+    lengths  whether columns are orthonormalised, with sums of logarithms, as in `ExtendedStep`
     """
 
     def __init__(self, f, columns=False, lengths=False):
@@ -35,9 +35,9 @@ class MapStep(Tangent):
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         lists = (f.fixed, f.f.operations, f.derivative.operations)[: 2 + columns]
-        operations = {each[1]: each for list_ in lists for each in list_}
+        operations = {each[1]: each for program in lists for each in program}
         wanted = [*f.f.results, *(f.derivative.results if columns else ())]
-        found = emitted(values, List([operations[k] for k in sorted(operations)], wanted), known)
+        found = emitted(values, Program([operations[k] for k in sorted(operations)], wanted), known)
         # Constants are values, too: the state is made of their numbers.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in found[:D])
         self.after = [*of_x, *range(D, size)]

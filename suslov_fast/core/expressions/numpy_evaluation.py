@@ -17,8 +17,8 @@ class Groups:
     another. Truth values stand there as 0 and 1.
     """
 
-    def __init__(self, list_, given):
-        operations, results = list_
+    def __init__(self, program, given):
+        operations, results = program
         read = [a for *_, operands in operations for a in operands] + results
         self.constants = {repr(a): a for a in read if isinstance(a, float)}
         rows = {text: row for row, text in enumerate(self.constants)}

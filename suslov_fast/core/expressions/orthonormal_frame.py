@@ -14,7 +14,7 @@ import functools
 import itertools
 
 from .kahan_step import dot
-from .right_hand_side import Expressions, List, RightHandSide, emitted
+from .right_hand_side import Expressions, Program, RightHandSide, emitted
 
 SHIFT = 2.0
 
@@ -29,9 +29,9 @@ def _with_frame(f, moving):
     first = D + n * n + n
     values = Expressions(first + len(f.table), range(first, first + len(f.table)))
     known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
-    operations = {each[1]: each for list_ in (f.f, f.derivative) for each in list_.operations}
+    operations = {each[1]: each for program in (f.f, f.derivative) for each in program.operations}
     both = [operations[number] for number in sorted(operations)]
-    found = emitted(values, List(both, [*f.f.results, *f.derivative.results]), known)
+    found = emitted(values, Program(both, [*f.f.results, *f.derivative.results]), known)
     of_x, entries = found[:D], found[D:]
     place = {i: k for k, i in enumerate(moving)}
     slopes = {

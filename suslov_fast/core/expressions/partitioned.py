@@ -14,13 +14,13 @@ import functools
 from typing import NamedTuple
 
 from .kahan_step import OF_LISTS
-from .right_hand_side import List, needed_for
+from .right_hand_side import Program, needed_for
 from .symbolic_elimination import bits_of
 
 _FUNCTION = 40  # operations that take the time of an elementary function
 
 
-class Sets(NamedTuple):
+class ComponentSets(NamedTuple):
     """Components in two sets A and B: rates in A read B alone, and those in B read A alone."""
 
     A: list
@@ -28,7 +28,7 @@ class Sets(NamedTuple):
 
 
 def sets_of(f):
-    """Return the `Sets` of a `RightHandSide`, None if there are none.
+    """Return the `ComponentSets` of a `RightHandSide`, None if there are none.
 
     Of both sets A has the rates that take less time, if they may be in A.
     """
@@ -46,16 +46,16 @@ def sets_of(f):
     if _has_quotient(f, A, kinds):
         return None
     of_A, of_B = (functools.reduce(int.__or__, [f.reads[i] for i in own]) for own in (A, B))
-    return Sets(
+    return ComponentSets(
         sorted([*A, *bits_of(still & of_B)]), sorted([*B, *bits_of(still & (of_A | ~of_B))])
     )
 
 
-def part_of(list_, numbers):
-    """Return the `List` of the results with these numbers; others are None."""
+def part_of(program, numbers):
+    """Return the `Program` of the results with these numbers; others are None."""
     of = {*numbers}
-    own = [a if k in of else None for k, a in enumerate(list_.results)]
-    return List(needed_for(list_.operations, own), own)
+    own = [a if k in of else None for k, a in enumerate(program.results)]
+    return Program(needed_for(program.operations, own), own)
 
 
 def _colours(reads):

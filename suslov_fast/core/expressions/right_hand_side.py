@@ -15,7 +15,7 @@ from .numpy_evaluation import Groups
 _FEW, _MANY = 32, 1024
 
 
-class List(NamedTuple):
+class Program(NamedTuple):
     """Operations, and the operands that are their results: numbers of values, or constants."""
 
     operations: list
@@ -119,7 +119,7 @@ def in_order(values, results, more=0):
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
     ordered = Expressions(given + more, fixed)
     new = {a: a for a in range(given)}
-    results = emitted(ordered, List([*_depth_first(values, results)], results), new)
+    results = emitted(ordered, Program([*_depth_first(values, results)], results), new)
     ordered.take_written(values, new)
     return ordered, results
 
@@ -147,24 +147,24 @@ class RightHandSide:
     carried out once for a run, in NumPy; their values and parameters that f or f' needs stand in a
     table.
 
-    f            `List` of f without operations on parameters alone; D results
+    f            `Program` of f without operations on parameters alone; D results
     fixed        operations on parameters alone
     table        numbers of the values of parameters alone that f or f' needs
     places       the place of each of these in the table
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
-    derivative   `List` of f' by itself; results are the entries of `pattern`
-    of_parameters  `List` of df/dp for the parameters `by`; D results for each, in `by`
+    derivative   `Program` of f' by itself; results are the entries of `pattern`
+    of_parameters  `Program` of df/dp for the parameters `by`; D results for each, in `by`
     reads        of each component those that its rate depends on, as the bits of an integer
     steady       components of constant rate, not 0
     clocks       those of them that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that change their sign at poles by clocks and parameters
                  alone: divisors, 0 where their quotient is 0 or not taken
-    surfaces     `List` of the surfaces on which steps end
-    slopes       `List` of derivatives of the surfaces on which f jumps, by components j, and by the
-                 parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
+    surfaces     `Program` of the surfaces on which steps end
+    slopes       `Program` of derivatives of the surfaces on which f jumps, by components j, and by
+                 the parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
     conditions, watch, hidden, aim, choices, derived   see `branches`; None where f has none
-    watched      `List` of the surfaces whose crossings end steps, or None
+    watched      `Program` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     changes      `Changes` of the state along the motion, or None
     key          what tells this right-hand side from others
@@ -192,17 +192,17 @@ class RightHandSide:
         fixed = values.fixed
         count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
-        self.f = List(needed_for(varying, results), self._results)
+        self.f = Program(needed_for(varying, results), self._results)
         self._fixed, self._groups = fixed, {}
         self._find_properties(values)
         varying += [a for a in values.operations[count:] if a[1] not in fixed]
-        self.f = List(needed_for(varying, [*results, *self.denominators]), self._results)
-        self.derivative = List(needed_for(varying, entries), entries)
-        self.surfaces = List(needed_for(varying, surfaces), [*surfaces])
-        self.of_parameters = List(needed_for(varying, self.by), self.by)
+        self.f = Program(needed_for(varying, [*results, *self.denominators]), self._results)
+        self.derivative = Program(needed_for(varying, entries), entries)
+        self.surfaces = Program(needed_for(varying, surfaces), [*surfaces])
+        self.of_parameters = Program(needed_for(varying, self.by), self.by)
         results = [*of_surfaces.values()]
         self.slope_places = [*of_surfaces]
-        self.slopes = List(needed_for(varying, results), results)
+        self.slopes = Program(needed_for(varying, results), results)
         lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
         used = [a for each in lists for a in _operands(each)]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
@@ -210,8 +210,8 @@ class RightHandSide:
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-        self._of_table = List(self.fixed, self.table)
-        self._with_denominators = List(self.f.operations, [*self.f.results, *self.denominators])
+        self._of_table = Program(self.fixed, self.table)
+        self._with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, changes, offsets = False, None, {}
     conditions = watched = watch = hidden = aim = choices = derived = None
@@ -286,16 +286,16 @@ class RightHandSide:
 
     def _carried_out(self, name, given, arrays, shape):
         """Return the results of the list with this name, for the values that are given."""
-        list_ = getattr(self, name)
+        program = getattr(self, name)
         with np.errstate(all="ignore"):
-            if len(list_.operations) > _FEW and math.prod(shape) < _MANY:
+            if len(program.operations) > _FEW and math.prod(shape) < _MANY:
                 if name not in self._groups:
-                    self._groups[name] = Groups(list_, given)
+                    self._groups[name] = Groups(program, given)
                 return self._groups[name].carried_out(arrays, shape)
             values = dict(zip(given, arrays, strict=True))
-            evaluate(list_.operations, values)
-        results = np.empty((len(list_.results), *shape))
-        for k, a in enumerate(list_.results):
+            evaluate(program.operations, values)
+        results = np.empty((len(program.results), *shape))
+        for k, a in enumerate(program.results):
             results[k] = a if isinstance(a, float) else values[a]
         return results
 
@@ -324,24 +324,24 @@ def renamed(operands, new):
     return [a if isinstance(a, float) else new.get(a, a) for a in operands]
 
 
-def emitted(values, list_, new=None):
-    """Add the operations of a `List` to values; return its results there.
+def emitted(values, program, new=None):
+    """Add the operations of a `Program` to values; return its results there.
 
     `new` has the operands there of given ones, which those of the operations join; others stay.
     """
     new = {} if new is None else new
-    for name, number, operands in list_.operations:
+    for name, number, operands in program.operations:
         new[number] = values.emit(name, *renamed(operands, new))
-    return renamed(list_.results, new)
+    return renamed(program.results, new)
 
 
-def renumbered(list_, given):
-    """Return a `List` with other numbers of values that are given, a dict; others follow."""
+def renumbered(program, given):
+    """Return a `Program` with other numbers of values that are given, a dict; others follow."""
     new, count, operations = dict(given), 1 + max(given.values()), []
-    for number, (name, old, operands) in enumerate(list_.operations, count):
+    for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))
         new[old] = number
-    return List(operations, renamed(list_.results, new))
+    return Program(operations, renamed(program.results, new))
 
 
 def _signs_of_poles(values, f, quotients):
@@ -403,9 +403,9 @@ def _both(emit, *truths):
     return emit("and", *others) if len(others) == 2 else others[0]
 
 
-def _operands(list_):
+def _operands(program):
     """Return the numbers of values that a list reads."""
-    operands = [a for _, _, of in list_.operations for a in of] + list_.results
+    operands = [a for _, _, of in program.operations for a in of] + program.results
     return [a for a in operands if not isinstance(a, float)]
 
 

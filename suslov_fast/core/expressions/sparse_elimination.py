@@ -23,7 +23,7 @@ from .symbolic_elimination import bits_of
 NEAR = 8
 
 
-class Head(NamedTuple):
+class ColumnOffsets(NamedTuple):
     """Places at which the parts of a column begin; those of the next column are the ends."""
 
     entries: int  # in `rows` and `numbers`
@@ -35,7 +35,7 @@ class Head(NamedTuple):
     skipped: int  # numbers of L before those that form a pair with the next column; 0 for no pair
 
 
-SLOT = Head(*range(len(Head._fields)))
+SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 
 
 class Sparse:
@@ -44,7 +44,7 @@ class Sparse:
     Columns and rows are places in the order of pivots, but for `lower` and `upper`.
 
     order        (D,) the unknowns
-    heads        (D + 1, 7) `Head` of each column
+    offsets        (D + 1, 7) `ColumnOffsets` of each column
     rows         of the entries, column by column
     numbers      of these entries in `places`
     pivots       2 k for the k < j with u_kj != 0, of each column j; 2 k + 1 for k and k + 1
@@ -67,7 +67,7 @@ class Sparse:
         self.spans = spans[1:, np.argsort(spans[0], kind="stable")].T.astype(np.int32)
         skipped = self._skipped(of_lower[1:].T, first_lower)
         of_pivots, self.pivots = _in_pairs(*upper, skipped)
-        head = Head(
+        offsets = ColumnOffsets(
             entries=np.searchsorted(j[by_column], columns),
             pivots=np.searchsorted(of_pivots, columns),
             spans=first_upper + first_lower,
@@ -76,10 +76,10 @@ class Sparse:
             of_lower=np.append(0, np.cumsum(of_lower[2]))[first_lower],
             skipped=skipped,
         )
-        self.heads = np.stack(head, axis=1).astype(np.int64)
+        self.offsets = np.stack(offsets, axis=1).astype(np.int64)
 
     def _skipped(self, spans, firsts):
-        """Return `Head.skipped` of columns, whose spans (-, 2) of L begin at `firsts`."""
+        """Return `ColumnOffsets.skipped` of columns, whose spans (-, 2) of L begin at `firsts`."""
         own = [spans[a:b].tolist() for a, b in pairwise(firsts)]
         found = np.zeros(len(firsts), np.int64)
         for k, (this, following) in enumerate(pairwise(own)):

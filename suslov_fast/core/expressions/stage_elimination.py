@@ -5,17 +5,17 @@ finite, or as an error of the step, which is refused.
 """
 
 from .kahan_step import Values, dot
-from .right_hand_side import List, needed_for, renumbered
+from .right_hand_side import Program, needed_for, renumbered
 from .symbolic_elimination import Factors
 
 
 class Elimination:
     """The lists that factorise A, and that solve A v = g.
 
-    factors   `List` of the entries of J (in the order of the pattern) and of s; the results are
+    factors   `Program` of the entries of J (in the order of the pattern) and of s; the results are
               inverses of pivots, and the numbers below and above the diagonal
     pivots    the number of pivots that are not 1 by the pattern
-    solution  `List` of these results and of g (D); the results are v (D)
+    solution  `Program` of these results and of g (D); the results are v (D)
 
     `fill` is what `filled` returns for this order.
     """
@@ -25,7 +25,7 @@ class Elimination:
         values, first = _Products(s + 1 + D, ()), s + 1
         own = Factors(_Scaled(values, pattern), order, fill)
         found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
-        self.factors = List(needed_for(values.operations, found), found)
+        self.factors = Program(needed_for(values.operations, found), found)
         self.pivots = len(own.inverse)
         values.operations, v = [], {}
         for k in order:
@@ -34,7 +34,7 @@ class Elimination:
             v[k] = own.backward(k, v)
         given = {number: place for place, number in enumerate(found)}
         given |= {first + i: len(found) + i for i in range(D)}
-        solution = List(values.operations, [v[i] for i in range(D)])
+        solution = Program(values.operations, [v[i] for i in range(D)])
         self.solution = renumbered(solution, given)
 
 

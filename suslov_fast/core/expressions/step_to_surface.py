@@ -9,13 +9,13 @@ from math import inf
 
 from .derivative import gradients
 from .event_formulas import GAP
-from .right_hand_side import Expressions, List, emitted, needed_for
+from .right_hand_side import Expressions, Program, emitted, needed_for
 from .tables import interval, is_table
 from .values import larger, operand_of, smaller
 
 
 def aim_of(f, kinds, choices, is_implicit):
-    """Return the `List` that finds when surfaces of f and of its changes are crossed.
+    """Return the `Program` that finds when surfaces of f and of its changes are crossed.
 
     Values are the state, f there with the sign of time, sides and levels of the surfaces of
     changes, see `Rows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
@@ -60,4 +60,4 @@ def aim_of(f, kinds, choices, is_implicit):
             aim = smaller(leads.select(left, inf), aim)
             since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
     results = [operand_of(aim), operand_of(since)]
-    return List(needed_for(values.operations, results), results)
+    return Program(needed_for(values.operations, results), results)

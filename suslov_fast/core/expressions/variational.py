@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from .kahan_step import dot
-from .right_hand_side import Expressions, List, RightHandSide, emitted
+from .right_hand_side import Expressions, Program, RightHandSide, emitted
 
 # What surfaces, choices and changes are is a matter of x alone.
 _OF_X = (
@@ -32,9 +32,9 @@ class Variational(RightHandSide):
         values, table = Expressions(n + P), range(n, n + P)
         known = {i: i for i in range(D)} | dict(zip(f.table, table, strict=False))
         lists = f.f, f.derivative, f.of_parameters
-        operations = {each[1]: each for list_ in lists for each in list_.operations}
+        operations = {each[1]: each for program in lists for each in program.operations}
         wanted = [*f.f.results, *f.denominators, *f.derivative.results, *f.by]
-        found = emitted(values, List([operations[k] for k in sorted(operations)], wanted), known)
+        found = emitted(values, Program([operations[k] for k in sorted(operations)], wanted), known)
         rates, found = found[:D], found[D:]
         poles, found = found[: len(f.denominators)], found[len(f.denominators) :]
         entries, by = dict(zip(f.pattern, found, strict=False)), found[len(f.pattern) :]
@@ -54,8 +54,8 @@ class Variational(RightHandSide):
         for name in _OF_X:
             setattr(self, name, getattr(f, name, None))
         self.denominators = poles
-        self.f = List(values.operations, self.f.results)
-        self._with_denominators = List(self.f.operations, [*self.f.results, *poles])
+        self.f = Program(values.operations, self.f.results)
+        self._with_denominators = Program(self.f.operations, [*self.f.results, *poles])
 
     def table_of(self, table, scales=()):
         """Return the table (n, ...) for that of f and scales (q, ...)."""

@@ -6,7 +6,7 @@ from ..expressions.double_crossings import POINTS, Hidden
 from ..expressions.event_formulas import OF_SURFACE, read_by
 from ..expressions.kahan_step import Values, dot
 from ..expressions.partitioned import part_of, sets_of
-from ..expressions.right_hand_side import List
+from ..expressions.right_hand_side import Program
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled
@@ -24,8 +24,8 @@ class Half:
     functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
                  end on surfaces; in the implicit half also `j`, the entries of f'; `factor`, from
                  these and s; `solve`; and `power`, f' times a vector after the entries and s
-    sets         `Sets` of all components if explicit columns are Störmer's, else None; then `f_a`
-                 and `f_b` are the rates of each
+    sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
+                 then `f_a` and `f_b` are the rates of each
     largest      the rule for the size of all components
     allowed      the rule for the error that one may have
     parts        the first components and the numbers of those that have a size together: what
@@ -67,7 +67,7 @@ class Half:
             self.functions = {"f": DenseQuadratic(D, False)}
         else:
             self.functions = {
-                "f": OfList(List(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+                "f": OfList(Program(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
             }
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
@@ -125,30 +125,30 @@ class Half:
         """Add the functions of surfaces whose crossings end steps."""
         f, D = self.f, self.block.D
         sides = 2 * (f.changes.surfaces if f.changes else 0)
-        for name, list_ in (("surfaces", f.watched), ("phases", self.hidden.phases)):
-            if list_:
-                self.functions[name] = OfList(list_, D, self.block.places)
+        for name, program in (("surfaces", f.watched), ("phases", self.hidden.phases)):
+            if program:
+                self.functions[name] = OfList(program, D, self.block.places)
         of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
-        for name, list_, first in (
+        for name, program, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
             ("aim", f.aim[self.is_implicit], 2 * D + sides),
             ("hidden", self.hidden.told, of_points + D + 1),
             ("rates", self.hidden.rates, 2 * D + 1),
         ):
-            if list_:
+            if program:
                 places = {first + k: k for k in range(len(self.block.table))}
-                self.functions[name] = OfList(list_, first, places)
+                self.functions[name] = OfList(program, first, places)
 
     def _add_changes(self):
         """Add the functions of changes."""
         P, block = self.changes.P, self.block
-        for name, (list_, rows) in self.changes.parts.items():
+        for name, (program, rows) in self.changes.parts.items():
             if self.f is block and name.startswith(("tau", "column")):
                 continue  # there are no columns
             places = {rows + p: p for p in range(P)}
             if self.f is not block:  # whose scales follow the table of f
                 places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
-            self.functions[name] = OfList(list_, rows, places)
+            self.functions[name] = OfList(program, rows, places)
 
     def _add_choices(self):
         """Add the functions of choices."""
@@ -195,14 +195,14 @@ class Half:
         return self.f.key, self.is_implicit, self.has_atol, self.sets is None
 
 
-def _read(list_, D):
+def _read(program, D):
     """Return the numbers of the components that a list reads."""
-    return sorted(read_by(list_, list_.results).intersection(range(D)))
+    return sorted(read_by(program, program.results).intersection(range(D)))
 
 
 def _product(f):
-    """Return the `List` of f' times a vector."""
+    """Return the `Program` of f' times a vector."""
     values, totals = Values(f.entries + 1 + f.D, ()), {}
     for k, (i, j) in enumerate(f.pattern):
         totals[i] = dot(values.emit, [(k, f.entries + 1 + j)], totals.get(i))
-    return List(values.operations, [totals.get(i, 0.0) for i in range(f.D)])
+    return Program(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

@@ -27,10 +27,10 @@ class OfList:
 
     scratch = 0
 
-    def __init__(self, list_, inputs, places=None):
-        self.list_, self.inputs, self.places = list_, inputs, places or {}
-        self.length = len(list_.operations)
-        instructions = {instruction for instruction, *_ in list_.operations}
+    def __init__(self, program, inputs, places=None):
+        self.program, self.inputs, self.places = program, inputs, places or {}
+        self.length = len(program.operations)
+        instructions = {instruction for instruction, *_ in program.operations}
         self.calls = not instructions.isdisjoint(OF_LISTS)
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
 
@@ -38,8 +38,8 @@ class OfList:
         """Return the results by their places, where row(k) is the k-th input."""
         found = {}
         load = self._loader(text, row, table, for_each)
-        text.carry_out(self.list_.operations, found, load)
-        results = enumerate(self.list_.results)
+        text.carry_out(self.program.operations, found, load)
+        results = enumerate(self.program.results)
         return {k: self._result(text, a, found, load) for k, a in results if a is not None}
 
     def _loader(self, text, row, table, for_each):
@@ -60,9 +60,9 @@ class OfList:
 
         Inputs are read anew in each block, and results written where they are found.
         """
-        operations, rows, given = self.list_.operations, defaultdict(list), []
+        operations, rows, given = self.program.operations, defaultdict(list), []
         own = {number for _, number, _ in operations}
-        for k, a in enumerate(self.list_.results):
+        for k, a in enumerate(self.program.results):
             if type(a) is int and a in own:
                 rows[a].append(k)
             elif a is not None:  # an input, a number of the table, or a constant

@@ -22,7 +22,7 @@ QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 EXPLICIT = 2, 4, 6, 8, 10
 
 
-class Pair(NamedTuple):
+class SubstepPair(NamedTuple):
     """Two sub-steps of a column."""
 
     N: int  # sub-steps of the column
@@ -31,8 +31,8 @@ class Pair(NamedTuple):
 
 
 def pairs_of(columns):
-    """Return the `Pair`s of all columns, one after the other."""
-    return [Pair(N, m == 0, m == N // 2 - 1) for N in columns for m in range(N // 2)]
+    """Return the `SubstepPair`s of all columns, one after the other."""
+    return [SubstepPair(N, m == 0, m == N // 2 - 1) for N in columns for m in range(N // 2)]
 
 
 def weights(columns, p):

@@ -5,7 +5,7 @@ A single lane takes AT_ONCE rows of a span at once; the bits are the same.
 
 from types import SimpleNamespace
 
-from ..expressions.sparse_elimination import SLOT, Head
+from ..expressions.sparse_elimination import SLOT, ColumnOffsets
 from .text import Carried, Code, Index, Integers
 
 AT_ONCE = 4
@@ -31,10 +31,10 @@ def _between(text, begin, end):
             yield begin + n
 
 
-def _head(text, of, j):
-    """Return the `Head` of a column, and that of the next one."""
-    heads = Integers(text, of.heads + j * (8 * len(SLOT)))
-    return Head(*(heads[k] for k in SLOT)), Head(*(heads[k + len(SLOT)] for k in SLOT))
+def _offsets(text, of, j):
+    """Return the `ColumnOffsets` of a column, and that of the next one."""
+    offsets = Integers(text, of.offsets + j * (8 * len(SLOT)))
+    return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
 
 def _along(text, of, begin, end, rows, numbers=0):
@@ -71,13 +71,13 @@ def add_factors(text, name, plan):
     It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
     """
     with text.function(name):
-        of = _parts(text, plan, "heads", "rows", "numbers", "pivots", "spans")
+        of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")
         entries, inverses = text.array("%from"), text.array("%to")
         w, s, size = text.array("%scratch"), entries[of.entries], text.size
         lower = inverses.at(of.D)
         upper = lower + of.of_lower * size
         for j in text.each(of.D):
-            own, after = _head(text, of, j)
+            own, after = _offsets(text, of, j)
             for inner, row, _ in _along(text, of, own.spans, after.spans, w.at()):
                 inner.array(row)[0] = 0.0
             w[j] = 0.0
@@ -89,7 +89,7 @@ def add_factors(text, name, plan):
                 pivot = text.short(of.pivots, n)
                 is_single = (pivot & 1).equals(0)
                 k = pivot >> 1
-                (column, following), factor = _head(text, of, k), _for_rows(text, w[k])
+                (column, following), factor = _offsets(text, of, k), _for_rows(text, w[k])
                 numbers = lower + column.of_lower * size
                 with text.when(is_single):
                     for inner, row, number in _along(
@@ -102,7 +102,7 @@ def add_factors(text, name, plan):
                     second, numbers = _for_rows(text, second), numbers + column.skipped * size
                     own_numbers = lower + following.of_lower * size
                     apart = numbers - own_numbers
-                    _, last = _head(text, of, k + 1)
+                    _, last = _offsets(text, of, k + 1)
                     for inner, row, number in _along(
                         text, of, following.lower, last.spans, w.at(), own_numbers
                     ):

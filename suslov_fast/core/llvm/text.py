@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..expressions.elementary import FAR, OF_ANGLES
+from ..expressions.elementary import LARGE_ANGLE, OF_ANGLES
 from ..expressions.kahan_step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
 from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
@@ -692,10 +692,10 @@ class Code:
 
     def _of_far_angles(self, name, value):
         """Return the value of the C library where an angle x0 is far, else `value`."""
-        is_far = abs(Value(self, "%x0")) >= FAR
+        is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 
         def of_library():
-            return [is_far.select(Value(self, self._by_lane(f"double @{name}", ["%x0"])), value)]
+            return [is_large.select(Value(self, self._by_lane(f"double @{name}", ["%x0"])), value)]
 
-        return self.otherwise(is_far.bits().equals(0), [value], of_library)[0]
+        return self.otherwise(is_large.bits().equals(0), [value], of_library)[0]

@@ -1,8 +1,8 @@
 """The driver of steps of fields: what happens to lines of lanes, as LLVM's text.
 
-A block of lines takes all steps before the next block begins; a step takes one line after the
-other: a stage; `careful` for lanes that it tells of; at the end of a whole step the test of signs;
-and saving.
+A block of lines takes all steps before the next block begins. A step takes one line after the
+other. Each line takes a stage; `pivoting_step` takes the lanes that need it; at the end of a whole
+step signs are tested, and states are saved.
 """
 
 import functools
@@ -39,10 +39,10 @@ class DriverArguments(NamedTuple):
     status: int = 0  # addresses of the statuses (i8) and of `failed_at`, which maps of one's own
     failed_at: int = 0  # write, or 0
     first: int = 0  # number of the state after the first step
-    careful: int = 0  # address of `pivoting.careful`, 0 if it is not ready
-    careful_arguments: int = 0  # address of its array
+    pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
+    pivoting_arguments: int = 0  # address of its array
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
-    budget: int = 0  # calls of `careful` that are left
+    budget: int = 0  # calls of `pivoting_step` that are left
     line: int = 0  # the first of a block
     n: int = 0  # the next step
     stage: int = 0  # of this step
@@ -56,9 +56,9 @@ SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the ar
 def text_of_steps(step, name, W, for_each, saves, tells_signs):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
 
-    It returns DONE; or NOT_READY at a step that needs `careful` while that is not. The table is
-    common to all lanes, or `for_each` of them. Signs are told if they are compared over whole steps
-    of several stages.
+    The code returns DONE; or NOT_READY at a step that needs `pivoting_step` while its address is 0.
+    The table is common to all lanes, or `for_each` of them. Signs are told if they are compared
+    over whole steps of several stages.
     """
     return _Driver(step, name, W, for_each, saves, tells_signs).finished()
 
@@ -130,7 +130,7 @@ class _Driver:
                 places = {"n": now.n, "stage": now.stage, "until": now.until, "row": now.row}
                 self.leave_at(DONE, line=lo, **places)
 
-    # ----------------------------------------------------------------------------- careful lanes
+    # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
         """Return the bits of lanes that are neither in `bits` nor marked."""
         marked = self.text.load("i8", marks + line, 1)
@@ -138,7 +138,7 @@ class _Driver:
         return (bits | marked) ^ self.all_lanes
 
     def lanes_to_tell(self, good, told, line):
-        """Return the bits of lanes that `careful` steps, and those that it notes, after a stage.
+        """Return the bits of lanes that `pivoting_step` steps, and of those that it notes.
 
         Lanes in `good` took the stage, those in `told` from det A < 0 or with a changed sign.
         """
@@ -146,17 +146,17 @@ class _Driver:
         alive = good & self.others(0, line, self.of.passed)
         return bad, told & alive * (1 | 1 << CHANGED)
 
-    def call_careful(self, line, bad, told, n):
-        """Call `careful` for bits of lanes; leave if it is not ready."""
+    def call_pivoting(self, line, bad, told, n):
+        """Call `pivoting_step` for bits of lanes; leave if it is not ready."""
         text, of = self.text, self.of
-        with text.when(of.careful.equals(0)):
+        with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
-        text.call("void", of.careful, of.careful_arguments, line, bad, told, n)
+        text.call("void", of.pivoting_step, of.pivoting_arguments, line, bad, told, n)
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     # --------------------------------------------------------------------------------- whole steps
     def tell_changes(self, bases, line, n, final):
-        """Tell `careful` of lanes in which a component changed its sign over a whole step.
+        """Tell `pivoting_step` of lanes in which a component changed its sign over a whole step.
 
         These are components that keep their signs along the motion.
         """
@@ -177,7 +177,7 @@ class _Driver:
             changed = self.over_signs(operator.or_, changes, bases, final).bits()
             changed = changed & self.others(0, line, self.of.passed)
             with text.when(changed.differs(0)):
-                self.call_careful(line, 0, changed << CHANGED, n)
+                self.call_pivoting(line, 0, changed << CHANGED, n)
         for k in sorted(self.step.of_one_sign):
             bases[k] = final[k]
 
@@ -197,7 +197,7 @@ class _Driver:
         return final
 
     def take_rare_stage(self, stage, rows, line, n):
-        """Add the rare operations, and `careful` where they do not suffice; return the state."""
+        """Add the rare operations, and pivoting where they do not suffice; return the state."""
         text, components = self.text, range(self.D)
         # Loaded and computed anew, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
@@ -208,11 +208,11 @@ class _Driver:
             rows[k] = value
         bad, told = self.lanes_to_tell(good, told, line)
 
-        def carefully():
-            self.call_careful(line, bad, told, n)
+        def with_pivoting():
+            self.call_pivoting(line, bad, told, n)
             return [rows[k] for k in components]
 
-        return text.otherwise((bad | told).equals(0), after, carefully)
+        return text.otherwise((bad | told).equals(0), after, with_pivoting)
 
     def end_lanes(self, stage, rows, line, n):
         """End the trajectories for which f of a map has no value here; return the state."""

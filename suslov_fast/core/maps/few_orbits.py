@@ -68,6 +68,6 @@ def take_few(arguments, states, span, saved=None):
         if row < len(saved):
             numbers[SLOT.first_row] = numbers[SLOT.row] = address_of(saved[row])
             numbers[SLOT.row_bytes] = saved.strides[0]
-    if address.call(at) == NOT_READY:  # a step needs `careful`
+    if address.call(at) == NOT_READY:  # a step needs `pivoting_step`
         return None
     return x if W == 1 else x.swapaxes(1, 2).reshape(-1, x.shape[1])[:B]

@@ -1,8 +1,9 @@
 """Growth of tangent vectors along orbits of Kahan's map, and its derivative at states.
 
-Where columns stand in lists (`kahan_step.Tangent`), the kernel of steps takes them with the states,
-and in lanes that need `careful` they are orthonormalised one step later. Those of larger fields are
-products of derivatives DPhi = A(x)**-1 (1 + (eps / 2) f'(x_next)) by NumPy.
+Small fields have an expression program for states with columns (`kahan_step.ExtendedStep`), which
+the kernel of steps takes. In lanes that need `pivoting_step` columns are orthonormalised one step
+later. The columns of larger fields are products, by NumPy, of derivatives
+DPhi = A(x)**-1 (1 + (eps / 2) f'(x_next)).
 """
 
 import numpy as np

@@ -4,9 +4,9 @@ x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
 
 A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
 the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
-(`kahan_step`), of which `stage_code` makes machine code. `careful` takes a step where the increment
-cancels the state, or elimination loses digits. A step of other methods consists of several stages,
-which are steps with fractions of eps (`stages`).
+(`kahan_step`), of which `stage_code` makes machine code. `pivoting_step` takes a step where the
+increment cancels the state, or elimination loses digits. A step of other methods consists of
+several stages, which are steps with fractions of eps (`stages`).
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
@@ -39,13 +39,13 @@ from .packs import (
     plan_of,
     tables_of,
 )
-from .pivoting import ENDED, PASSED, LineArrays, arguments_of, careful
+from .pivoting import ENDED, PASSED, LineArrays, arguments_of, pivoting_step
 from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
-CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
-_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a careful step
-SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
+PIVOTING_TIME = 5 * 10**7  # nanoseconds of `pivoting_step` steps, after which Python handles Ctrl-C
+_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a step with pivoting
+SHORT_RUN = 256  # steps of lines, which are prepared for `pivoting_step` only when they need it
 
 
 @functools.lru_cache(PLANS)
@@ -113,8 +113,8 @@ class _Lines:
     def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
-        steps must be taken again, with the seconds that Python would take for `careful` ones. End
+        Return False if a step needs `pivoting_step`, which is not compiled, or a run is short. Then
+        the steps must be taken again, with the seconds that pivoting would take in Python. End
         early if there is something in `abandoned`.
         """
         stages, in_python = len(self.scheme.stages.fractions), False
@@ -123,14 +123,14 @@ class _Lines:
         options = self.W, self.for_each, saved.size > 0, self.bases is not None
         address = code_of(text_of_steps, self.scheme.step, *options)
         is_short = self.count * (stop - start) <= SHORT_RUN
-        address_of_careful = 0
+        pivoting_address = 0
         is_field = self.scheme.step.of is None
-        if is_field and (seconds is not None or (careful.is_compiled and not is_short)):
-            address_of_careful = careful.address_for(seconds or 0.0)
-            in_python = not careful.is_compiled
-        own, _kept_alive = self._driver_arguments(start, steps, *rows, address_of_careful)
+        if is_field and (seconds is not None or (pivoting_step.is_compiled and not is_short)):
+            pivoting_address = pivoting_step.address_for(seconds or 0.0)
+            in_python = not pivoting_step.is_compiled
+        own, _kept_alive = self._driver_arguments(start, steps, *rows, pivoting_address)
         of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
-        budget = max(CAREFUL_TIME // of_one, 1)
+        budget = max(PIVOTING_TIME // of_one, 1)
         while own[SLOT.line] < own[SLOT.lines] and not abandoned:
             own[SLOT.budget] = budget
             with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
@@ -138,10 +138,10 @@ class _Lines:
                     return False
         return True
 
-    def _driver_arguments(self, start, steps, saved, until, between, careful):
+    def _driver_arguments(self, start, steps, saved, until, between, pivoting):
         """Return the arguments of the driver, and what has to stay alive while it runs."""
         arrays, own = None, None
-        if careful:
+        if pivoting:
             step, stages = self.scheme
             arrays = LineArrays(
                 self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes,
@@ -171,8 +171,8 @@ class _Lines:
             status=self.notes[0].ctypes.data,
             failed_at=self.notes[1].ctypes.data,
             first=start + 1,
-            careful=careful,
-            careful_arguments=own.ctypes.data if careful else 0,
+            pivoting_step=pivoting,
+            pivoting_arguments=own.ctypes.data if pivoting else 0,
             until=until,
             row=saved.ctypes.data,
         )

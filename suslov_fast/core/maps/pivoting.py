@@ -162,8 +162,8 @@ def step_carefully(arrays, first, line, bad, negative, n):
             arrays.marks[PASSED, line] |= bit
 
 
-# Integers of the array that `careful` takes: addresses of `LineArrays`; lengths, of which `own_W`
-# is that of the last axis of `halves`; and the number of the state before the first step.
+# Integers of the array of `pivoting_step`: addresses of `LineArrays`; lengths, of which `own_W` is
+# the last one of `halves`; and the number of the state before the first step.
 _NUMBERS = ("own_D", "lines", "D", "W", "T", "own_W", "stages", "B", "first")
 Arguments = namedtuple("Arguments", (*LineArrays._fields[:-1], *_NUMBERS))
 PLACE = Arguments(*range(len(Arguments._fields)))
@@ -171,7 +171,7 @@ _COUNT = len(PLACE)
 
 
 def arguments_of(arrays, first):
-    """Return the array for `careful`; it holds addresses of these `LineArrays`."""
+    """Return the array for `pivoting_step`; it holds addresses of these `LineArrays`."""
     addresses = [array.ctypes.data for array in arrays[:-1]]
     counts = len(arrays.fractions), len(arrays.status), first
     _, T, own_W = arrays.halves.shape
@@ -179,7 +179,7 @@ def arguments_of(arrays, first):
 
 
 @c_function(types.void(*[types.int64] * 5))
-def careful(address, line, bad, negative, n):
+def pivoting_step(address, line, bad, negative, n):
     """Call `step_carefully` for machine code, with the address of its `Arguments`."""
     a = array_at(address, (_COUNT,), np.int64)
     count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]

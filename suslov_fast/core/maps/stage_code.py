@@ -13,7 +13,7 @@ from ..numba.status import CHANGED
 BLOCK = 64  # operations of a block of long lists
 
 
-class Rare(NamedTuple):
+class RareResult(NamedTuple):
     """The results of the rare operations of a stage."""
 
     after: list  # the next state, where it is accurate
@@ -58,7 +58,7 @@ class Stage:
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Carry out the rare operations, too; return `Rare`."""
+        """Carry out the rare operations, too; return `RareResult`."""
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)
         accurate = Truth(text, values[step.accurate])
@@ -66,7 +66,7 @@ class Stage:
         if step.changed is not None:
             told = told | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)
-        return Rare(after, accurate, accurate.bits(), told)
+        return RareResult(after, accurate, accurate.bits(), told)
 
 
 def loader(text, step, for_each, state, table):

@@ -21,7 +21,7 @@ def take(arguments, states, span, saved, notes, abandoned):
     if scheme.step.of is None:
         step = _Sparse(scheme.step.indices, x.shape[1], halves)
     else:
-        step = _OfMap(scheme.step.of, halves)
+        step = _StepByNumPy(scheme.step.of, halves)
     if every and start == 0:
         saved[row] = x
         row += 1
@@ -48,7 +48,7 @@ def take(arguments, states, span, saved, notes, abandoned):
     return x
 
 
-class _OfMap:
+class _StepByNumPy:
     """The values f(x) of a map of one's own, with a long list."""
 
     def __init__(self, f, parameters):

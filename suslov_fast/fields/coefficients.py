@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import OTHERS, within, wrong
-from ..core.expressions.kahan_step import FUNCTIONS
+from ..core.expressions.numpy_evaluation import FUNCTIONS
 from .equations import Equations
 from .exact_numbers import as_given, exact, numbers
 from .names import check_order

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..core.expressions.derivative import gradients
-from ..core.expressions.kahan_step import evaluate
-from ..core.expressions.right_hand_side import RightHandSide, in_order
+from ..core.expressions.numpy_evaluation import evaluate
+from ..core.expressions.programs import in_order
+from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .symbolic import Tracer
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from ..checks import FloatArray, arguments_of, short, wrong
-from ..core.expressions.map_step import MapStep, map_step
-from ..core.expressions.right_hand_side import in_order
+from ..core.expressions.programs import in_order
+from ..core.maps.map_step import MapStep, map_step
 from ..keywords import public_class
 from .equations import Equations
 from .exact_numbers import named_parameters

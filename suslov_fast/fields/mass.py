@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import real_array, short, wrong
-from ..core.expressions.kahan_step import evaluate
+from ..core.expressions.numpy_evaluation import evaluate
 from .symbolic import Symbol, Tracer
 from .trace import alone, called, check_function, check_same, taken, taking
 

@@ -13,8 +13,9 @@ from ..checks import FloatArray
 from ..core.expressions.branches import with_fixed_choices
 from ..core.expressions.event_formulas import Act, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
+from ..core.expressions.programs import in_order
 from ..core.expressions.quadratic import expressions_of, parameters_of
-from ..core.expressions.right_hand_side import RightHandSide, in_order
+from ..core.expressions.right_hand_side import RightHandSide
 from .equations import Equations
 from .terms import Terms
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, short
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
-from ..core.expressions.kahan_step import OF_TRUTH_VALUES
-from ..core.expressions.right_hand_side import Expressions
+from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
+from ..core.expressions.programs import Expressions
 from ..words import OF_ARRAYS, STEPS
 from .equation_text import brief
 

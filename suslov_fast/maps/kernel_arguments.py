@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, wrong
-from ..core.expressions.map_step import LONGEST
 from ..core.maps.kernel import scheme_of
+from ..core.maps.map_step import LONGEST
 from ..core.maps.map_system import MapSystem, map_system_of
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, system_of

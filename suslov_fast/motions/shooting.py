@@ -21,7 +21,7 @@ import numpy as np
 
 from ..checks import FloatArray
 from ..core.expressions.event_formulas import Act
-from ..core.expressions.kahan_step import evaluate
+from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.integrator import Settings
 from ..core.flow.single_steps import attempts
 from ..fields.right_hand_sides import with_changes

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.expressions.elementary import ELEMENTARY
-from suslov_fast.core.expressions.kahan_step import FUNCTIONS, OF_LIBRARY
+from suslov_fast.core.expressions.numpy_evaluation import FUNCTIONS, OF_LIBRARY
 from suslov_fast.core.llvm import compiler as machine_code
 from suslov_fast.core.llvm.text import Code, Integers
 

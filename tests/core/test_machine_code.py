@@ -11,9 +11,8 @@ import pytest
 from llvmlite import binding
 
 import suslov_fast as sf
-from suslov_fast.core.expressions import kahan_step as lists_step
 from suslov_fast.core.llvm import compiler as machine_code
-from suslov_fast.core.maps import driver, few_orbits, kernel, pivoting
+from suslov_fast.core.maps import driver, few_orbits, kahan_step, kernel, pivoting
 from suslov_fast.core.maps.stages import Stages
 from suslov_fast.core.numba import decorators
 from suslov_fast.maps import batch, derivatives
@@ -41,7 +40,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((kernel, "_step_of"), (lists_step, "_extended_step")):
+    for module, name in ((kernel, "_step_of"), (kahan_step, "_extended_step")):
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -158,7 +157,7 @@ def test_long_lists_in_blocks_compute_the_same_bits(rng, monkeypatch):
         return met
 
     usual = found()
-    monkeypatch.setattr("suslov_fast.core.expressions.thresholds.CODE", 0)
+    monkeypatch.setattr("suslov_fast.core.maps.kahan_step.LONGEST_OPTIMISED", 0)
     for one, other in zip(usual, found(), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -208,11 +207,11 @@ def test_fields_without_lists(rng, monkeypatch, anew, is_sparse):
 
     planned = found()
     for name, size in (
-        ("SPARSE", np.inf if is_sparse else 0.0),
-        ("OF_DENSE", -1),
-        ("OF_LATTICE", -1),
+        ("SPARSE_PART", np.inf if is_sparse else 0.0),
+        ("MOST_OF_DENSE", -1),
+        ("MOST_OF_SPARSE", -1),
     ):
-        monkeypatch.setattr(f"suslov_fast.core.expressions.thresholds.{name}", size)
+        monkeypatch.setattr(f"suslov_fast.core.maps.kahan_step.{name}", size)
     forget(monkeypatch)
     field = sf.Field(of_a, 3, a=1)
     assert not kernel.scheme_of(field.terms[0], 3).step.usual

@@ -12,7 +12,8 @@ from systems import SPRING, rates_of_henon_heiles, robertson
 import suslov_fast as sf
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
-from suslov_fast.core.expressions.right_hand_side import Expressions, RightHandSide
+from suslov_fast.core.expressions.programs import Expressions
+from suslov_fast.core.expressions.right_hand_side import RightHandSide
 from suslov_fast.core.expressions.values import Number
 from suslov_fast.core.expressions.variational import variational
 from suslov_fast.core.flow import (

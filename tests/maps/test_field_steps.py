@@ -15,8 +15,7 @@ from systems import lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
-from suslov_fast.core.expressions import kahan_step as plans
-from suslov_fast.core.maps import kernel
+from suslov_fast.core.maps import kahan_step, kernel
 from suslov_fast.core.maps.pivoting import pivoting_step
 from suslov_fast.core.numba import status as codes
 from suslov_fast.maps.orders import COMPOSITIONS
@@ -108,16 +107,16 @@ def test_a_plan_uses_zeros(rng):
     for D in (16, 64, 256):
         shuffled = rng.permutation(D)
         terms = [shuffled[[i, *sorted((i, j % D))]] for i in range(D) for j in (i - 1, i + 1)]
-        step = plans.Step(np.array(terms).T, D)
+        step = kahan_step.Step(np.array(terms).T, D)
         assert len(step.usual) < 48 * D
 
 
 def evaluated(A, x):
     """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
     indices, values = sf.Field.from_terms(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
-    step, found = plans.Step(indices, len(x)), dict(enumerate(x))
+    step, found = kahan_step.Step(indices, len(x)), dict(enumerate(x))
     found.update(zip(step.table, step.table_of(values), strict=True))
-    plans.evaluate([*step.usual, *step.rare], found)
+    kahan_step.evaluate([*step.usual, *step.rare], found)
     return step, found
 
 

@@ -247,7 +247,7 @@ def test_signs_agree_for_all_ways_to_compute(rng):
 def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, is_long):
     """Before and after all stages; a component that changes its sign twice in a step keeps it."""
     if is_long:  # the driver calls its stages, as for many variables
-        monkeypatch.setattr("suslov_fast.core.expressions.thresholds.CODE", 0)
+        monkeypatch.setattr("suslov_fast.core.maps.kahan_step.LONGEST_OPTIMISED", 0)
     fields = Field(lambda x, s: (-60 * x[0], s - 60 * x[1]), 2, s=[0.0, 1.0])
     x = rng.uniform(0.5, 1, (13, 2, 2))
     for eps in (0.12, 0.2):

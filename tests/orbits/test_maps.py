@@ -14,7 +14,7 @@ from scipy.linalg import qr
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Map, Status, iterate, lyapunov_exponents
-from suslov_fast.core.expressions import map_step
+from suslov_fast.core.maps import map_step
 from suslov_fast.maps import kernel_calls
 
 LN2 = math.log(2)

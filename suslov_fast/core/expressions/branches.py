@@ -15,16 +15,8 @@ from .double_crossings import hidden_of
 from .event_formulas import GAP, changes_of
 from .explicit_time import ElapsedTime
 from .function_records import same
-from .kahan_step import Values
-from .right_hand_side import (
-    Expressions,
-    Program,
-    RightHandSide,
-    depending,
-    emitted,
-    needed_for,
-    renamed,
-)
+from .programs import Expressions, Program, Values, depending, emitted, needed_for, renamed
+from .right_hand_side import RightHandSide
 from .step_to_surface import aim_of
 from .tables import LARGEST, Table, is_table
 from .values import larger, operand_of, smaller

@@ -1,7 +1,7 @@
 """Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
 
 from .function_records import FUNCTIONS, RECORDS, same
-from .kahan_step import OF_TRUTH_VALUES
+from .numpy_evaluation import OF_TRUTH_VALUES
 from .tables import is_table
 
 

@@ -30,8 +30,7 @@ from operator import add
 from typing import NamedTuple
 
 from .derivative import gradients
-from .kahan_step import Values
-from .right_hand_side import Expressions, Program, depending, emitted, needed_for
+from .programs import Expressions, Program, Values, depending, emitted, needed_for
 from .tables import LARGEST, interval, is_table
 from .values import larger, operand_of, smaller
 

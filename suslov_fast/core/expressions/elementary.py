@@ -9,7 +9,10 @@ Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits
 double before the next one is fitted.
 """
 
+import functools
 import struct
+
+from .values import Number
 
 
 def from_bits(bits):
@@ -500,3 +503,16 @@ ELEMENTARY = {
     for function in (exp, exp2, expm1, expit, sinh, cosh, tanh, log, log1p, log2, log10, cbrt,
                      sin, cos, tan)
 } | {"pow": (pow, 2), "hypot": (hypot, 2), "logaddexp": (logaddexp, 2)}  # fmt: skip
+
+
+@functools.cache
+def list_of(name):
+    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    function, count = ELEMENTARY[name]
+    operations = []
+
+    def emit(instruction, *operands):
+        operations.append((instruction, count + len(operations), operands))
+        return operations[-1][1]
+
+    return operations, function(*(Number(emit, k) for k in range(count))).number

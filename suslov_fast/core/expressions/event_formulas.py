@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 from .derivative import gradients
 from .double_crossings import sizes_of
-from .kahan_step import dot
-from .right_hand_side import Expressions, Program, emitted, needed_for, renumbered
+from .programs import Expressions, Program, dot, emitted, needed_for, renumbered
 from .tables import is_table
 from .values import operand_of
 

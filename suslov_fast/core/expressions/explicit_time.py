@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 from .event_formulas import components_of
-from .kahan_step import OF_TRUTH_VALUES
-from .right_hand_side import Expressions, Program, emitted, needed_for
+from .numpy_evaluation import OF_TRUTH_VALUES
+from .programs import Expressions, Program, emitted, needed_for
 from .tables import is_table
 
 _LARGE = 2.0**20  # phase, beyond which whole turns are taken away

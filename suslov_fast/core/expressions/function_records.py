@@ -1,6 +1,6 @@
 """The functions of right-hand sides: one record for each.
 
-A list names a function by its instruction, which `kahan_step` carries out in NumPy, and
+A list names a function by its instruction, which `numpy_evaluation` carries out, and
 `llvm.compiler` in lanes; its derivative is a list, too. Other functions are made of these. From the
 records follow what a function of a user may call, how its equations are written and read, and what
 the pages say.

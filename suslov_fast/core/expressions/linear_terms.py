@@ -6,7 +6,7 @@ and quotients and other functions stay as they are.
 
 import numpy as np
 
-from .right_hand_side import depending
+from .programs import depending
 
 _MOST_TERMS, _MOST_FACTORS = 4096, 8  # above which a product is not expanded
 _ROUNDING = 1e-14  # of coefficients, beside the numbers of which they are sums

@@ -1,20 +1,132 @@
-"""Lists carried out in NumPy with one call for all operations that are alike and independent.
+"""Expression programs carried out in NumPy: each operation for all states at once, or in groups."""
 
-For one state of many variables, a call of NumPy for each operation would take most of the time.
-"""
+import math
 
 import numpy as np
 
-from .kahan_step import FUNCTIONS
+from .elementary import ELEMENTARY, LARGE_ANGLE, OF_ANGLES, list_of
+
+
+def _of_library(function):
+    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
+
+    def of_number(*numbers):
+        try:
+            return function(*numbers)
+        except ValueError:
+            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
+            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
+
+    def of_arrays(*arrays):
+        columns = np.broadcast_arrays(*arrays)
+        rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+        values = [of_number(*row) for row in rows]
+        return np.array(values, np.float64).reshape(columns[0].shape)
+
+    return of_arrays
+
+
+def _of_bits(function):
+    """Return a function of the bits of doubles, which are integers without sign."""
+
+    def of_arrays(*arrays):
+        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
+        values = function(*integers).view(float)
+        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
+
+    return of_arrays
+
+
+def _sum(*operands):
+    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
+    odd = len(operands) % 2
+    products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
+    return sum(products, operands[0] if odd else next(products))
+
+
+def _of_list(name):
+    """Return an elementary function of arrays, which carries out its list."""
+
+    def of_arrays(*arrays):
+        operations, result = list_of(name)
+        values = dict(enumerate(arrays))
+        with np.errstate(all="ignore"):
+            evaluate(operations, values)
+        if name in OF_ANGLES and (is_large := np.abs(arrays[0]) >= LARGE_ANGLE).any():
+            return np.where(is_large, _of_library(getattr(math, name))(arrays[0]), values[result])
+        return values[result]
+
+    return of_arrays
+
+
+# Functions of the C library, by their names there, which a lane calls alone.
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
+OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
+# Integer instructions, whose names in LLVM follow "bits_".
+OF_BITS = {
+    "bits_and": _of_bits(np.bitwise_and),
+    "bits_or": _of_bits(np.bitwise_or),
+    "bits_xor": _of_bits(np.bitwise_xor),
+    "bits_add": _of_bits(np.add),
+    "bits_sub": _of_bits(np.subtract),
+    "bits_shl": _of_bits(np.left_shift),
+    "bits_lshr": _of_bits(np.right_shift),
+}
+OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
+# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
+# second operand where one of them is NaN.
+OF_NUMBERS = {
+    "fadd": np.add,
+    "fsub": np.subtract,
+    "fmul": np.multiply,
+    "fdiv": np.divide,
+    "sum": _sum,
+    "fabs": np.absolute,
+    "sqrt": np.sqrt,
+    "floor": np.floor,
+    "copysign": np.copysign,
+    "select": np.where,
+    "max": lambda a, b: np.where(a > b, a, b),
+    "min": lambda a, b: np.where(a < b, a, b),
+    **OF_BITS,
+    **OF_LISTS,
+    **OF_LIBRARY,
+}
+OF_TRUTH_VALUES = {
+    "olt": np.less,
+    "ogt": np.greater,
+    "oge": np.greater_equal,
+    "oeq": np.equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "xor": np.logical_xor,
+}
+
+
+class _Functions(dict):
+    def __missing__(self, instruction):
+        return instruction  # a `Table`
+
+
+FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
+
+
+def evaluate(operations, values):
+    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
+    for instruction, number, operands in operations:
+        numbers = (a if isinstance(a, float) else values[a] for a in operands)
+        values[number] = FUNCTIONS[instruction](*numbers)
+
 
 _JOINING = ("and", "or", "xor")
 
 
 class Groups:
-    """The operations of a list in groups of one instruction, after those of their operands.
+    """The operations of a program in groups of one instruction, after those of their operands.
 
-    Each value has a row of a table: first constants, then what is given, then groups one after
-    another. Truth values stand there as 0 and 1.
+    NumPy carries out a group at once: for one state of many variables, a call of NumPy for each
+    operation would take most of the time. Each value has a row of a table: first constants, then
+    given values, then the groups one after another. Truth values stand there as 0 and 1.
     """
 
     def __init__(self, program, given):

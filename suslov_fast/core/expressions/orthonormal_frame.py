@@ -13,8 +13,8 @@ count as 1 in the error, also small ones: variables are these plus SHIFT.
 import functools
 import itertools
 
-from .kahan_step import dot
-from .right_hand_side import Expressions, Program, RightHandSide, emitted
+from .programs import Expressions, Program, dot, emitted
+from .right_hand_side import RightHandSide
 
 SHIFT = 2.0
 

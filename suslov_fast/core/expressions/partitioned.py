@@ -13,8 +13,8 @@ change at once: these have no quotients and roots.
 import functools
 from typing import NamedTuple
 
-from .kahan_step import OF_LISTS
-from .right_hand_side import Program, needed_for
+from .numpy_evaluation import OF_LISTS
+from .programs import Program, needed_for
 from .symbolic_elimination import bits_of
 
 _FUNCTION = 40  # operations that take the time of an elementary function

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .right_hand_side import Expressions
+from .programs import Expressions
 
 
 def expressions_of(indices, D, is_one, is_minus_one):

@@ -4,8 +4,7 @@ The equations are those of `kahan_step`, with N = s J. A small pivot shows as a 
 finite, or as an error of the step, which is refused.
 """
 
-from .kahan_step import Values, dot
-from .right_hand_side import Program, needed_for, renumbered
+from .programs import Program, Values, dot, needed_for, renumbered
 from .symbolic_elimination import Factors
 
 

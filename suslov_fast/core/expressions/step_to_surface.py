@@ -9,7 +9,7 @@ from math import inf
 
 from .derivative import gradients
 from .event_formulas import GAP
-from .right_hand_side import Expressions, Program, emitted, needed_for
+from .programs import Expressions, Program, emitted, needed_for
 from .tables import interval, is_table
 from .values import larger, operand_of, smaller
 

@@ -4,8 +4,8 @@ import functools
 
 import numpy as np
 
-from .kahan_step import dot
-from .right_hand_side import Expressions, Program, RightHandSide, emitted
+from .programs import Expressions, Program, dot, emitted
+from .right_hand_side import RightHandSide
 
 # What surfaces, choices and changes are is a matter of x alone.
 _OF_X = (

@@ -4,9 +4,8 @@ import functools
 
 from ..expressions.double_crossings import POINTS, Hidden
 from ..expressions.event_formulas import OF_SURFACE, read_by
-from ..expressions.kahan_step import Values, dot
 from ..expressions.partitioned import part_of, sets_of
-from ..expressions.right_hand_side import Program
+from ..expressions.programs import Program, Values, dot
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled

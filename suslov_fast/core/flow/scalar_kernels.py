@@ -7,7 +7,7 @@ every step.
 import inspect
 from typing import NamedTuple
 
-from ..expressions.kahan_step import Values
+from ..expressions.programs import Values
 from ..expressions.values import operand_of
 
 TINY = 2.0**-1000  # in place of 0

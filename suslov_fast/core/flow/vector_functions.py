@@ -9,7 +9,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from ..expressions.kahan_step import OF_LIBRARY, OF_LISTS
+from ..expressions.numpy_evaluation import OF_LIBRARY, OF_LISTS
 from ..llvm.text import Carried, Shared
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call

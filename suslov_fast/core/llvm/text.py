@@ -17,8 +17,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..expressions.elementary import LARGE_ANGLE, OF_ANGLES
-from ..expressions.kahan_step import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES, list_of
+from ..expressions.elementary import LARGE_ANGLE, OF_ANGLES, list_of
+from ..expressions.numpy_evaluation import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES
 from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
 

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from ..expressions.kahan_step import of_one_sign
 from ..expressions.symbolic_elimination import LEAST_PIVOT
 from ..numba.arrays import array_at, uncounted
 from ..numba.decorators import c_function, function, kernel, share
 from ..numba.gauss import simd_max, simd_min
 from ..numba.intrinsics import call_code, lesser
 from ..numba.status import OK, PASSED_POLE
+from .kahan_step import of_one_sign
 from .packs import note_undefined
 from .pivoting import crosses_0, solve_lane
 

@@ -6,7 +6,7 @@ where that loses digits it is found by elimination with pivoting.
 
 import numpy as np
 
-from ..expressions.kahan_step import evaluate
+from ..expressions.numpy_evaluation import evaluate
 from ..numba.arrays import keep, uncounted
 from ..numba.decorators import kernel, share
 from ..numba.gauss import parts_of_determinant, solve

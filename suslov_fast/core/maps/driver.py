@@ -10,9 +10,9 @@ import math
 import operator
 from typing import NamedTuple
 
-from ..expressions.kahan_step import SIGNIFICANT
 from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
 from ..numba.status import CHANGED, NONFINITE
+from .kahan_step import SIGNIFICANT
 from .stage_code import Stage, loader
 
 WIDTH = 8  # lanes of a line

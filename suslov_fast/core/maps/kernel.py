@@ -22,13 +22,13 @@ from contextlib import nullcontext
 import numpy as np
 from numba import config
 
-from ..expressions.kahan_step import Step, of_one_sign
 from ..llvm.compiler import call, code_of
 from ..numba.decorators import Kernel, calling_python
 from ..numba.threads import in_parts
 from .dense import take_dense
 from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
 from .few_orbits import lanes_of, take_few
+from .kahan_step import Step, of_one_sign
 from .packs import (
     PLANS,
     aligned,

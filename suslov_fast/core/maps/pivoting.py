@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from ..expressions.kahan_step import SIGNIFICANT
 from ..numba.arrays import array_at
 from ..numba.decorators import c_function, function
 from ..numba.gauss import solve
 from ..numba.status import CHANGED, OK, PASSED_POLE
+from .kahan_step import SIGNIFICANT
 
 ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
 

@@ -1,7 +1,7 @@
 """Machine code of one stage of a field: straight-line code made from a list of operations.
 
 A list (`kahan_step.Step`) becomes straight-line code for a line of W lanes. Its values stay in
-registers, and are those of `kahan_step.evaluate`, to the bit. `Stage` is what a stage does to a
+registers, and are those of `evaluate` in NumPy, to the bit. `Stage` is what a stage does to a
 line, for steps (`driver`), for users' loops and for derivatives.
 """
 

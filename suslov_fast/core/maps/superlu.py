@@ -7,8 +7,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from ..expressions.kahan_step import SIGNIFICANT
 from ..numba.status import NONFINITE, PASSED_POLE, SINGULAR
+from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):

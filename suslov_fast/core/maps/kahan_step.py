@@ -23,14 +23,12 @@ tests, two of them divisions; sums of products count as products and additions t
 """
 
 import functools
-import math
-from itertools import chain
 
 import numpy as np
 
-from . import thresholds
-from .elementary import ELEMENTARY, LARGE_ANGLE, OF_ANGLES
-from .symbolic_elimination import (
+from ..expressions.numpy_evaluation import evaluate
+from ..expressions.programs import Values, length_of
+from ..expressions.symbolic_elimination import (
     Factors,
     Matrix,
     elimination_order,
@@ -38,200 +36,20 @@ from .symbolic_elimination import (
     places_of,
     work_of,
 )
-from .values import Number, joined, larger
+from ..expressions.values import joined, larger
 
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-
-
-def _of_library(function):
-    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
-
-    def of_number(*numbers):
-        try:
-            return function(*numbers)
-        except ValueError:
-            is_infinite = function is math.atanh and abs(numbers[0]) == 1.0
-            return math.copysign(math.inf, numbers[0]) if is_infinite else math.nan
-
-    def of_arrays(*arrays):
-        columns = np.broadcast_arrays(*arrays)
-        rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
-        values = [of_number(*row) for row in rows]
-        return np.array(values, np.float64).reshape(columns[0].shape)
-
-    return of_arrays
-
-
-def _of_bits(function):
-    """Return a function of the bits of doubles, which are integers without sign."""
-
-    def of_arrays(*arrays):
-        integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
-        values = function(*integers).view(float)
-        return values.reshape(np.broadcast_shapes(*map(np.shape, arrays)))
-
-    return of_arrays
-
-
-def _sum(*operands):
-    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
-    odd = len(operands) % 2
-    products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
-    return sum(products, operands[0] if odd else next(products))
-
-
-def _of_list(name):
-    """Return an elementary function of arrays, which carries out its list."""
-
-    def of_arrays(*arrays):
-        operations, result = list_of(name)
-        values = dict(enumerate(arrays))
-        with np.errstate(all="ignore"):
-            evaluate(operations, values)
-        if name in OF_ANGLES and (is_large := np.abs(arrays[0]) >= LARGE_ANGLE).any():
-            return np.where(is_large, _of_library(getattr(math, name))(arrays[0]), values[result])
-        return values[result]
-
-    return of_arrays
-
-
-# Functions of the C library, by their names there, which a lane calls alone.
-_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
-OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
-# Integer instructions, whose names in LLVM follow "bits_".
-OF_BITS = {
-    "bits_and": _of_bits(np.bitwise_and),
-    "bits_or": _of_bits(np.bitwise_or),
-    "bits_xor": _of_bits(np.bitwise_xor),
-    "bits_add": _of_bits(np.add),
-    "bits_sub": _of_bits(np.subtract),
-    "bits_shl": _of_bits(np.left_shift),
-    "bits_lshr": _of_bits(np.right_shift),
-}
-OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
-# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
-# second operand where one of them is NaN.
-OF_NUMBERS = {
-    "fadd": np.add,
-    "fsub": np.subtract,
-    "fmul": np.multiply,
-    "fdiv": np.divide,
-    "sum": _sum,
-    "fabs": np.absolute,
-    "sqrt": np.sqrt,
-    "floor": np.floor,
-    "copysign": np.copysign,
-    "select": np.where,
-    "max": lambda a, b: np.where(a > b, a, b),
-    "min": lambda a, b: np.where(a < b, a, b),
-    **OF_BITS,
-    **OF_LISTS,
-    **OF_LIBRARY,
-}
-OF_TRUTH_VALUES = {
-    "olt": np.less,
-    "ogt": np.greater,
-    "oge": np.greater_equal,
-    "oeq": np.equal,
-    "and": np.logical_and,
-    "or": np.logical_or,
-    "xor": np.logical_xor,
-}
-
-
-class _Functions(dict):
-    def __missing__(self, instruction):
-        return instruction  # a `Table`
-
-
-FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
-
-
-def evaluate(operations, values):
-    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
-    for instruction, number, operands in operations:
-        numbers = (a if isinstance(a, float) else values[a] for a in operands)
-        values[number] = FUNCTIONS[instruction](*numbers)
-
-
-def length_of(operations):
-    """Return the number of instructions of straight-line code, in which sums are several."""
-    return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
-
-
-class Values:
-    """Values by number, in the order in which they are computed, and the operations that do so.
-
-    The first `count` values need no operation. Operands are numbers of values, which are integers,
-    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
-    alone.
-    """
-
-    def __init__(self, count, fixed):
-        self.count, self.fixed, self.operations = count, set(fixed), []
-
-    def emit(self, instruction, *operands):
-        """Add an operation; return the number of its value."""
-        number = self.count
-        self.count += 1
-        self.operations.append((instruction, number, operands))
-        if instruction in OF_NUMBERS and all(map(self.is_fixed, operands)):
-            self.fixed.add(number)
-        return number
-
-    def is_fixed(self, operand):
-        """Return whether an operand depends on parameters alone."""
-        return isinstance(operand, float) or operand in self.fixed
-
-    def total(self, start, products):
-        """Return the value start + sum of a c over the pairs (a, c), in this order.
-
-        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
-        first factors depend on parameters alone, or none does; other products are values of fixed.
-        """
-        return self.total_of(start, [*chain.from_iterable(products)])
-
-    def total_of(self, start, factors):
-        """Return `total` of the pairs whose factors these are, one after the other."""
-        own, kind = [] if start is None else [start], None
-        if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
-            return self.emit("sum", *own, *factors)
-        for a, c in zip(factors[::2], factors[1::2], strict=True):
-            of_pair = self.is_fixed(a) + self.is_fixed(c)
-            if len(own) > 1 and of_pair != kind:
-                own = [self.emit("sum", *own)]
-            if of_pair == 2:
-                product = self.emit("fmul", a, c)
-                own = [self.emit("fadd", *own, product) if own else product]
-            else:
-                own += (c, a) if self.is_fixed(c) else (a, c)
-            kind = of_pair
-        if len(own) > 1:
-            return self.emit("sum", *own)
-        return own[0] if own else None
-
-    def number(self, operand):
-        """Return the `Number` of an operand."""
-        return Number(self.emit, operand)
-
-
-def dot(emit, pairs, total=None):
-    """Return the sum of a start and of products of pairs, each an operation; None without any."""
-    for a, b in pairs:
-        product = emit("fmul", a, b)
-        total = product if total is None else emit("fadd", total, product)
-    return total
-
-
-@functools.cache
-def list_of(name):
-    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
-    function, count = ELEMENTARY[name]
-    values = Values(count, ())
-    return values.operations, function(*map(values.number, range(count))).number
+# Instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms for each; longer lists
+# take it 20 us each, in blocks, and twice the time to run.
+LONGEST_OPTIMISED = 4000
+# Products of elimination that depend on the state, and that a list may have: of dense fields, whose
+# products are more than SPARSE_PART D**3, and of others. Fields with more have no list.
+SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
+# Products of parameters alone, which NumPy carries out for each step size.
+LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
@@ -280,9 +98,9 @@ class Step:
         order, fill, varying = _plan_of(indices, D)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
-        self.is_sparse = work < thresholds.SPARSE * D**3
-        most = thresholds.OF_LATTICE if self.is_sparse else thresholds.OF_DENSE
-        if work - of_state > thresholds.LONGEST_ONCE or of_state > most:
+        self.is_sparse = work < SPARSE_PART * D**3
+        most = MOST_OF_SPARSE if self.is_sparse else MOST_OF_DENSE
+        if work - of_state > LONGEST_ONCE or of_state > most:
             return
         self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
         self._separate_fixed()
@@ -316,7 +134,7 @@ class Step:
         return _extended_step(self, lengths)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
-    is_long = property(lambda self: self.length > thresholds.CODE)
+    is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.

@@ -6,9 +6,10 @@ components of f(x) are finite; where they are not, no other operations help.
 
 import functools
 
-from .kahan_step import OF_TRUTH_VALUES, ExtendedStep, Values
-from .right_hand_side import Expressions, Program, emitted
-from .values import joined
+from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
+from ..expressions.programs import Expressions, Program, Values, emitted
+from ..expressions.values import joined
+from .kahan_step import ExtendedStep
 
 # NumPy takes longer lists, which LLVM would compile for seconds, and multiplies derivatives with
 # more products (measured on coupled lattices).

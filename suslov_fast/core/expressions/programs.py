@@ -1,0 +1,249 @@
+"""Expression programs: values, the operations that compute them, and programs made of programs."""
+
+import math
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from .function_records import same
+from .numpy_evaluation import FUNCTIONS, OF_NUMBERS, OF_TRUTH_VALUES
+from .values import Number
+
+
+def length_of(operations):
+    """Return the number of instructions of straight-line code, in which sums are several."""
+    return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
+
+
+class Values:
+    """Values by number, in the order in which they are computed, and the operations that do so.
+
+    The first `count` values need no operation. Operands are numbers of values, which are integers,
+    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
+    alone.
+    """
+
+    def __init__(self, count, fixed):
+        self.count, self.fixed, self.operations = count, set(fixed), []
+
+    def emit(self, instruction, *operands):
+        """Add an operation; return the number of its value."""
+        number = self.count
+        self.count += 1
+        self.operations.append((instruction, number, operands))
+        if instruction in OF_NUMBERS and all(map(self.is_fixed, operands)):
+            self.fixed.add(number)
+        return number
+
+    def is_fixed(self, operand):
+        """Return whether an operand depends on parameters alone."""
+        return isinstance(operand, float) or operand in self.fixed
+
+    def total(self, start, products):
+        """Return the value start + sum of a c over the pairs (a, c), in this order.
+
+        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
+        first factors depend on parameters alone, or none does; other products are values of fixed.
+        """
+        return self.total_of(start, [*chain.from_iterable(products)])
+
+    def total_of(self, start, factors):
+        """Return `total` of the pairs whose factors these are, one after the other."""
+        own, kind = [] if start is None else [start], None
+        if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
+            return self.emit("sum", *own, *factors)
+        for a, c in zip(factors[::2], factors[1::2], strict=True):
+            of_pair = self.is_fixed(a) + self.is_fixed(c)
+            if len(own) > 1 and of_pair != kind:
+                own = [self.emit("sum", *own)]
+            if of_pair == 2:
+                product = self.emit("fmul", a, c)
+                own = [self.emit("fadd", *own, product) if own else product]
+            else:
+                own += (c, a) if self.is_fixed(c) else (a, c)
+            kind = of_pair
+        if len(own) > 1:
+            return self.emit("sum", *own)
+        return own[0] if own else None
+
+    def number(self, operand):
+        """Return the `Number` of an operand."""
+        return Number(self.emit, operand)
+
+
+def dot(emit, pairs, total=None):
+    """Return the sum of a start and of products of pairs, each an operation; None without any."""
+    for a, b in pairs:
+        product = emit("fmul", a, b)
+        total = product if total is None else emit("fadd", total, product)
+    return total
+
+
+class Program(NamedTuple):
+    """Operations, and the operands that are their results: numbers of values, or constants."""
+
+    operations: list
+    results: list
+
+
+class Expressions(Values):
+    """Values of which equal ones are computed once, and those of constants at once.
+
+    `written` has the function and operands of values that a user wrote, and that operations take
+    apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
+    the numbers of truth values that depend on parameters alone.
+    """
+
+    def __init__(self, count, fixed=()):
+        super().__init__(count, fixed)
+        self._known, self.of, self.written, self.fixed_truths = {}, {}, {}, set()
+
+    def emit(self, instruction, *operands):
+        """Return the number of a value, or the constant that it is."""
+        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        key = instruction, *operands
+        if float in map(type, operands):
+            key = instruction, *(repr(a) if type(a) is float else a for a in operands)
+        if key not in self._known:
+            self._known[key] = self._new(instruction, operands)
+        return self._known[key]
+
+    def given(self):
+        """Return the number of a value that needs no operation, and does not depend on others."""
+        self.count += 1
+        return self.count - 1
+
+    def take_written(self, others, new):
+        """Note what a user wrote of other values, which have `new` numbers here."""
+        for number, (name, operands, *tables) in others.written.items():
+            of = [a if isinstance(a, float) else new.get(a) for a in operands]
+            place = new.get(number)
+            if isinstance(place, int) and None not in of:
+                self.written.setdefault(place, (name, (*of,), *tables))
+
+    def _new(self, instruction, operands):
+        is_constant = all(type(a) is float for a in operands)
+        if is_constant and instruction not in OF_TRUTH_VALUES:
+            with np.errstate(all="ignore"):
+                return float(FUNCTIONS[instruction](*operands))
+        simple = self._simpler(instruction, operands)
+        if simple is not None:
+            return simple
+        number = super().emit(instruction, *operands)
+        if all(self.is_fixed(a) or a in self.fixed_truths for a in operands):
+            is_truth = instruction in OF_TRUTH_VALUES
+            (self.fixed_truths if is_truth else self.fixed).add(number)
+        self.of[number] = instruction, operands
+        return number
+
+    def _parts_of(self, operand):
+        """Return the instruction and the operands of a value; nothing for a constant."""
+        return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
+
+    def _simpler(self, instruction, operands):
+        """Return an operand with the same value by fewer operations, or None."""
+        if instruction == "fdiv" and _is_power_of_2(operands[1]):
+            return self.emit("fmul", 1.0 / operands[1], operands[0])
+        if instruction == "fmul":
+            a, b = operands
+            if isinstance(b, float):
+                return self.emit("fmul", b, a)
+            if isinstance(a, float) and a == 1.0:
+                return b
+            inner, of = self._parts_of(b)
+            has_constants = isinstance(a, float) and of and isinstance(of[0], float)
+            if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
+                return self.emit("fmul", a * of[0], of[1])
+            if inner == "fsub" and isinstance(a, float) and a == -1.0:
+                return self.emit("fsub", *of[::-1])
+        if instruction in ("fadd", "fsub"):
+            inner, of = self._parts_of(operands[1])
+            if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
+                other = "fsub" if instruction == "fadd" else "fadd"
+                return self.emit(other, operands[0], of[1])
+        if instruction == "select" and same(*operands[1:]):
+            return operands[1]
+        return None
+
+
+def _is_power_of_2(operand):
+    """Return whether products with a constant have no rounding error within a wide range."""
+    if not isinstance(operand, float):
+        return False
+    fraction, exponent = math.frexp(operand)
+    return abs(fraction) == 0.5 and abs(exponent) < 100
+
+
+def in_order(values, results, more=0):
+    """Return `Expressions` of these results alone, in an order that they determine, and results.
+
+    So many `more` parameters follow the values that are given.
+    """
+    given = values.count - len(values.operations)
+    fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
+    ordered = Expressions(given + more, fixed)
+    new = {a: a for a in range(given)}
+    results = emitted(ordered, Program([*_depth_first(values, results)], results), new)
+    ordered.take_written(values, new)
+    return ordered, results
+
+
+def _depth_first(values, results):
+    """Yield the operations on which results depend, each after those of its operands."""
+    done, stack = set(), [(a, False) for a in reversed(results)]
+    while stack:
+        number, is_ready = stack.pop()
+        if isinstance(number, float) or number in done or number not in values.of:
+            continue
+        instruction, operands = values.of[number]
+        if is_ready:
+            done.add(number)
+            yield instruction, number, operands
+        else:
+            stack.append((number, True))
+            stack.extend((a, False) for a in reversed(operands))
+
+
+def needed_for(operations, results):
+    """Return the operations on which results depend."""
+    needed, found = {a for a in results if type(a) is int}, []
+    for operation in reversed(operations):
+        if operation[1] in needed:
+            found.append(operation)
+            needed.update(a for a in operation[2] if not isinstance(a, float))
+    return found[::-1]
+
+
+def depending(operations, given):
+    """Return the numbers of values that depend on given ones, and these."""
+    found = {*given}
+    for _, number, operands in operations:
+        if any(a in found for a in operands if not isinstance(a, float)):
+            found.add(number)
+    return found
+
+
+def renamed(operands, new):
+    """Return operands with their new names; constants, and those without another, stay."""
+    return [a if isinstance(a, float) else new.get(a, a) for a in operands]
+
+
+def emitted(values, program, new=None):
+    """Add the operations of a `Program` to values; return its results there.
+
+    `new` has the operands there of given ones, which those of the operations join; others stay.
+    """
+    new = {} if new is None else new
+    for name, number, operands in program.operations:
+        new[number] = values.emit(name, *renamed(operands, new))
+    return renamed(program.results, new)
+
+
+def renumbered(program, given):
+    """Return a `Program` with other numbers of values that are given, a dict; others follow."""
+    new, count, operations = dict(given), 1 + max(given.values()), []
+    for number, (name, old, operands) in enumerate(program.operations, count):
+        operations.append((name, number, (*renamed(operands, new),)))
+        new[old] = number
+    return Program(operations, renamed(program.results, new))

@@ -13,12 +13,8 @@ import suslov_fast as sf
 FIELD = {"body": "Field", "names": ["x", "y"], "indices": [[0, 1], [1, 0], [2, 2]]}
 FIELD |= {"values": [1, -1]}
 K = {"indices": [[0, 1], [1, 0]], "values": [1, -1]}
-OF_H = {
-    "body": "Field",
-    "names": ["q", "p"],
-    "H": "q",
-    "K": K,
-}
+OF_H = {"body": "Field", "names": ["q", "p"], "H": "q", "K": K}
+OF_X = {"body": "Field", "names": ["x"], "equations": ["x"]}
 BODY = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3}
 PRIMES = [p for p in range(3, 3000) if all(p % q for q in range(2, int(p**0.5) + 1))]
 
@@ -65,6 +61,11 @@ DICTIONARIES = {
         "K",
     ),
     "indices beyond": (FIELD | {"indices": [[0, 1], [1, 0], [2, 10**18]]}, "indices"),
+    "no equations": ({"body": "Field", "names": ["x"], "equations": []}, "equations"),
+    "too many equations": ({"body": "Field", "names": ["x"], "equations": ["x", "x"]}, "equations"),
+    "another variable": ({"body": "Field", "names": ["x"], "equations": ["z"]}, "'z'"),
+    "list of definitions": (OF_X | {"definitions": ["u"]}, "definitions"),
+    "equations beside H": (OF_X | {"H": "x"}, "H|equations"),
     "name of a class": ({"body": "a" * 10**6}, "body"),
     "class of Python": ({"body": "object"}, "body"),
 }

@@ -34,8 +34,6 @@ FIELD = Field.from_terms([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 FAMILY = Field(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 HENON = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
 SMOOTH = sf.Field(lambda x: (x[1], -np.sin(x[0])), 2)
-SMOOTH_FAMILY = sf.Field(lambda x, mu: (x[1], -mu * np.sin(x[0])), 2, mu=2.0)
-NAMED = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
 
 
 @cache
@@ -459,12 +457,6 @@ def test_states_by_name():
     assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):
         PAIR({"u": 1.0, "w": 2.0})
-
-
-# Classes that users make by a call; all others are results, errors, or made by functions.
-MADE_BY_USERS = Field, Suslov3D, SuslovND, sf.Event
-# Methods of the laboratory that pages mention; the others are for searches.
-IN_LABORATORY = "jacobian determinant subs symbols to_dict __call__".split()
 
 
 def test_public_functions_stay_what_they_were():

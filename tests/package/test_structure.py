@@ -15,7 +15,6 @@ import children
 import pytest
 
 import suslov_fast
-from suslov_fast.fields.names import check_for_map, clash
 
 PACKAGE = Path(suslov_fast.__file__).parent
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
@@ -289,22 +288,6 @@ def test_files_that_workflows_name_exist():
     named = re.findall(r"\b(?:tests|bench)/[\w/]+\.py", "".join(texts))
     assert named
     assert [file for file in named if not (root / file).exists()] == []
-
-
-def test_names_of_datasets_are_no_parameters_of_fields():
-    field = suslov_fast.Field.from_terms([[[1.0]]])
-    run = suslov_fast.iterate(field, [0.1], 0.1, 1)
-    points = suslov_fast.crossings(field, [0.1], "x1", time=0.1)
-    motion = suslov_fast.flow(field, [0.1], time=[0.0, 0.5])
-    for data in (points.to_xarray(), motion.to_xarray()):
-        assert [name for name in (*data.variables, *data.dims) if not clash(name, ())] == []
-    data = run.to_xarray()
-    for name in {*data.variables, *data.dims}:
-        if not clash(name, ()):
-            with pytest.raises(ValueError, match=f"'{name}' clashes"):
-                check_for_map((), [name])
-    for name in "a rho f H K J I omega state names energy body table about".split():
-        assert not clash(name, ())
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -161,7 +161,7 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
         return value[[*labels]].to_numpy()
     if isinstance(value, dict):
         raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
-    if name in ("x0", "omega0") and getattr(value, "called", "") == "a run":
+    if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
         last = f"{kind_of(value)}: pass run.states[-1]"
         raise wrong(name, "states at one time", last, TypeError)
     axes = [*value.dims] if hasattr(value, "dims") else []
@@ -379,11 +379,11 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        called = either([vars(kind).get("called", kind.__name__) for kind in classes])
+        called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
         instead = ""
         if expected is Mapping:
             called, instead = "a dictionary", ": a text is read by json.loads"
-        elif all(hasattr(kind, "called") for kind in classes):
+        elif all(hasattr(kind, "_called") for kind in classes):
             instead = ": pass a body, or a field such as Field(f, names)"
         raise wrong(name, called, kind_of(value) + instead, TypeError)
 

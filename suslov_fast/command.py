@@ -201,7 +201,7 @@ def report(options: argparse.Namespace) -> None:
 def _has_map(system: Any) -> bool:
     """Return True unless a system is a field that is not of degree 2."""
     try:
-        return bool(system.field().terms)
+        return bool(system._field.terms)
     except TypeError:
         return False
 

@@ -118,7 +118,7 @@ def ensemble(
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     own: dict[str, Any]
     is_of_motion = time is not None
-    if system.has_eps:
+    if system._has_eps:
         either_map_or_motion("ensemble", eps, steps, time)
     function: Any = flow if is_of_motion else iterate
     if is_of_motion:
@@ -130,7 +130,7 @@ def ensemble(
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
-    states = checks.states("x0", x0(0) if callable(x0) else x0, system.labels)
+    states = checks.states("x0", x0(0) if callable(x0) else x0, system._labels)
     given = {"system": system, "x0": states, **options, **own}
     shapes: dict[str, Any] = {
         name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
@@ -204,7 +204,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     """Return the dataset of all N trajectories, lazy where chunks are written, and its encoding."""
     import dask.array
 
-    parameters = given["system"].arrays | {k: a for k, a in given.items() if k == "eps"}
+    parameters = given["system"]._arrays | {k: a for k, a in given.items() if k == "eps"}
     encoding: dict[str, Any] = {}
     variables = {}
     for name, each in data.variables.items():
@@ -281,7 +281,7 @@ def _write(
 ) -> slice:
     """Compute chunk k, and write it to the store, the status last; return its place."""
     system, x0 = given.pop("system"), given.pop("x0")
-    states = checks.states(f"x0({k})", x0(k), system.labels) if callable(x0) else x0
+    states = checks.states(f"x0({k})", x0(k), system._labels) if callable(x0) else x0
     data = function(system, states, **given).to_xarray(names)
     if data.sizes[_AXIS] != where.stop - where.start:
         raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")

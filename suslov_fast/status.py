@@ -145,7 +145,7 @@ def report_poles(
         return
     index, why = first_index(passed), "eps is too long"
     step = int(failed_at[index])
-    if problem.body.may_escape:
+    if problem.body._may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
     if (passed & told_by_signs).any():

@@ -30,7 +30,7 @@ KINDS = {
 }
 RECORDS = {kind: MAPS[kind.rpartition(" ")[0]] for kind in KINDS}
 # Those whose map is that of functions without the argument `method`.
-WITH_EPS = [kind for kind, map in RECORDS.items() if map.body.has_eps]
+WITH_EPS = [kind for kind, map in RECORDS.items() if map.body is not sf.Map]
 BY_DEFAULT = [kind for kind, map in RECORDS.items() if "auto" in map.methods]
 # Methods with steps of their own.
 METHODS = {
@@ -53,7 +53,7 @@ class Row(NamedTuple):
 
     def given(self, body, eps):
         """The step size of a call, if it has one."""
-        return (eps,) * (self.eps and body.has_eps)
+        return (eps,) * (self.eps and not isinstance(body, sf.Map))
 
     def values(self, body, omega, eps, **options):
         with warnings.catch_warnings():
@@ -150,7 +150,7 @@ def has(kind, name):
     if function in IN_3D:
         return map.body is sf.Suslov3D
     if function in (*OF_SOLVED, "exact", "flow"):
-        return map.body is not sf.Field and bool(body.is_solved)
+        return map.body is not sf.Field and bool(body._is_solved)
     return function not in OF_BODIES or map.body is not sf.Field
 
 
@@ -163,12 +163,12 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):
 
 def part(body, index, batch):
     """The members of a batch with an index."""
-    parts = dict(body.parts)
+    parts = dict(body._parts)
     for name, value in parts.items():
         if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
-            own = np.shape(value)[np.ndim(value) - body.axes.get(name, 0) :]
+            own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
             parts[name] = np.broadcast_to(value, (*batch, *own))[index]
-    return body.with_parts(parts)
+    return body._with_parts(parts)
 
 
 def same(first, second):
@@ -183,7 +183,7 @@ def hard(rng, kind):
     body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
     omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
     if kind == "Suslov3D 0":  # poles of the unit body, after none, one and two steps
-        values = {name: np.array(each) for name, each in body.arrays.items()}
+        values = {name: np.array(each) for name, each in body.parameters.items()}
         for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
             each[11:14] = value
         body, eps[11:14], omega[11:14] = sf.Suslov3D(**values), 1.0, [1.0, -3.0]

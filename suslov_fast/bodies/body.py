@@ -19,33 +19,36 @@ from ..maps.evaluation import evaluate
 from ..maps.problem import Problem, check
 from .exact import states_at
 
+if TYPE_CHECKING:
+    from ..fields.field import Field
+
 Kind = TypeVar("Kind", bound="Suslov")
 
 
 class Suslov(Body):
     """A rigid body with a nonholonomic constraint, in three or in n dimensions."""
 
-    axes: ClassVar[dict[str, int]] = {"rotation": 2}
+    _axes: ClassVar[dict[str, int]] = {"rotation": 2}
     rotation: Any
 
     # ------------------------------------------------------------------------------ parts
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters by name."""
-        return Parameters({n: each for n, each in self.parts.items() if n != "rotation"})
+        return Parameters({n: each for n, each in self._parts.items() if n != "rotation"})
 
     @property
-    def arrays(self) -> dict[str, FloatArray]:
+    def _arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        return tuple((name, a.shape, *a.ravel().tolist()) for name, a in self.arrays.items())
+        return tuple((name, a.shape, *a.ravel().tolist()) for name, a in self._arrays.items())
 
     def _rotated(self: Kind, rotation: Any) -> Kind:
         """Return the body with the rotation from the basis of its tensor."""
-        return self.with_parts({**self.parts, "rotation": rotation})
+        return self._with_parts({**self._parts, "rotation": rotation})
 
     @classmethod
     @public
@@ -63,7 +66,7 @@ class Suslov(Body):
     if TYPE_CHECKING:
 
         @property
-        def is_solved(self) -> Any: ...
+        def _is_solved(self) -> Any: ...
 
         def _in_plane(
             self, problem: Problem
@@ -111,6 +114,23 @@ class Suslov(Body):
         return values
 
     @public
+    def field(self) -> Field:
+        """Return the equations of motion as a field in the components of the states.
+
+        Returns
+        -------
+        Field
+            Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
+        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
+        """
+        return self._field
+
+    @public
     def jacobian(self, omega: ArrayLike, /) -> FloatArray:
         """Return the derivative of the equations of motion by the angular velocity.
 
@@ -131,7 +151,7 @@ class Suslov(Body):
         array([[ 0.0625,  0.1875],
                [-1.125 , -0.25  ]])
         """
-        return self.field().jacobian(omega)
+        return self._field.jacobian(omega)
 
     @public
     def energy(self, omega: ArrayLike, /) -> FloatArray:
@@ -425,7 +445,7 @@ class Suslov(Body):
         """
         self._check_solved("limits")
         plane, from_plane = self._in_plane(self._problem(omega0, eps))
-        minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
+        minus, plus = closed_form.limits(*plane.body._constants, plane.eps, plane.omega)
         return from_plane(minus), from_plane(plus)
 
 

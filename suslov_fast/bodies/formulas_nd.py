@@ -45,8 +45,8 @@ _INSTEAD = {
 
 def check_known(body: Any, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
-    parts, how = body.reduction, _INSTEAD[function]
-    known, expected = body.is_solved, "two coordinates"
+    parts, how = body._reduction, _INSTEAD[function]
+    known, expected = body._is_solved, "two coordinates"
     if function == "invariant_density":
         known = known | (parts.count == 3) & parts.one_coupled
         expected += ", or three of which one has a coupling"
@@ -100,7 +100,7 @@ def in_plane(
     A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
     I23 = c.
     """
-    parts, omega = problem.body.reduction, problem.omega
+    parts, omega = problem.body._reduction, problem.omega
     J, I = parts.parameters(2)
     plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
     steady = parts.steady[..., np.newaxis]
@@ -120,7 +120,7 @@ def _criticality(problem: Problem) -> FloatArray:
 def _first_integral(problem: Problem) -> FloatArray:
     """Return the modified energy over 2 a b, with the J of the two coordinates."""
     values: FloatArray = IN_ND["modified_energy"].compute(problem)
-    J, _ = problem.body.reduction.parameters(2)
+    J, _ = problem.body._reduction.parameters(2)
     return np.asarray(values / (2.0 * J.prod(axis=-1)))
 
 
@@ -130,7 +130,7 @@ def _density(problem: Problem) -> FloatArray:
     States with the same r are a sphere, whose area is the power of r that each part in E0 adds.
     """
     body, omega, eps = problem.body, problem.omega, problem.eps
-    parts, values = body.reduction, np.ones(problem.batch)
+    parts, values = body._reduction, np.ones(problem.batch)
     for size in (2, 3):
         has_size = ~parts.steady & (parts.count == size)
         if has_size.any():

@@ -73,9 +73,9 @@ class SuslovND(Suslov):
     I: Any
     rotation: Any = field(default=None, init=False)
 
-    axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1, "rotation": 2}
-    positive: ClassVar[dict[str, int]] = {"J": OTHERS}
-    meaning: ClassVar[str] = (
+    _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1, "rotation": 2}
+    _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
+    _meaning: ClassVar[str] = (
         ", of n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as 1.3, "
         "2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor, and "
         "Suslov3D(I1, I2, I13, I23) is the body in three dimensions"
@@ -85,7 +85,7 @@ class SuslovND(Suslov):
         super().__post_init__()
         J, I = np.shape(self.J), np.shape(self.I)
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
-            received = f"{J} and {I}{self.meaning}"
+            received = f"{J} and {I}{self._meaning}"
             raise wrong("J and I", "have the shape (..., n - 1), both", received)
         if len(J) == 2 and J[0] == J[1] > 2 and len(I) == 1 and (self.J == self.J.T).all():
             how = "SuslovND.from_mass_tensor(M) takes a tensor, and I[np.newaxis] tells a family"
@@ -108,11 +108,11 @@ class SuslovND(Suslov):
         return self.dimension + 1
 
     @cached_property
-    def labels(self) -> tuple[str, ...]:
+    def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
     @property
-    def steady_line(self) -> FloatArray:
+    def _steady_line(self) -> FloatArray:
         return self.I
 
     @cached_property
@@ -120,7 +120,7 @@ class SuslovND(Suslov):
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parameters.items())
         places, values = self._terms_of(*parts)
         terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
-        return Field.of_terms(terms, self.labels)
+        return Field._of_terms(terms, self._labels)
 
     @property
     def _terms(self) -> Any:
@@ -134,13 +134,13 @@ class SuslovND(Suslov):
         return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
 
     @cached_property
-    def reduction(self) -> Reduction:
+    def _reduction(self) -> Reduction:
         return Reduction(self.J, self.I)
 
     @property
-    def is_solved(self) -> Any:
+    def _is_solved(self) -> Any:
         """True for members with a closed form."""
-        return self.reduction.steady | (self.reduction.count == 2)
+        return self._reduction.steady | (self._reduction.count == 2)
 
     def _check_solved(self, function: str) -> None:
         """Raise NotIntegrableError unless each member has a closed form."""
@@ -203,7 +203,7 @@ class SuslovND(Suslov):
         >>> bool(abs(from_reduced(orbit, omega) - run.states).max() < 1e-14)
         True
         """
-        parts, labels_of = self.reduction, self.labels
+        parts, labels_of = self._reduction, self._labels
         size = int(parts.count.max(initial=1))
         J, I = parts.parameters(size)
         body = SuslovND._of({"J": J, "I": I})
@@ -214,7 +214,7 @@ class SuslovND(Suslov):
             return parts.states(given, size)
 
         def from_reduced(x: ArrayLike, omega: ArrayLike) -> FloatArray:
-            found, given = states("x", x, body.labels), states("omega", omega, labels_of)
+            found, given = states("x", x, body._labels), states("omega", omega, labels_of)
             shapes = {"x": found.shape[:-1], "omega": given.shape[:-1]}
             common_shape({"body": self.shape, **shapes})
             return parts.back(found, given)

@@ -100,18 +100,18 @@ class Suslov3D(Suslov):
     I3: Any = None
     rotation: Any = field(default=None, init=False)
 
-    positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
-    is_solved: ClassVar[Any] = True
+    _positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
+    _is_solved: ClassVar[Any] = True
 
     @property
-    def constants(self) -> tuple[Any, ...]:
+    def _constants(self) -> tuple[Any, ...]:
         """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23, k."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, self.k
 
     @property
-    def steady_line(self) -> FloatArray | None:
-        *_, I13, I23, k = self.constants
+    def _steady_line(self) -> FloatArray | None:
+        *_, I13, I23, k = self._constants
         if np.all(k):
             return None
         line = np.stack(np.broadcast_arrays(I23, -I13, k)[:2], axis=-1)
@@ -119,20 +119,20 @@ class Suslov3D(Suslov):
 
     def _inertia(self, I3: Any) -> FloatArray:
         """Return the inertia tensors (..., 3, 3) with this I3."""
-        I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)
+        I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self._constants[:4], I3, 0.0)
         rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     @cached_property
     def _field(self) -> Field:
-        I1, I2, *form = self.constants if self.shape else map(_exact, self.constants)
+        I1, I2, *form = self._constants if self.shape else map(_exact, self._constants)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
         rows = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
         places = [[0] * 3 + [1] * 3, [0, 1, 2] * 2, [1] * 3 + [0] * 3]
         values = [np.broadcast_to(row, (*self.shape, 3)) for row in rows]
         terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
-        return Field.of_terms(terms, self.labels)
+        return Field._of_terms(terms, self._labels)
 
     def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
         """Return a problem in three dimensions, which needs no reduction."""
@@ -349,7 +349,7 @@ class Suslov3D(Suslov):
         """
         self._without_rotor("closed_form")
         problem = self._problem(omega0, eps)
-        return ClosedForm(*quantities.closed_form(*self.constants, problem.eps, problem.omega))
+        return ClosedForm(*quantities.closed_form(*self._constants, problem.eps, problem.omega))
 
     @public
     def step_full(self, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None) -> FloatArray:
@@ -396,7 +396,7 @@ class Suslov3D(Suslov):
             raise TypeError("I3 is missing: pass I3, or a body that has one")
         labels = "Omega1", "Omega2", "Omega3"
         problem = check(map_of(self), body, omega, eps, components=labels)
-        after = quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
+        after = quantities.step_full(*body._constants[:4], body.I3, problem.eps, problem.omega)
         return mask_and_warn(problem, after)
 
     @public
@@ -434,7 +434,7 @@ class Suslov3D(Suslov):
         1.221073798141
         """
         self._without_rotor("scattering_angle")
-        return scattering_angle(*np.broadcast_arrays(*self.constants[:4]))
+        return scattering_angle(*np.broadcast_arrays(*self._constants[:4]))
 
 
 class Figure(NamedTuple):
@@ -482,7 +482,7 @@ def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
     The one along a line of steady states is exactly 0. Without a rotor they are real.
     """
-    (I1, I2, _, _, k), x = problem.body.constants, problem.omega
+    (I1, I2, _, _, k), x = problem.body._constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     values = np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
@@ -490,7 +490,7 @@ def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 
 def _momentum(problem: Problem) -> FloatArray:
-    I1, I2, I13, I23, k = problem.body.constants
+    I1, I2, I13, I23, k = problem.body._constants
     w1, w2, _ = np.moveaxis(whole_states(problem), -1, 0)
     return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
 

@@ -20,15 +20,6 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind", bound="Body")
 
-# Attributes for other modules, which `dir` hides from users.
-HIDDEN = frozenset(
-    "arrays arrow axes batch_of_one called constants coordinates derived_by displacement "
-    "energy_terms exact_parts exact_terms has_eps is_hamiltonian is_solved labels left "
-    "listed_right_hand_sides may_escape meaning motion_lists of_member of_terms operations parts "
-    "positive read reduction right_hand_sides rows steady_line texts variable with_parts "
-    "without_value".split()
-)
-
 
 class Parameters(dict[str, Any]):
     """Parameters by name: a copy, in which a new value would not reach the body."""
@@ -49,47 +40,47 @@ class Body(Members, metaclass=Answering):
     ----------
     dimension : int
         The number of components of a state.
-    labels : tuple of str
+    _labels : tuple of str
         The names of the components.
-    axes : dict of str to int
+    _axes : dict of str to int
         The number of axes of each parameter that is a vector (1) or a matrix (2): otherwise its
         components count as members of a batch.
-    positive : dict of str to int
+    _positive : dict of str to int
         Parameters that must be positive, and the power of ten up to which they may be.
-    constants : tuple
+    _constants : tuple
         The arguments of formulas and kernels of the map, by default the parameters.
-    coordinates : tuple of str
+    _coordinates : tuple of str
         Parameters that are coordinates of datasets, and that ``==`` ignores.
-    meaning : str
+    _meaning : str
         What parameters are, for messages.
-    steady_line : ndarray(float, shape=(..., D)) or None
+    _steady_line : ndarray(float, shape=(..., D)) or None
         The direction of the line of steady states through 0; NaN for members, or None, without one.
-    called : str
+    _called : str
         What messages call the class.
-    variable : {"omega", "x"}
+    _variable : {"omega", "x"}
         The name of the states.
-    has_eps : bool
+    _has_eps : bool
         Whether steps have a length, eps.
-    may_escape : bool
+    _may_escape : bool
         Whether motions may escape to infinity.
-    read, texts : callable, tuple of str
+    _read, _texts : callable, tuple of str
         What makes a body from its dictionary, and the entries that hold no numbers.
     """
 
-    axes: ClassVar[dict[str, int]] = {}
-    positive: ClassVar[dict[str, int]] = {}
-    called: ClassVar[str] = "a body or a field"
-    variable: ClassVar[str] = "omega"
-    has_eps: ClassVar[bool] = True
-    steady_line: ClassVar[Any] = None
-    meaning: ClassVar[str] = ""
+    _axes: ClassVar[dict[str, int]] = {}
+    _positive: ClassVar[dict[str, int]] = {}
+    _called: ClassVar[str] = "a body or a field"
+    _variable: ClassVar[str] = "omega"
+    _has_eps: ClassVar[bool] = True
+    _steady_line: ClassVar[Any] = None
+    _meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
-    labels: ClassVar[Any] = "Omega1", "Omega2"
-    coordinates: ClassVar[Any] = ()
-    read: ClassVar[Any] = None
-    texts: ClassVar[tuple[str, ...]] = ()
-    may_escape: ClassVar[Any] = False  # the energy of a body is constant
+    _labels: ClassVar[Any] = "Omega1", "Omega2"
+    _coordinates: ClassVar[Any] = ()
+    _read: ClassVar[Any] = None
+    _texts: ClassVar[tuple[str, ...]] = ()
+    _may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -98,14 +89,14 @@ class Body(Members, metaclass=Answering):
                 continue
             value, fractions = checks.without_fractions(value)
             if fractions is not None:
-                self.exact_parts[name] = fractions
+                self._exact_parts[name] = fractions
             array = checks.real_array(name, value)
-            checks.within(name, array, self.positive.get(name, checks.OTHERS))
-            if name in self.positive and not (array > 0).all():
+            checks.within(name, array, self._positive.get(name, checks.OTHERS))
+            if name in self._positive and not (array > 0).all():
                 is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
                 makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
                 names = ", ".join(each.name for each in fields(self) if each.init)
-                how = f": the order is {names}{self.meaning}"
+                how = f": the order is {names}{self._meaning}"
                 if is_tensor and makers:
                     how = (
                         f": numbers, as of np.diag; of a tensor {' or '.join(makers)} makes a body"
@@ -115,12 +106,12 @@ class Body(Members, metaclass=Answering):
         _ = self.shape  # raises if the parameters do not broadcast
 
     @cached_property
-    def exact_parts(self) -> dict[str, Any]:
+    def _exact_parts(self) -> dict[str, Any]:
         """The parameters that hold fractions, by name, as they were given; copies have none."""
         return {}
 
     @cached_property
-    def parts(self) -> dict[str, Any]:
+    def _parts(self) -> dict[str, Any]:
         """The parameters by name, without numbers and None that are defaults."""
         named = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
@@ -140,16 +131,16 @@ class Body(Members, metaclass=Answering):
         self._take(parts)
         return self
 
-    def with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
+    def _with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
         """Return a copy of the body with these parameters, checked before."""
         return self._of(parts)
 
     @property
-    def arrays(self) -> dict[str, FloatArray]:
+    def _arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
-        return {name: np.asarray(each, np.float64) for name, each in self.parts.items()}
+        return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
-    def without_value(self, x: Any, which: Any) -> str:
+    def _without_value(self, x: Any, which: Any) -> str:
         """Return why the equations have no value at the first of some states (...), or nothing."""
         return ""
 
@@ -159,67 +150,48 @@ class Body(Members, metaclass=Answering):
         def dimension(self) -> int: ...
 
         @property
-        def _field(self) -> "Field": ...
-
-    @public
-    def field(self) -> "Field":
-        """Return the equations of motion as a field in the components of the states.
-
-        Returns
-        -------
-        Field
-            Coefficients of a single body are exact functions of its parameters, which are doubles.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
-        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
-        """
-        return self._field
+        def _field(self) -> "Field":
+            """The equations of motion; TypeError for a `Map`, which has none."""
 
     @property
     def _terms(self) -> Any:
         """The terms v x_j x_k of all f_i for kernels, in the order in which they add them up."""
-        return self.field()._terms
+        return self._field._terms
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters by name."""
-        return Parameters(self.parts)
+        return Parameters(self._parts)
 
     @property
-    def constants(self) -> tuple[Any, ...]:
+    def _constants(self) -> tuple[Any, ...]:
         """The parameters in the order in which formulas and kernels of the map take them."""
-        return tuple(self.arrays.values())
+        return tuple(self._arrays.values())
 
     @cached_property
-    def batch_of_one(self) -> tuple[Any, ...]:
+    def _batch_of_one(self) -> tuple[Any, ...]:
         """The constants of a single body, with a batch axis of length 1."""
-        return tuple(np.array(each)[np.newaxis] for each in self.constants)
+        return tuple(np.array(each)[np.newaxis] for each in self._constants)
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        axes, parts = self.axes, self.parts
+        axes, parts = self._axes, self._parts
         shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
         return checks.common_shape(shapes)
-
-    def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name not in HIDDEN]
 
     if not TYPE_CHECKING:  # type checkers know the attributes
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where a public name is found instead."""
-            is_parameter = name in vars(self).get("coordinates", ())
+            is_parameter = name in vars(self).get("_coordinates", ())
             here = f"parameters[{name!r}]" if is_parameter else ""
             raise lacking(self, name, here)
 
     @property
     def _key(self) -> tuple[Any, ...]:
         """The values that == and hash compare."""
-        compared = {n: a for n, a in self.parts.items() if n not in self.coordinates}
+        compared = {n: a for n, a in self._parts.items() if n not in self._coordinates}
         return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
 
     def __eq__(self, other: object) -> bool:
@@ -229,10 +201,10 @@ class Body(Members, metaclass=Answering):
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, (self.parts,)
+        return self._of, (self._parts,)
 
     def __repr__(self) -> str:
-        name, arrays = type(self).__name__, self.arrays.items()
+        name, arrays = type(self).__name__, self._arrays.items()
         text = ", ".join(
             f"{each}={a.tolist()}" for each, a in arrays if a.size <= 25 or not self.shape
         )
@@ -251,9 +223,9 @@ class Body(Members, metaclass=Answering):
 
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
         """Return left sides in LaTeX, and texts, and the LaTeX of variables with other names."""
-        field, labels = self.field(), [*map(symbol, self.labels)]
+        field, labels = self._field, [*map(symbol, self._labels)]
         rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, field._formulas, strict=True)]
-        numbers = [(symbol(name), str(a)) for name, a in self.arrays.items() if not np.ndim(a)]
+        numbers = [(symbol(name), str(a)) for name, a in self._arrays.items() if not np.ndim(a)]
         return rows + numbers, dict(zip(field.names, labels, strict=True))
 
     @public
@@ -275,7 +247,7 @@ class Body(Members, metaclass=Answering):
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        return {"body": type(self).__name__, **to_lists(self.parts)}
+        return {"body": type(self).__name__, **to_lists(self._parts)}
 
     @classmethod
     @public
@@ -313,14 +285,14 @@ class Body(Members, metaclass=Answering):
         """Return the body of checked parameters, of which some are removed here."""
         how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
-        read = cls.read or cls
+        read = cls._read or cls
         try:
             inspect.signature(read).bind(**given)
         except TypeError as error:
             names = ", ".join(map(str, given)) or "none"
             text = f"these are not the parameters of {cls.__name__}: {names} ({error})"
             raise ValueError(text) from None
-        texts = {name: given.pop(name) for name in cls.texts if name in given}
+        texts = {name: given.pop(name) for name in cls._texts if name in given}
         try:
             return read(**from_lists("parameters", given), **texts)
         except RecursionError:

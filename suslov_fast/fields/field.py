@@ -110,11 +110,11 @@ class Field(Traced):
     Field(q' = v, v' = -q*(v**2 + 1)/(1 + q**2))
     """
 
-    axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
-    texts: ClassVar[tuple[str, ...]] = (*Traced.texts, "H")
-    called: ClassVar[str] = "a field"
-    arrow: ClassVar[str] = "' ="
-    left: ClassVar[str] = r"\dot{%s}"
+    _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
+    _texts: ClassVar[tuple[str, ...]] = (*Traced._texts, "H")
+    _called: ClassVar[str] = "a field"
+    _arrow: ClassVar[str] = "' ="
+    _left: ClassVar[str] = r"\dot{%s}"
 
     def __init__(
         self,
@@ -246,7 +246,7 @@ class Field(Traced):
                 raise ValueError(f"equations: {part.strip()}: {how}") from None
         if not equations:
             raise wrong("equations", f"like {_LIKE}", repr(text))
-        return cls.read([*equations], [*equations.values()], parameters=parameters)
+        return cls._read([*equations], [*equations.values()], parameters=parameters)
 
     @classmethod
     @public
@@ -288,10 +288,10 @@ class Field(Traced):
         Field(x1' = x1*x2, x2' = -x1**2 + 1/2)
         """
         terms, D = coefficients.of_arrays(quadratic, linear, constant)
-        return cls.of_terms(terms, variables("names", names, D))
+        return cls._of_terms(terms, variables("names", names, D))
 
     @classmethod
-    def of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
+    def _of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
         """Return the field with checked terms."""
         return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
 
@@ -302,8 +302,8 @@ class Field(Traced):
             parts = {NAMES: parts[NAMES], INDICES: indices, VALUES: values}
         super()._take(parts)
 
-    @public
-    def field(self) -> Field:
+    @property
+    def _field(self) -> Field:
         return self
 
     # ------------------------------------------------------------------------------ values
@@ -341,7 +341,7 @@ class Field(Traced):
         >>> float(well.energy([2.0, 1.0]))
         6.5
         """
-        if not self.is_hamiltonian:
+        if not self._is_hamiltonian:
             raise TypeError(
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call another.energy(run.states)"
@@ -353,7 +353,7 @@ class Field(Traced):
         return found + 0.0 * x.sum(axis=-1)  # NaN where the state is
 
     @property
-    def is_hamiltonian(self) -> bool:
+    def _is_hamiltonian(self) -> bool:
         return self._equations is not None and self._equations.H is not None
 
     def _of_symbols(self, x: Symbols) -> list[Any]:
@@ -366,7 +366,7 @@ class Field(Traced):
         return rows
 
     # ------------------------------------------------------------------------------ motion
-    def motion_lists(
+    def _motion_lists(
         self, names: tuple[str, ...] = (), twice: bool = False, acts: tuple[Act, ...] = ()
     ) -> list[OfMembers]:
         """Return right-hand sides for the engine, as `right_hand_sides.of_equations` does."""
@@ -375,23 +375,23 @@ class Field(Traced):
         return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, acts)
 
     @cached_property
-    def right_hand_sides(self) -> list[OfMembers]:
-        return self.motion_lists()
+    def _right_hand_sides(self) -> list[OfMembers]:
+        return self._motion_lists()
 
     @cached_property
-    def listed_right_hand_sides(self) -> list[OfMembers]:
-        return self.motion_lists(twice=True)
+    def _listed_right_hand_sides(self) -> list[OfMembers]:
+        return self._motion_lists(twice=True)
 
-    def derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
+    def _derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
         """Return those of variational equations, with the derivatives of f by parameters."""
-        return self.motion_lists(names, twice=True)
+        return self._motion_lists(names, twice=True)
 
     # ------------------------------------------------------------------------------ degree 2
     @property
     def _own_terms(self) -> Terms:
-        return Terms(self.parts[INDICES], self.parts[VALUES])
+        return Terms(self._parts[INDICES], self._parts[VALUES])
 
-    def exact_terms(self, exactly: Any = Fraction, of_energy: bool = False) -> Terms:
+    def _exact_terms(self, exactly: Any = Fraction, of_energy: bool = False) -> Terms:
         """Return the terms of f, or of H, of a single field of degree 2, as fractions.
 
         ``exactly(a)`` is the fraction as which a float counts. TypeError for other fields.
@@ -416,11 +416,11 @@ class Field(Traced):
     def _terms(self) -> Terms:
         """The terms of f for kernels of maps; TypeError if f is not of degree 2."""
         terms = self._terms_of(of_energy=False).floats
-        check_for_map(self.names, self.coordinates)
+        check_for_map(self.names, self._coordinates)
         return terms
 
     @cached_property
-    def may_escape(self) -> bool:
+    def _may_escape(self) -> bool:
         """False for linear equations, whose solutions exist at all times."""
         try:
             return bool((self._terms.indices[2] < self.dimension).any())
@@ -428,7 +428,7 @@ class Field(Traced):
             return True
 
     @cached_property
-    def energy_terms(self) -> Terms:
+    def _energy_terms(self) -> Terms:
         """The terms of H for kernels of maps."""
         return self._terms_of(of_energy=True).floats
 
@@ -447,12 +447,12 @@ class Field(Traced):
     @property
     def _numbers(self) -> list[tuple[str, Any]]:
         """The Hamiltonian and the parameters of a single field, by name."""
-        H = [("H", self._equations.shown(self._equations.H))] if self.is_hamiltonian else []
+        H = [("H", self._equations.shown(self._equations.H))] if self._is_hamiltonian else []
         return [*H, *super()._numbers]
 
     def _described(self) -> dict[str, Any]:
         if self._equations is None:
-            return to_lists({"indices": self.parts[INDICES], "values": self.parts[VALUES]})
+            return to_lists({"indices": self._parts[INDICES], "values": self._parts[VALUES]})
         found, entries = super()._described(), self._equations.K
         if entries is None:
             return found
@@ -462,7 +462,7 @@ class Field(Traced):
         return found | {"H": H, "K": K}
 
     @classmethod
-    def read(
+    def _read(
         cls,
         names: Any,
         equations: Any = None,
@@ -476,7 +476,7 @@ class Field(Traced):
         names = variables("names", names)
         rows = [H] if H is not None else equations
         if indices is not None and rows is None and not parameters:
-            return cls.of_terms(coefficients.of_file(indices, values, len(names)), names)
+            return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
         is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
         if not is_list or (H is None) == (equations is None):
             expected = f"a list of {len(names)} texts, or left out beside H"

@@ -64,10 +64,10 @@ class Map(Traced):
     array([ 0.42, -1.62])
     """
 
-    called: ClassVar[str] = "a map"
-    arrow: ClassVar[str] = " ->"
-    left: ClassVar[str] = r"\tilde{%s}"
-    has_eps: ClassVar[bool] = False
+    _called: ClassVar[str] = "a map"
+    _arrow: ClassVar[str] = " ->"
+    _left: ClassVar[str] = r"\tilde{%s}"
+    _has_eps: ClassVar[bool] = False
 
     def __init__(
         self, f: Callable[..., Any], /, names: int | str | Sequence[str], **parameters: Any
@@ -85,7 +85,7 @@ class Map(Traced):
         self._take({**values, NAMES: names, EQUATIONS: equations})
 
     @classmethod
-    def read(
+    def _read(
         cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
     ) -> Map:
         names = variables("names", names)
@@ -105,24 +105,21 @@ class Map(Traced):
         how = "iterate(map, x0, steps=N); for x' = f(x) make a Field"
         raise TypeError(f"system: a Map is x -> f(x), without a motion or Kahan's map: use {how}")
 
-    def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name != "field"]
-
     @property
-    def displacement(self) -> Field:
+    def _displacement(self) -> Field:
         """The field f(x) - x, of which fixed points of the map are equilibria."""
         parts = self._equations
         values, results = in_order(parts.values, parts.results)  # a copy
         rates = [values.emit("fsub", a, i) for i, a in enumerate(results)]
         equations = Equations(self.names, parts.parameters, values, rates)
-        return Field._of({**self.parts, NAMES: self.names, EQUATIONS: equations})
+        return Field._of({**self._parts, NAMES: self.names, EQUATIONS: equations})
 
     @property
-    def operations(self) -> MapStep:
+    def _operations(self) -> MapStep:
         """The list of operations of a step."""
         return map_step(self._equations.right_hand_side)
 
     @property
-    def rows(self) -> Any:
+    def _rows(self) -> Any:
         """The parameters (..., P) of all members."""
         return np.moveaxis(self._inputs, 0, -1)

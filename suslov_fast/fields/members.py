@@ -16,10 +16,10 @@ _FAMILY = "for a family pass an array as a parameter"
 class Members:
     """A batch of bodies, whose members an index or the values of parameters select."""
 
-    axes: ClassVar[dict[str, int]]
-    parts: Any
+    _axes: ClassVar[dict[str, int]]
+    _parts: Any
     shape: Any
-    with_parts: Any
+    _with_parts: Any
 
     def __len__(self) -> int:
         if not self.shape:
@@ -102,9 +102,9 @@ class Members:
     @property
     def _scalars(self) -> dict[str, Any]:
         """The parameters that are a number, not a vector, for each member."""
-        return {name: each for name, each in self.parts.items() if name not in self.axes}
+        return {name: each for name, each in self._parts.items() if name not in self._axes}
 
-    def of_member(self, i: int | tuple[int, ...]) -> str:
+    def _of_member(self, i: int | tuple[int, ...]) -> str:
         """Return " of member i (a=1.0)" for messages, "" for a single body."""
         if not self.shape:
             return ""
@@ -128,14 +128,14 @@ class Members:
         # The index for parameters that all members share, whose length is 1 on this axis.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
-        for name, value in self.parts.items():
+        for name, value in self._parts.items():
             array = np.asarray(value)
-            its_axis = axis - len(self.shape) + array.ndim - self.axes.get(name, 0)
+            its_axis = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
             if its_axis >= 0:
                 selected = index if array.shape[its_axis] == self.shape[axis] else common
                 array = array[(slice(None),) * its_axis + (selected,)]
             parts[name] = array
-        return self.with_parts(parts)
+        return self._with_parts(parts)
 
 
 def place_in(shape: tuple[int, ...], entry: Any) -> Any:

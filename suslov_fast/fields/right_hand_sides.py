@@ -128,5 +128,5 @@ def with_changes(
     if key not in known:
         if len(known) >= _MOST_EVENTS:
             known.clear()
-        known[key] = field.motion_lists(names, twice, acts)
+        known[key] = field._motion_lists(names, twice, acts)
     return known[key]

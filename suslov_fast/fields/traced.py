@@ -35,10 +35,10 @@ class Traced(Body):
     side, with %s for the variable.
     """
 
-    texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
-    variable: ClassVar[str] = "x"
-    arrow: ClassVar[str]
-    left: ClassVar[str]
+    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
+    _variable: ClassVar[str] = "x"
+    _arrow: ClassVar[str]
+    _left: ClassVar[str]
 
     names: tuple[str, ...]
     _equations: Equations | Any  # None where terms are the parts of a field
@@ -75,18 +75,18 @@ class Traced(Body):
             kind = type(self).__name__
             how += f": {kind} takes the value of each, and defaults of f are constants"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self.with_parts({**self.parts, **named_parameters(parameters, self.names)})
+        return self._with_parts({**self._parts, **named_parameters(parameters, self.names)})
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
-        names, axes = parts[NAMES], self.axes
+        names, axes = parts[NAMES], self._axes
         kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
         vars(self).update(
-            parts=kept,
-            coordinates=tuple(name for name in kept if name not in axes),
+            _parts=kept,
+            _coordinates=tuple(name for name in kept if name not in axes),
             dimension=len(names),
             names=names,
-            labels=names,
+            _labels=names,
             _equations=parts.get(EQUATIONS),
         )
 
@@ -95,26 +95,26 @@ class Traced(Body):
         """The parts that all members share, beside arrays."""
         return {NAMES: self.names, EQUATIONS: self._equations}
 
-    def with_parts(self, parts: Mapping[str, Any]) -> Any:
+    def _with_parts(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, **self._shared})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self.parts, **self._shared},)
+        return self._of, ({**self._parts, **self._shared},)
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        arrays = [np.asarray(a, np.float64) for a in self.parts.values()]
+        arrays = [np.asarray(a, np.float64) for a in self._parts.values()]
         values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
         return self.dimension, self._equations and self._equations.key, values
 
     @property
-    def arrays(self) -> dict[str, FloatArray]:
+    def _arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters of the function: numbers as they were given, and arrays."""
-        return Parameters({name: self.parts[name] for name in self.coordinates})
+        return Parameters({name: self._parts[name] for name in self._coordinates})
 
     # ------------------------------------------------------------------------------ values
     def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
@@ -169,7 +169,7 @@ class Traced(Body):
     @property
     def _inputs(self) -> FloatArray:
         """The parameters (P, ...) of all members."""
-        rows = [np.broadcast_to(a, self.shape) for a in self.arrays.values()]
+        rows = [np.broadcast_to(a, self.shape) for a in self._arrays.values()]
         return np.array(rows, np.float64).reshape(len(rows), *self.shape)
 
     @cached_property
@@ -203,7 +203,7 @@ class Traced(Body):
         return [*self.parameters.items()]
 
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        names = [self.left % symbol(name) for name in self.names]
+        names = [self._left % symbol(name) for name in self.names]
         rows = [*zip(names, self._formulas, strict=True)]
         return rows + [(symbol(name), str(value)) for name, value in self._numbers], {}
 
@@ -216,7 +216,7 @@ class Traced(Body):
             return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
         rows, length = [], 0
         for name, formula in zip(self.names, self._formulas, strict=True):
-            rows.append(f"{name}{self.arrow} {formula}")
+            rows.append(f"{name}{self._arrow} {formula}")
             length += len(rows[-1])
             if length > LONGEST:
                 break

@@ -70,7 +70,7 @@ class KahanMap(RationalMap):
     @cached_property
     def terms(self) -> Terms:
         """The terms of the field, exact."""
-        return self.field.exact_terms(as_written if self.decimals else Fraction)
+        return self.field._exact_terms(as_written if self.decimals else Fraction)
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -95,7 +95,7 @@ class KahanMap(RationalMap):
         indices, rates = zip(*self.in_letters.rates.items(), strict=True)
         constants = np.array([c._with(numbers).constant for c in rates], object)
         terms = collected(np.array(indices).T, constants, self.dimension, 2)
-        return KahanMap(Field.of_terms(terms, self.field.names), eps)
+        return KahanMap(Field._of_terms(terms, self.field.names), eps)
 
     def at_eps(self, values: Values) -> KahanMap:
         if self.in_letters is None:
@@ -246,11 +246,11 @@ class KahanMap(RationalMap):
                 return None
             *values, _ = over_common_denominator(energy.values(), self.ring)
             terms = [*zip(energy, values, strict=True)]
-        elif not self.field.is_hamiltonian:
+        elif not self.field._is_hamiltonian:
             return self._found_hamiltonian()
         else:
             exactly = as_written if self.decimals else Fraction
-            terms, _ = _integers(self.field.exact_terms(exactly, of_energy=True))
+            terms, _ = _integers(self.field._exact_terms(exactly, of_energy=True))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
 
@@ -351,7 +351,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if not isinstance(field, Body):
         received = f"{kind_of(field)}"
         raise wrong("field", "a Field or a body", received, TypeError)
-    _ = field.has_eps or field.field()  # which raises
+    _ = field._has_eps or field._field  # which raises
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
@@ -361,7 +361,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if isinstance(field, Field):
         map = KahanMap(field, step, decimals=decimals)
     else:
-        map = KahanMap(exact_body(field, decimals).field(), step, decimals=False)
+        map = KahanMap(exact_body(field, decimals)._field, step, decimals=False)
     _ = map.terms  # raises for a field that is not of degree 2
     return map
 
@@ -372,5 +372,7 @@ def exact_body(body: Any, decimals: bool) -> Any:
     def read(a: Any) -> Fraction:
         return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)
 
-    exact = (np.vectorize(read, "O")(body.exact_parts.get(n, a))[()] for n, a in body.parts.items())
-    return body._of(dict(zip(body.parts, exact, strict=True)))
+    exact = (
+        np.vectorize(read, "O")(body._exact_parts.get(n, a))[()] for n, a in body._parts.items()
+    )
+    return body._of(dict(zip(body._parts, exact, strict=True)))

@@ -48,15 +48,15 @@ def kahan_with_letters(system: Any, letters: Any, decimals: bool = True) -> Kaha
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
     in_letters = InLetters(names, *_coefficients(system, symbols, decimals))
-    return KahanMap(system.field(), None, decimals=decimals, in_letters=in_letters)
+    return KahanMap(system._field, None, decimals=decimals, in_letters=in_letters)
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any], decimals: bool) -> tuple[Any, Any]:
     """Return the coefficients of f, and of H or None, with symbols for some parameters."""
     exactly = as_written if decimals else Fraction
     if not isinstance(system, Field):
-        parts = {**exact_body(system, decimals).parts, **symbols}
-        terms = system._of(parts).field()._own_terms
+        parts = {**exact_body(system, decimals)._parts, **symbols}
+        terms = system._of(parts)._field._own_terms
         return {place: _function(c) for place, c in terms.members()}, None
     equations = system._equations
 

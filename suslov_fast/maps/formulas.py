@@ -18,7 +18,7 @@ from .problem import Problem
 
 def values_by_constants(formula: Universal, problem: Problem) -> Any:
     """Return the values of a universal function of the constants of a body, eps and omega."""
-    return formula(*problem.body.constants, problem.eps, problem.omega)
+    return formula(*problem.body._constants, problem.eps, problem.omega)
 
 
 def values_by_rows(formula: Universal, problem: Problem) -> Any:
@@ -28,8 +28,8 @@ def values_by_rows(formula: Universal, problem: Problem) -> Any:
     """
     body, eps, omega = problem.body, problem.eps, problem.omega
     if omega.ndim > 1 and not body.shape and type(eps) is float:
-        return formula(*body.constants, eps, omega)
-    values: FloatArray = formula(*body.constants, eps, omega[..., np.newaxis, :])
+        return formula(*body._constants, eps, omega)
+    values: FloatArray = formula(*body._constants, eps, omega[..., np.newaxis, :])
     return values.squeeze(axis=len(problem.batch))
 
 
@@ -61,7 +61,7 @@ def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
 # -------------------------------------------------------------------- of Kahan's map of any field
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
-    if not body.field().is_hamiltonian:
+    if not body._field._is_hamiltonian:
         how = "if f = K grad H, make it by Field.from_hamiltonian, "
         how += "or use integrability.report(field), which looks for integrals"
         kind = kind_of(body)
@@ -70,7 +70,7 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    places, values = problem.body.field().energy_terms
+    places, values = problem.body._field._energy_terms
     # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
     # places of x_next.
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)

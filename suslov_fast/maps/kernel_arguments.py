@@ -52,9 +52,9 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     An argument has one row if all trajectories share it, else one row for each.
     """
     if not body.shape:
-        return *body.batch_of_one, flat_parameter(eps, batch)
-    axes = max(body.axes.get(name, 0) for name in body.arrays)  # of all constants
-    constants = [flat_parameter(value, batch, axes) for value in body.constants]
+        return *body._batch_of_one, flat_parameter(eps, batch)
+    axes = max(body._axes.get(name, 0) for name in body._arrays)  # of all constants
+    constants = [flat_parameter(value, batch, axes) for value in body._constants]
     return *constants, flat_parameter(eps, batch)
 
 
@@ -112,20 +112,20 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
 
 def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields for a map, with its parameters as eps v / 2."""
-    rows = body.rows if body.shape else body.rows[np.newaxis]
-    return Scheme(body.operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
+    rows = body._rows if body.shape else body._rows[np.newaxis]
+    return Scheme(body._operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
 
 
 def map_system(body: Any, _: float) -> MapSystem:
     """Return the code and the parameters of a single map, for `compiled`."""
-    if not body.operations.usual:
-        raise wrong("system", f"a map of at most {LONGEST:,} operations", body.called)
-    return map_system_of(body.operations, body.rows)
+    if not body._operations.usual:
+        raise wrong("system", f"a map of at most {LONGEST:,} operations", body._called)
+    return map_system_of(body._operations, body._rows)
 
 
 def body_system(body: Any, eps: float) -> BodySystem:
     """Return the constants of a single body in three dimensions, for `compiled`."""
-    I1, I2, I13, I23, k = map(float, body.constants)
+    I1, I2, I13, I23, k = map(float, body._constants)
     return BodySystem(I1, I2, I13, I23, k, eps)
 
 

@@ -67,8 +67,8 @@ def check(
     the identity, or rotations. `later` is that of `checks.states`. The method is by default the
     first one of the map.
     """
-    labels, turns = components or body.labels, None
-    if body.variable == "x":
+    labels, turns = components or body._labels, None
+    if body._variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
     omega = checks.states(name, omega, labels, later)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)

@@ -134,13 +134,13 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     """
     body: Any = system_of(system, near)
     instance("system", body, Body)
-    given = states("near", near, body.labels)
+    given = states("near", near, body._labels)
     is_map = isinstance(body, Map)
-    field = body.displacement if is_map else body.field()
+    field = body._displacement if is_map else body._field
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
-        if (line := body.steady_line) is not None:
+        if (line := body._steady_line) is not None:
             has_line = ~np.isnan(line).any(axis=-1)
             x = np.where(has_line[..., np.newaxis], _on_line(line, x), x)
         equations = _Equations(field, x)
@@ -181,9 +181,9 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
 
 
 def _warn_of_clocks(field: Any) -> None:
-    clocks = {clock for _, f, _ in field.listed_right_hand_sides for clock in f.clocks}
+    clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
     if clocks:
-        name = field.labels[min(clocks)]
+        name = field._labels[min(clocks)]
         how = f"which has a constant rate: {name} was held at its start"
         warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
 
@@ -201,7 +201,7 @@ def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
 def _named(field: Any, member: Any) -> str:
     """Return the member of a family for messages."""
     index = tuple(map(int, np.unravel_index(member, field.shape))) if field.shape else ()
-    return str(field.of_member(index if len(index) > 1 else index[0])) if index else ""
+    return str(field._of_member(index if len(index) > 1 else index[0])) if index else ""
 
 
 class _Equations:
@@ -217,7 +217,7 @@ class _Equations:
 
     def __init__(self, field: Any, x: FloatArray, totals: Any = None) -> None:
         self.field, self.x = field, x
-        lists = field.listed_right_hand_sides
+        lists = field._listed_right_hand_sides
         steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
         self.own = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
         self.start = x[..., self.own]
@@ -232,7 +232,7 @@ class _Equations:
         """Return the rows of totals of all members; one matrix if they have the same."""
         k, shape = int(self.own.sum()), self.field.shape
         found, known = np.zeros((int(np.prod(shape)), k, k)), {}
-        for members, f, table in self.field.listed_right_hand_sides:
+        for members, f, table in self.field._listed_right_hand_sides:
             for member, C in zip(members, coefficients(f, table)[:, self.own], strict=True):
                 key = C.round(12).tobytes()
                 if key not in known:

@@ -240,12 +240,12 @@ class Event:
 def field_of(system: Any) -> Any:
     """Return the field whose equations, and names of components, are those of a system."""
     instance("system", system, Body)
-    return system.field()
+    return system._field
 
 
 def traced(event: Event, system: Any) -> Traced:
     """Return what an event is for a field, which has names and parameters."""
-    key, known = (tuple(system.names), tuple(system.arrays)), event._traced
+    key, known = (tuple(system.names), tuple(system._arrays)), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
             known.clear()

@@ -95,8 +95,8 @@ class Events(Result):
     array([ -69.3147, -138.6294])
     """
 
-    called = "events"
-    coordinates: ClassVar[Any] = "trajectory", "which", "time"
+    _called = "events"
+    _coordinates: ClassVar[Any] = "trajectory", "which", "time"
 
     trajectory: NDArray[np.int64]
     which: NDArray[np.int64]

@@ -173,7 +173,7 @@ def flow(
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
         warn_of_ends(found, x, batch)
-        warn_of_growth(found, body.labels, batch)
+        warn_of_growth(found, body._labels, batch)
     motion = Motion._of(
         {
             "states": found.states.reshape((len(times), *batch, body.dimension)),
@@ -212,12 +212,12 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
         return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        such = "x0", *system.coordinates
+        such = "x0", *system._coordinates
         received = short(derivatives)
         raise wrong("derivatives", f"names, such as {such}", received, TypeError)
-    field: Any = system.field()
-    if unknown := [name for name in names if name not in ("x0", *field.coordinates)]:
-        known = ", ".join(map(repr, ("x0", *field.coordinates)))
+    field: Any = system._field
+    if unknown := [name for name in names if name not in ("x0", *field._coordinates)]:
+        known = ", ".join(map(repr, ("x0", *field._coordinates)))
         raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
     if len({*names}) < len(names):
         raise wrong("derivatives", "different names", short(names))
@@ -255,7 +255,7 @@ def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) 
     if is_exact is True:
         return _exact(system, x, batch, asked)
     if is_exact is False:
-        return to_tolerance(system.field(), x, batch, asked)
+        return to_tolerance(system._field, x, batch, asked)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
     found = nothing_found(x, len(asked.times))
     for exact in (True, False):
@@ -269,18 +269,18 @@ def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) 
 
 def _are_exact(body: Any) -> Any:
     """Return whether the closed form of a body is known: True, False, or for each member."""
-    known = body.is_solved
+    known = body._is_solved
     return bool(np.all(known)) or (known if np.any(known) else False)
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
     """Return the members (K,) of a body that trajectories `where` of the batch have."""
     parts = {}
-    for name, value in body.parts.items():
+    for name, value in body._parts.items():
         array = np.asarray(value)
-        inner = array.shape[array.ndim - body.axes.get(name, 0) :]
+        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
         parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
-    return body.with_parts(parts)
+    return body._with_parts(parts)
 
 
 def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:

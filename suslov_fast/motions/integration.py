@@ -112,7 +112,7 @@ def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) 
     B, count = len(starts), len(asked.times)
     if not B:
         return nothing_found(starts, count)
-    groups = right_hand_sides(field.right_hand_sides, field.shape, batch)
+    groups = right_hand_sides(field._right_hand_sides, field.shape, batch)
     if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
             prepare(f, asked.settings, B if where is ALL else len(where), table.ndim > 1)

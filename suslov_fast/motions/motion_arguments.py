@@ -87,7 +87,7 @@ def checked_settings(
     system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
 ) -> Settings:
     """Return what the engine takes, and results keep; TypeError for a `Map`, without motions."""
-    _ = system.has_eps or system.field()  # which raises
+    _ = system._has_eps or system._field  # which raises
     number = checks.real_number("rtol", rtol)
     if not isinstance(number, float) or not _LEAST <= number <= _MOST:
         raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
@@ -110,7 +110,7 @@ def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
     """Return the initial states (B, D), and the batch shape; `others` is that of events."""
-    x = checks.states("x0", x0, system.labels)
+    x = checks.states("x0", x0, system._labels)
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 
@@ -122,9 +122,9 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
     first = float(times[0])
     if not (x == first).all(axis=0).any():
         return
-    for clock in field.right_hand_sides[0][1].clocks:
+    for clock in field._right_hand_sides[0][1].clocks:
         if (x[:, clock] == first).all():
-            name = field.labels[clock]
+            name = field._labels[clock]
             checks.warn(
                 f"times count from x0, where {name} is {first:g}: pass time - {first:g} if these "
                 f"are values of {name}"

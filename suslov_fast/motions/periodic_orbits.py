@@ -142,7 +142,7 @@ def periodic_orbit(
         raise wrong("events", "events at surfaces", f"times: {how}")
     x = _checked_start(body, start)
     checked_settings(body, rtol)
-    field = body.field()
+    field = body._field
     motion = OfMotion(field, x, rtol, acting)
     T = _checked_period(field, motion, x, period, acting)
     with np.errstate(all="ignore"):
@@ -158,7 +158,7 @@ def periodic_orbit(
 
 
 def _checked_start(system: Any, start: Any) -> FloatArray:
-    x = checks.states("start", start, system.labels)
+    x = checks.states("start", start, system._labels)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
         received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
@@ -268,11 +268,11 @@ def _integrals(system: Any) -> int | None:
     """Return the number of integrals that are known of a field; None for a body, which has some."""
     if not isinstance(system, Field):
         return None
-    [(_, f, table)] = system.listed_right_hand_sides
+    [(_, f, table)] = system._listed_right_hand_sides
     own = [i for i in range(f.D) if i not in f.steady]
     [C] = coefficients(f, table)[:, own]
     linear = len(own) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(own)
-    return linear + system.is_hamiltonian
+    return linear + system._is_hamiltonian
 
 
 def _warn_of_families(search: Shooting, known: int | None) -> None:

@@ -23,7 +23,7 @@ class WithColumns:
     """The attributes of a field that `integration.solve` reads, for states beside columns."""
 
     shape: tuple[int, ...]
-    right_hand_sides: list[OfMembers]
+    _right_hand_sides: list[OfMembers]
 
 
 class Columns:
@@ -47,9 +47,9 @@ class Columns:
     ) -> None:
         B, self.D = x.shape
         if groups is None:
-            groups = field.derived_by(parameters) if parameters else field.listed_right_hand_sides
+            groups = field._derived_by(parameters) if parameters else field._listed_right_hand_sides
         self.count = self.D * by_starts + len(parameters)
-        values = [field.arrays[name] for name in parameters]
+        values = [field._arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
         tables = []
         for members, f, table in groups:

@@ -82,7 +82,7 @@ class OfMotion:
             acts, self._stops = acts_of(field, events), stops_of(events, 1, ())
             self._moving = WithColumns(field.shape, with_changes(field, acts))
             self._listed = with_changes(field, acts, (), True)
-        (_, f, table), *_ = self._listed or field.listed_right_hand_sides
+        (_, f, table), *_ = self._listed or field._listed_right_hand_sides
         self.rate = field(start)
         parts = f.changes.components if f.changes else ()
         changed = {i for own in parts for i in own}  # which do not only drift
@@ -165,7 +165,7 @@ class OfMotion:
                     return
                 begin, end = end, min(2.0 * end, last)
             return
-        (_, f, table), *_ = self.field.right_hand_sides
+        (_, f, table), *_ = self.field._right_hand_sides
         tried = attempts(f, table[0], x, last, self.settings)
         found, tries = [next(tried)], 0
         while tries < _MOST and (some := [*islice(tried, max(_STEPS, tries))]):

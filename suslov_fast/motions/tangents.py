@@ -66,7 +66,7 @@ def exponents_of(
     """
     (time,), report, stops = asked.times.tolist(), asked.report, asked.stops
     found = nothing_found(starts, 0)
-    members = with_changes(field, acts, (), True) if acts else field.listed_right_hand_sides
+    members = with_changes(field, acts, (), True) if acts else field._listed_right_hand_sides
     groups = right_hand_sides(members, field.shape, batch)
     changed = {i for act in acts for i in components_of(act)}
     drifting = [{*f.steady} - changed for _, f, _ in groups]

@@ -46,10 +46,10 @@ class Page:
 
     def __init__(self, system: Any, x0: FloatArray, options: dict[str, float]) -> None:
         self.system, self.x0, self.options = system, x0.tolist(), options
-        self.names = [*map(str, system.labels)]
+        self.names = [*map(str, system._labels)]
         self.parameters = {
             name: self._of_parameter(name, np.asarray(values, float))
-            for name, values in system.arrays.items()
+            for name, values in system._arrays.items()
         }
         self.quantities = [each for parts in self.parameters.values() for each in parts]
         self.quantities += [_around(name, value, 0.05) for name, value in options.items()]
@@ -59,9 +59,9 @@ class Page:
 
     def _of_parameter(self, name: str, values: FloatArray) -> list[Quantity]:
         """Return the components of a parameter: of a family, from the least to the largest."""
-        axes = self.system.axes.get(name, 0)
+        axes = self.system._axes.get(name, 0)
         members = values.reshape(-1, *values.shape[values.ndim - axes :])
-        least, found = 0.05 * (name in self.system.positive), []
+        least, found = 0.05 * (name in self.system._positive), []
         for k, column in enumerate(members.reshape(len(members), -1).T.tolist(), 1):
             own, low, high = f"{name}{k}" if axes else name, min(column), max(column)
             is_family, one = low < high, _around(own, low, least)
@@ -73,7 +73,7 @@ class Page:
         left, parameters = iter(values), {}
         for name, parts in self.parameters.items():
             found = [next(left) for _ in parts]
-            parameters[name] = found if self.system.axes.get(name) else found[0]
+            parameters[name] = found if self.system._axes.get(name) else found[0]
         options = {name: next(left) for name in self.options}
         system, x0 = self.system, [*left, *self.x0[_MOST:]]
         if isinstance(system, AnyBody):
@@ -213,16 +213,16 @@ def explore(
     checks.extra("bokeh", "explore")
     checks.instance("system", system, MapOrField)
     D, of_map = system.dimension, (eps, steps) != (None, None)
-    start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else checks.states("x0", x0, system.labels)
+    start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else checks.states("x0", x0, system._labels)
     if start.shape != (D,):
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)
     if of_map and time is not None:
         raise TypeError("time is for the motion, eps and steps for the map: leave out one of them")
-    if not system.has_eps and (eps, time) != (None, None):
+    if not system._has_eps and (eps, time) != (None, None):
         raise TypeError("explore: a Map has neither eps nor time: pass steps=N")
-    if of_map or not system.has_eps or (time is None and isinstance(system, AnyBody)):
+    if of_map or not system._has_eps or (time is None and isinstance(system, AnyBody)):
         options = {"steps": float(checks.integer("steps", 500 if steps is None else steps, 1))}
-        if system.has_eps:
+        if system._has_eps:
             options = {"eps": 0.2 if eps is None else checks.one_number("eps", eps), **options}
     else:
         options = {"time": 20.0 if time is None else checks.one_number("time", time)}

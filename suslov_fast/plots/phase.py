@@ -28,7 +28,7 @@ class Plane:
 
     def __init__(self, body: Suslov3D, eps: float) -> None:
         self.body, self.eps = body, eps
-        I1, I2, I13, I23, self.k = body.constants
+        I1, I2, I13, I23, self.k = body._constants
         self.roots, self.products = np.sqrt([I1, I2]), np.array([I13, I23])
         self.g = complex(*self.products / self.roots)
         self.e = 0.5 * eps / float(self.roots.prod())
@@ -152,7 +152,7 @@ def plot_phase(
     if not isinstance(body, Suslov3D):
         how = "iterate(...).plot() or flow(...).plot() draws orbits"
         raise wrong("body", "a Suslov3D", f"{kind_of(body)}: {how}", TypeError)
-    I1, I2, I13, I23, k = body.constants
+    I1, I2, I13, I23, k = body._constants
     if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one, with I13 or I23 other than 0", body)
     if eps is None:

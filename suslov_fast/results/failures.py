@@ -71,11 +71,11 @@ def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: in
     passed = (status < 0) & (failed_at >= since) & (run.first_pole >= 0)
     if texts and passed.any():
         why = "eps is too long"
-        why += ", or the motion escapes" if batch_run.problem.body.may_escape else ""
+        why += ", or the motion escapes" if batch_run.problem.body._may_escape else ""
         texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
     at_once = (status == Status.NONFINITE) & (failed_at == 1)
     if texts and since <= 1 and at_once.any():
-        texts.append(batch_run.problem.body.without_value(batch_run.problem.omega, at_once))
+        texts.append(batch_run.problem.body._without_value(batch_run.problem.omega, at_once))
     message = "; ".join(filter(None, texts))
     if message and on_singular == "raise":
         raise SingularStepError(message, run)

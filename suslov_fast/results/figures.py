@@ -43,7 +43,7 @@ def plot_run(
     run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any, label: Any
 ) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    labels = [*run.body.labels]
+    labels = [*run.body._labels]
     match components:
         case ["time"]:
             several = labels
@@ -102,7 +102,7 @@ def plot_events(points: Any, components: Any, color: Any, title: Any, ax: Any, l
     """Draw crossings, and return the axes; see `Events.plot`."""
     chosen = _components(points, components or _varying(points))
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    of_points = {name: getattr(points, name) for name in points.coordinates}
+    of_points = {name: getattr(points, name) for name in points._coordinates}
     count = len(points.states)
     numbers, name, fixed = _colours(points, color, (count,), of_points)
     shade = {"color": fixed} if numbers is None else {"c": numbers, "cmap": COLOURS}
@@ -131,7 +131,7 @@ def _finished(axes: Any, title: Any) -> Any:
 
 def _components(run: Any, components: Sequence[Any]) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
-    names = [*run.body.labels, "time"]
+    names = [*run.body._labels, "time"]
     if len(components) == 1:
         components = ("time", *components)
     if len(names) == 2 and tuple(components) == (0, 1):  # the only component, over time
@@ -206,7 +206,7 @@ def _are_near(states: FloatArray, chosen: list[int]) -> bool:
 
 def _label(axes: Any, run: Any, chosen: list[int]) -> None:
     """Label the axes with the names of the components."""
-    labels = ["$t$" if k == _TIME else _symbol(str(run.body.labels[k])) for k in chosen]
+    labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 
@@ -217,7 +217,7 @@ def _symbol(label: str) -> str:
 
 def titled(run: Any) -> str:
     """Return the title of the map, with the step size if there is one only."""
-    is_shown = np.ndim(run.eps) == 0 and run.body.has_eps
+    is_shown = np.ndim(run.eps) == 0 and run.body._has_eps
     eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if is_shown else ""
     return f"{run.map.title}{eps}"
 

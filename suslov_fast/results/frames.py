@@ -23,10 +23,10 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
     is_of_map = hasattr(type(run), "n")
-    has_eps = is_of_map and body.has_eps
-    arrays = {"eps": np.asarray(run.eps), **body.arrays} if has_eps else body.arrays
+    has_eps = is_of_map and body._has_eps
+    arrays = {"eps": np.asarray(run.eps), **body._arrays} if has_eps else body._arrays
     parameters = {  # with all axes of the batch
-        name: np.array(a, ndmin=count + body.axes.get(name, 0)) for name, a in arrays.items()
+        name: np.array(a, ndmin=count + body._axes.get(name, 0)) for name, a in arrays.items()
     }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [*map(int, Status)], "flag_meanings": " ".join(Status.__members__)}
@@ -44,13 +44,13 @@ def to_xarray(run: Any, dims: str | Sequence[str] | None = None) -> Any:
         variables["n"] = "n", run.n, {"long_name": "number of steps"}
         variables |= {} if has_eps else {"time": ("n", run.time, {"long_name": "time"})}
     # Strings of variable length, because Zarr format 3 has none of fixed length.
-    variables["component"] = "component", np.array(body.labels, object)
-    coordinates = [*body.coordinates, *({*batch} & {*parameters})]
+    variables["component"] = "component", np.array(body._labels, object)
+    coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         variable = xarray.Variable((*batch, *("component",) * (array.ndim - count)), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
-        coordinates += [name] if body.axes.get(name) else []
+        coordinates += [name] if body._axes.get(name) else []
     attributes = {**run._titles, **_arguments_of(run), "version": __version__}
     return with_time(xarray.Dataset(variables, attrs=attributes).set_coords(coordinates))
 
@@ -85,7 +85,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
             axis_of[name] = axes[0]
     if dims is None:
         names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
-        for name in reversed([name for name in run.body.coordinates if name in axis_of]):
+        for name in reversed([name for name in run.body._coordinates if name in axis_of]):
             names[axis_of[name]] = name
         return tuple(names)
     if not isinstance(dims, str | Iterable):
@@ -106,13 +106,13 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
 
 def varying(body: Any) -> dict[str, Any]:
     """Return the parameters that vary along the batch of a body; of a field, the named ones."""
-    arrays, axes, names = body.arrays, body.axes, body.parameters
+    arrays, axes, names = body._arrays, body._axes, body.parameters
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
 def varying_numbers(result: Any) -> dict[str, Any]:
     """Return the numbers that vary along the batch of a result by name: parameters, then eps."""
-    found = {k: array for k, array in varying(result.body).items() if k not in result.body.axes}
+    found = {k: array for k, array in varying(result.body).items() if k not in result.body._axes}
     eps = np.asarray(vars(result).get("eps"))
     return found | ({"eps": eps} if eps.ndim else {})
 
@@ -125,10 +125,10 @@ def events_to_xarray(events: Any) -> Any:
     for name in ("before", "states"):
         about = {"long_name": f"{events._meaning} {'there' if name == 'states' else name}"}
         variables[name] = ("event", "component"), getattr(events, name), about
-    coords: dict[str, Any] = {"component": np.array(body.labels, object)}
-    coords |= {name: ("event", getattr(events, name)) for name in events.coordinates}
+    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords |= {name: ("event", getattr(events, name)) for name in events._coordinates}
     for name, values in varying(body).items():
-        axes = body.axes.get(name, 0)
+        axes = body._axes.get(name, 0)
         coords[name] = ("event", *("component",) * axes), events._at_events(values, axes)
     attributes = {**events._titles, "version": __version__}
     return extra("xarray", "xarray").Dataset(variables, coords, attributes)
@@ -137,13 +137,13 @@ def events_to_xarray(events: Any) -> Any:
 def table(result: Any) -> Any:
     """Return a result as a table; see `Result.to_dataframe`."""
     parameters = varying_numbers(result)
-    if hasattr(result, "coordinates"):
-        columns = {name: getattr(result, name) for name in result.coordinates}
+    if hasattr(result, "_coordinates"):
+        columns = {name: getattr(result, name) for name in result._coordinates}
         columns |= {name: result._at_events(values) for name, values in parameters.items()}
         states = result.states
     else:
         columns, states = _of_runs(result)
-    for name, column in zip(result.body.labels, states.T, strict=True):
+    for name, column in zip(result.body._labels, states.T, strict=True):
         columns[f"{name}_" if name in columns else name] = column
     return extra("pandas", "xarray").DataFrame(columns)
 
@@ -160,5 +160,5 @@ def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
     columns["time"] = np.moveaxis(np.broadcast_to(time, (N, *batch)), 0, -1).ravel()
     for name, values in varying_numbers(run).items():
         columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
-    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body.labels))
+    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body._labels))
     return columns, states

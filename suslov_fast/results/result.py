@@ -33,7 +33,7 @@ class Result:
     states: FloatArray
     body: Any
     status: Any
-    called: ClassVar[str] = "a run"  # in messages
+    _called: ClassVar[str] = "a run"  # in messages
 
     @property
     def _titles(self: Any) -> dict[str, str]:
@@ -44,7 +44,7 @@ class Result:
 
     @property
     def _meaning(self) -> str:
-        return "state" if self.body.variable == "x" else "angular velocity"
+        return "state" if self.body._variable == "x" else "angular velocity"
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
@@ -84,7 +84,7 @@ class Result:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the components of a state."""
-        return tuple(self.body.labels)
+        return tuple(self.body._labels)
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -93,7 +93,7 @@ class Result:
             if "body" not in vars(self):
                 raise AttributeError(name)
             here = ""
-            labels = {label.lower(): label for label in self.body.labels}
+            labels = {label.lower(): label for label in self.body._labels}
             plain = name.lower().replace("_", "")
             if plain not in labels and not answer(name, dir(self)):
                 plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
@@ -105,16 +105,13 @@ class Result:
                 here = f"run.body.parameters[{name!r}]"
             raise lacking(self, name, here)
 
-    def __dir__(self) -> list[str]:
-        return [name for name in super().__dir__() if name != "called"]
-
     def __getitem__(self, name: str | Sequence[str]) -> FloatArray:
         """Return a component of the states by its name, or several."""
         names = [name] if isinstance(name, str) else name
         if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) for each in names):
-            label, how = self.body.labels[0], "run.states[k], or run.member(k) for one trajectory"
+            label, how = self.body._labels[0], "run.states[k], or run.member(k) for one trajectory"
             raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
-        labels = self.body.labels
+        labels = self.body._labels
         for each in names:
             if each not in labels:
                 known = f"run.{each}" if each in dir(self) else ", ".join(labels)
@@ -126,7 +123,7 @@ class Result:
 
     def __iter__(self) -> NoReturn:
         kind = type(self).__name__
-        raise TypeError(f"{self.called} is no sequence: use run.time and run.states of the {kind}")
+        raise TypeError(f"{self._called} is no sequence: use run.time and run.states of the {kind}")
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # NumPy 1.26 does not accept None
@@ -430,7 +427,7 @@ def read_only(array: NDArray[T]) -> NDArray[T]:
 def in_short(result: Any) -> str:
     """Return the step sizes and the number of failures of a result, as text."""
     failures = count_in_words(result.status, result.first_pole)
-    if not result.body.has_eps:
+    if not result.body._has_eps:
         return failures
     low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
     eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"

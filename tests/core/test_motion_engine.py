@@ -209,7 +209,7 @@ def test_choices_reach_the_numbers_of_runs(system, monkeypatch):
         assert_equal([alone.states, alone.steps], [usual.states[:, 0], usual.steps[0]])
     monkeypatch.setattr(vector_functions, "LONGEST", -1)
     again = system.with_parameters()
-    f = again.right_hand_sides[0][1]
+    f = again._right_hand_sides[0][1]
     monkeypatch.setitem(f.__dict__, "key", f"runs of {f.key}")
     found = sf.flow(again, np.linspace((0.5, 0.0), (0.7, 0.1), 9), time=[0.3, 3.0])
     assert_equal([found.states, found.steps], [usual.states, usual.steps])

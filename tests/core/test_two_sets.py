@@ -11,7 +11,7 @@ from suslov_fast.core.flow import integrator, integrator_parts, small_batches
 
 def sets(field):
     """Return the sets of a field, None if it has Gragg's columns."""
-    _, f, _ = field.right_hand_sides[0]
+    _, f, _ = field._right_hand_sides[0]
     return sets_of(f)
 
 

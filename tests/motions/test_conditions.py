@@ -56,14 +56,14 @@ def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
     knots.sort()
     many, few = dosed(knots, heights), dosed(knots[:3], heights[:3])
     for name in ("f", "derivative", "watch"):
-        lists = [getattr(each.right_hand_sides[0].f, name) for each in (many, few)]
+        lists = [getattr(each._right_hand_sides[0].f, name) for each in (many, few)]
         assert len(lists[0].operations) == len(lists[1].operations) < 30
     motion = sf.flow(many, [0.0, 0.0], time=10.0)
     np.testing.assert_allclose(motion.states[0, 0], relaxed(0.0, 10.0, knots, heights), rtol=1e-12)
     assert motion.steps < 6200
     assert sf.Field.from_dict(many.to_dict()) == many
     # Few steps are tried in vain before one that ends on a knot.
-    f, table = many.right_hand_sides[0].f, many.right_hand_sides[0].table
+    f, table = many._right_hand_sides[0].f, many._right_hand_sides[0].table
     settings = integrator.Settings(1e-9)
     *_, (_, steps, _) = islice(attempts(f, table, np.zeros(2), 10.0, settings), 300)
     assert steps >= 50

@@ -56,7 +56,7 @@ def guarded(shape, fill, kind=np.float64):
 
 def try_kernel(record, method, body, omega, eps):
     """Call a kernel for pieces of the batch and of time; compare with the run that it makes."""
-    given = (eps,) if body.has_eps else ()
+    given = () if isinstance(body, sf.Map) else (eps,)
     expected = sf.iterate(body, omega, *given, steps=STEPS, method=method, on_singular="ignore")
     problem, steps = check(record, body, omega, *(given or (1.0,))), record.methods[method]
     B, D = omega.shape

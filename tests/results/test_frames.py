@@ -22,7 +22,7 @@ RESULTS = {
 def test_tables_have_a_row_for_each_state(kind):
     result = RESULTS[kind]()
     table = result.to_dataframe()
-    labels = [*result.body.labels]
+    labels = [*result.names]
     assert table.shape[0] == result.states[..., 0].size
     assert [*table.columns[-2:]] == labels
     if kind == "crossings":

@@ -1,4 +1,4 @@
-"""What fields and maps share: a function of the state, traced, with names and parameters."""
+"""The base of fields and maps: a traced function of the state, with names and parameters."""
 
 from __future__ import annotations
 

@@ -55,9 +55,9 @@ class PeriodicOrbit(NamedTuple):
     Shape (D,), less those of variables of constant rates, such as time, as for
     :func:`lyapunov_exponents`."""
     residual: float
-    """How far the end of the orbit, or of one of its arcs, is from the start of the next.
+    """Distance from the end of the orbit, or of one of its arcs, to the start of the next arc.
 
-    The largest modulus of a component over that of the states."""
+    The largest modulus of a component of the difference, divided by the largest one of the states."""
 
 
 @public

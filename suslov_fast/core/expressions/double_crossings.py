@@ -49,7 +49,7 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 
 
 class Hidden(NamedTuple):
-    """What tells whether a step hides crossings.
+    """Expression programs that decide whether a step hides crossings.
 
     told         the `Program` of what values tell, None if no surface may be crossed twice; see
                  below

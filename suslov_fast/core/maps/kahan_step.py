@@ -126,7 +126,7 @@ class Step:
 
     @functools.cached_property
     def key(self):
-        """What tells the operations of this step from others."""
+        """A key that identifies the operations of this step."""
         return type(self), self.indices.tobytes(), self.D, self.keeps_signs
 
     def with_columns(self, lengths=True):

@@ -12,6 +12,7 @@ from numba import config
 from samples import quantity, random_bodies
 
 import suslov_fast as sf
+from suslov_fast.bodies.body import Suslov
 from suslov_fast.fields.field import INDICES
 from suslov_fast.maps import MAPS
 
@@ -151,7 +152,7 @@ def has(kind, name):
         return map.body is sf.Suslov3D
     if function in (*OF_SOLVED, "exact", "flow"):
         return map.body is not sf.Field and bool(body._is_solved)
-    return function not in OF_BODIES or map.body is not sf.Field
+    return function not in OF_BODIES or isinstance(body, Suslov)
 
 
 def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):

@@ -63,6 +63,8 @@ class Body(Members, metaclass=Answering):
         Whether steps have a length, eps.
     _may_escape : bool
         Whether motions may escape to infinity.
+    _is_solved : bool
+        Whether a closed form of the motion is known.
     _read, _texts : callable, tuple of str
         What makes a body from its dictionary, and the entries that hold no numbers.
     """
@@ -76,6 +78,7 @@ class Body(Members, metaclass=Answering):
     _meaning: ClassVar[str] = ""
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
+        _is_solved: ClassVar[Any] = False
     _labels: ClassVar[Any] = "Omega1", "Omega2"
     _coordinates: ClassVar[Any] = ()
     _read: ClassVar[Any] = None

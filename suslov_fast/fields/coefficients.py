@@ -91,7 +91,7 @@ def coefficients_by(
 
 
 def _is_there(c: Any) -> bool:
-    return bool(c.any() if isinstance(c, np.ndarray) else c)
+    return bool(c.any() or not c.size) if isinstance(c, np.ndarray) else bool(c)
 
 
 def _constant(c: Any) -> Polynomial:

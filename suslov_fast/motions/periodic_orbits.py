@@ -57,7 +57,7 @@ class PeriodicOrbit(NamedTuple):
     residual: float
     """Distance from the end of the orbit, or of one of its arcs, to the start of the next arc.
 
-    The largest modulus of a component of the difference, divided by the largest one of the states."""
+    The largest modulus of a component, divided by the largest one of the states."""
 
 
 @public

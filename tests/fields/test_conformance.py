@@ -37,6 +37,7 @@ SYSTEMS = {
     "fields with steps": Field(steps, 2, k=GRID),
     "degree 2": Field(lorenz, "u v w"),
     "degree 2, family": Field(lorenz, 3, rho=GRID),
+    "degree 2, no member": Field(lambda x, a, b: (a / b * x[0] * x[1], -x[0]), 2, a=[], b=2.0),
     "Hamiltonian": Field.from_hamiltonian(henon_heiles, 4),
     "Hamiltonians": Field.from_hamiltonian(
         lambda x, a: a * x[0] ** 2 - x[1] * x[2],

@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, arguments_of, short, wrong
-from ..core.expressions.event_formulas import Act
+from ..core.expressions.event_formulas import EventAction
 from ..keywords import public, public_class
 from . import coefficients, right_hand_sides
 from .base import Body, frozen
@@ -367,12 +367,15 @@ class Field(Traced):
 
     # ------------------------------------------------------------------------------ motion
     def _motion_lists(
-        self, names: tuple[str, ...] = (), twice: bool = False, acts: tuple[Act, ...] = ()
+        self,
+        names: tuple[str, ...] = (),
+        twice: bool = False,
+        actions: tuple[EventAction, ...] = (),
     ) -> list[OfMembers]:
         """Return right-hand sides for the engine, as `right_hand_sides.of_equations` does."""
         if self._equations is None:
-            return right_hand_sides.of_terms(self._own_terms, self.dimension, twice, acts)
-        return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, acts)
+            return right_hand_sides.of_terms(self._own_terms, self.dimension, twice, actions)
+        return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, actions)
 
     @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.expressions.branches import with_fixed_choices
-from ..core.expressions.event_formulas import Act, with_parameters
+from ..core.expressions.branches import with_fixed_branches
+from ..core.expressions.event_formulas import EventAction, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
 from ..core.expressions.programs import in_order
 from ..core.expressions.quadratic import expressions_of, parameters_of
@@ -33,12 +33,16 @@ class OfMembers(NamedTuple):
 
 @lru_cache(64)
 def _of_list(
-    equations: Equations, names: tuple[str, ...], twice: bool, acts: tuple[Act, ...], constants: int
+    equations: Equations,
+    names: tuple[str, ...],
+    twice: bool,
+    actions: tuple[EventAction, ...],
+    constants: int,
 ) -> RightHandSide:
     values, results = in_order(equations.values, equations.results, constants)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
     P = len(equations.parameters) + constants
-    return with_fixed_choices(values, results, P, by, twice, acts)
+    return with_fixed_branches(values, results, P, by, twice, actions)
 
 
 def of_equations(
@@ -46,15 +50,15 @@ def of_equations(
     parameters: FloatArray,
     names: tuple[str, ...] = (),
     twice: bool = False,
-    acts: tuple[Act, ...] = (),
+    actions: tuple[EventAction, ...] = (),
 ) -> list[OfMembers]:
     """Return the right-hand side of all members, whose choices are fixed within a step.
 
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
     differentiate f by, `twice` asks for second derivatives, and `acts` are events.
     """
-    acts, constants = with_parameters(acts, len(equations.names) + len(parameters))
-    f = _of_list(equations, names, twice, acts, len(constants))
+    actions, constants = with_parameters(actions, len(equations.names) + len(parameters))
+    f = _of_list(equations, names, twice, actions, len(constants))
     shape, P = parameters.shape[1:], len(parameters)
     given = np.zeros((f.P, *shape))  # choices and starts of clocks are last, of no state yet
     given[:P], given.T[..., P : P + len(constants)] = parameters, constants
@@ -64,7 +68,7 @@ def of_equations(
 
 
 def of_terms(
-    terms: Terms, D: int, twice: bool = False, acts: tuple[Act, ...] = ()
+    terms: Terms, D: int, twice: bool = False, actions: tuple[EventAction, ...] = ()
 ) -> list[OfMembers]:
     """Return the right-hand sides of members of a family of terms, by the terms that are not 0.
 
@@ -79,12 +83,12 @@ def of_terms(
     for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
         members = np.flatnonzero(which.reshape(-1) == k)
         places, own = indices[:, pattern], rows[np.ix_(members, pattern)]
-        if not (acts or twice) and _LONG < places.shape[1] > D**3 / 4:
+        if not (actions or twice) and _LONG < places.shape[1] > D**3 / 4:
             f, parameters = _dense(D), dense_parameters(places, own, D)
         else:
             units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
             given = [*parameters_of(own, *units)]
-            of_code, constants = with_parameters(acts, D + len(given))
+            of_code, constants = with_parameters(actions, D + len(given))
             form = [each.tobytes() for each in (places, *units)]
             f = _of_form(*form, D, of_code, twice, len(constants))
             given += [np.full(len(members), c) for c in constants]
@@ -103,7 +107,7 @@ def _of_form(
     one: bytes,
     minus_one: bytes,
     D: int,
-    acts: tuple[Act, ...],
+    actions: tuple[EventAction, ...],
     twice: bool,
     constants: int,
 ) -> Any:
@@ -111,22 +115,22 @@ def _of_form(
     places = np.frombuffer(indices, np.int64).reshape(3, -1)
     is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
     values, results, count = expressions_of(places, D, is_one, is_minus_one)
-    if not acts:
+    if not actions:
         return RightHandSide(values, results, count)
     values, results = in_order(values, results, constants)
-    return with_fixed_choices(values, results, count + constants, (), twice, acts)
+    return with_fixed_branches(values, results, count + constants, (), twice, actions)
 
 
-def with_changes(
-    field: Any, acts: tuple[Act, ...], names: tuple[str, ...] = (), twice: bool = False
+def with_events(
+    field: Any, actions: tuple[EventAction, ...], names: tuple[str, ...] = (), twice: bool = False
 ) -> list[OfMembers]:
     """Return the right-hand sides of members of a field with events.
 
     Arguments are as in `of_equations`, with `acts` in the order of code.
     """
-    key, known = (acts, names, twice), vars(field).setdefault("_with_changes", {})
+    key, known = (actions, names, twice), vars(field).setdefault("_with_events", {})
     if key not in known:
         if len(known) >= _MOST_EVENTS:
             known.clear()
-        known[key] = field._motion_lists(names, twice, acts)
+        known[key] = field._motion_lists(names, twice, actions)
     return known[key]

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from ..bodies.systems import System
 from ..checks import integer, one_number, short, warn, wrong
 from ..fields.field import system_of
-from ..fields.right_hand_sides import with_changes
+from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps.batch import Progress, reporter
 from ..maps.kernel_calls import thread_count
 from ..status import IntegrationWarning, Status
 from .event import Event, checked_direction, field_of
-from .events import Events, acts_of, stops_of
-from .integration import Asked, solve
+from .events import Events, actions_of, stops_of
+from .integration import SolverRequest, solve
 from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
 from .sensitivities import WithColumns
 
@@ -114,14 +114,14 @@ def crossings(
     events = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
     x, batch = checked_starts(system, x0)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
-    acts = acts_of(field, events)
-    changed = WithColumns(field.shape, with_changes(field, acts))
+    actions = actions_of(field, events)
+    changed = WithColumns(field.shape, with_events(field, actions))
     stops = stops_of(events, sign, batch)
     limit = math.inf if most is None else most
     with reporter(progress, len(x)) as report:
-        asked = Asked(np.array([last]), sign, settings, thread_count(threads), report, stops,
-                      limit, before)  # fmt: skip
-        found = solve(changed, x, batch, asked)
+        own = settings, thread_count(threads), report, stops, limit, before
+        request = SolverRequest(np.array([last]), sign, *own)
+        found = solve(changed, x, batch, request)
         if report is not None and not found.is_stopped:
             report(len(x))
     met = Events._of(

@@ -23,7 +23,7 @@ from ..checks import (
     short,
     wrong,
 )
-from ..core.expressions.event_formulas import Act
+from ..core.expressions.event_formulas import EventAction
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.names import TIME
@@ -337,10 +337,10 @@ class Traced:
         most = math.inf if event.most is None else float(event.most)
         at = None if self.surface is None else self._list_of([self.surface])
         to = None if self.to is None else self._list_of(self.to)
-        self.act = Act(at, to, int(event.direction), 1.0 if event.terminal else most)
+        self.action = EventAction(at, to, int(event.direction), 1.0 if event.terminal else most)
 
     def _list_of(self, results: Sequence[Any]) -> Any:
-        return Act.list_of(self.tracer.values, results)
+        return EventAction.list_of(self.tracer.values, results)
 
     def _surface(self, surface: Any) -> Any:
         """Return the operand of a surface, which depends on the state."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape, short, warn, wrong
-from ..core.expressions.event_formulas import Act, in_order_of_code
-from ..core.flow.integrator import NO_STOPS, Stops
+from ..core.expressions.event_formulas import EventAction, in_order_of_code
+from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..keywords import public
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
@@ -231,10 +231,10 @@ def checked_events(events: Any) -> tuple[Event, ...]:
     return tuple(many)
 
 
-def acts_of(field: Any, events: tuple[Event, ...]) -> tuple[Act, ...]:
+def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
     """Return the acts of events, in the order of code."""
-    acts = [traced(event, field).act for event in events]
-    return tuple(acts[k] for k in in_order_of_code(acts))
+    actions = [traced(event, field).action for event in events]
+    return tuple(actions[k] for k in in_order_of_code(actions))
 
 
 def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
@@ -245,11 +245,11 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
     return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 
 
-# The last arguments, identities of events; the events, which keep them theirs; and `Stops`.
-_latest: list[tuple[Any, Any, Stops]] = [(None, None, NO_STOPS)]
+# The last arguments, identities of events; the events, which keep them theirs; and `EventTimes`.
+_latest: list[tuple[Any, Any, EventTimes]] = [(None, None, NO_EVENT_TIMES)]
 
 
-def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
     """Return the times of events; calls one after the other for the same objects share them."""
     asked, known = ([*map(id, events)], sign, batch), _latest[0]
     if known[0] != asked:
@@ -257,10 +257,10 @@ def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> St
     return known[2]
 
 
-def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> Stops:
+def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
     later = [event for event in events if event.times is not None]
     if not later:
-        return NO_STOPS
+        return NO_EVENT_TIMES
     # The number of the first one of these.
     first = sum(each.times is None for each in events)
     shapes = [event.times.shape[:-1] for event in later]
@@ -275,7 +275,7 @@ def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> 
         which += [float(k)] * moduli.shape[1]
     both = np.concatenate(times, axis=1)
     order = np.argsort(both, axis=1, kind="stable")
-    return Stops(np.take_along_axis(both, order, 1), np.array(which)[order])
+    return EventTimes(np.take_along_axis(both, order, 1), np.array(which)[order])
 
 
 def warn_of_times_that_never_come(

@@ -23,8 +23,8 @@ from ..maps.kernel_calls import thread_count
 from ..maps.problem import check, warn_of_times
 from ..status import report_poles
 from .event import Event, field_of
-from .events import acts_of, batch_of, checked_events, stops_of
-from .integration import Asked, threads_for
+from .events import actions_of, batch_of, checked_events, stops_of
+from .integration import SolverRequest, threads_for
 from .motion_arguments import (
     RTOL,
     checked_settings,
@@ -128,12 +128,12 @@ def lyapunov_exponents(
         acting = tuple(each for each in acting if each.to is not None)
         x, batch = checked_starts(body, x0, batch_of(acting))
         field = field_of(body)
-        acts = acts_of(field, acting)
-        stops = stops_of(acting, 1, batch) if acts else None
+        actions = actions_of(field, acting)
+        stops = stops_of(acting, 1, batch) if actions else None
         count = threads_for(len(x), thread_count(threads))
         with reporter(progress, 1000) as report:
-            asked = Asked(np.array([time]), 1, settings, count, report, stops)
-            exponents, ends = exponents_of(field, x, batch, asked, before, acts)
+            request = SolverRequest(np.array([time]), 1, settings, count, report, stops)
+            exponents, ends = exponents_of(field, x, batch, request, before, actions)
         warn_of_ends(ends, x, batch)
         return exponents.reshape(*batch, exponents.shape[1])
     checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")

@@ -13,10 +13,10 @@ from .. import checks
 from ..bodies.exact import states_at
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, short, wrong
-from ..core.expressions.event_formulas import Act
+from ..core.expressions.event_formulas import EventAction
 from ..fields.base import Body
 from ..fields.field import Field, system_of
-from ..fields.right_hand_sides import with_changes
+from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps import map_of
 from ..maps.batch import Progress, reporter
@@ -25,7 +25,7 @@ from ..maps.problem import Problem
 from ..status import Status
 from .event import Event, field_of
 from .events import (
-    acts_of,
+    actions_of,
     batch_of,
     checked_events,
     derivatives_of,
@@ -33,7 +33,7 @@ from .events import (
     stops_of,
     warn_of_times_that_never_come,
 )
-from .integration import Asked, Found, nothing_found, solve
+from .integration import SolverRequest, SolverResult, empty_result, solve
 from .motion import Motion
 from .motion_arguments import (
     checked_settings,
@@ -149,11 +149,11 @@ def flow(
     settings = checked_settings(body, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(body, derivatives)
     acting = checked_events(events)
-    acts: tuple[Act, ...] = ()
+    actions: tuple[EventAction, ...] = ()
     stops, of_columns = None, None
     if acting:
         field = field or field_of(body)
-        acts = acts_of(field, acting)
+        actions = actions_of(field, acting)
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
@@ -162,13 +162,13 @@ def flow(
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        asked = Asked(times, sign, settings, thread_count(threads), report, stops)
+        request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)
         if names:
-            found, of_columns = _with_derivatives(field, x, batch, names, asked, acts)
+            found, of_columns = _with_derivatives(field, x, batch, names, request, actions)
         elif acting:
-            found = motion_with_events(field, x, batch, acts, asked)
+            found = motion_with_events(field, x, batch, actions, request)
         else:
-            found = motion_of(body, x, batch, asked)
+            found = motion_of(body, x, batch, request)
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
@@ -197,10 +197,14 @@ def flow(
 
 
 def motion_with_events(
-    field: Any, x: FloatArray, batch: tuple[int, ...], acts: tuple[Act, ...], asked: Asked
-) -> Found:
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    actions: tuple[EventAction, ...],
+    request: SolverRequest,
+) -> SolverResult:
     """Return the motion of a field with events."""
-    return to_tolerance(WithColumns(field.shape, with_changes(field, acts)), x, batch, asked)
+    return to_tolerance(WithColumns(field.shape, with_events(field, actions)), x, batch, request)
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
@@ -226,39 +230,41 @@ def _with_derivatives(
     x: FloatArray,
     batch: tuple[int, ...],
     names: tuple[str, ...],
-    asked: Asked,
-    acts: tuple[Act, ...] = (),
-) -> tuple[Found, FloatArray]:
+    request: SolverRequest,
+    actions: tuple[EventAction, ...] = (),
+) -> tuple[SolverResult, FloatArray]:
     """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
     parameters = tuple(name for name in names if name != "x0")
-    groups = with_changes(field, acts, parameters, True) if acts else None
-    columns = Columns(field, x, batch, "x0" in names, parameters, asked.settings, groups)
-    asked = asked._replace(settings=columns.settings)
-    found = to_tolerance(columns.field, columns.starts, batch, asked)
-    if acts:
+    groups = with_events(field, actions, parameters, True) if actions else None
+    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
+    request = request._replace(settings=columns.settings)
+    found = to_tolerance(columns.field, columns.starts, batch, request)
+    if actions:
         of_records = columns.of_records(found.records)
         found = found._replace(records=found.records._replace(derivatives=of_records))
     states, derivatives = columns.parted(found.states)
-    shape = len(asked.times), *batch, *derivatives.shape[2:]
+    shape = len(request.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)
 
 
 # ------------------------------------------------------------------------------------------ motions
-def motion_of(system: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+def motion_of(
+    system: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, Field):
-        return to_tolerance(system, x, batch, asked)
+        return to_tolerance(system, x, batch, request)
     is_exact = _are_exact(system)
     if is_exact is True:
-        return _exact(system, x, batch, asked)
+        return _exact(system, x, batch, request)
     if is_exact is False:
-        return to_tolerance(system._field, x, batch, asked)
+        return to_tolerance(system._field, x, batch, request)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
-    found = nothing_found(x, len(asked.times))
+    found = empty_result(x, len(request.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = motion_of(members, x[where], count, asked)
+        part = motion_of(members, x[where], count, request)
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found._replace(is_stopped=part.is_stopped)
@@ -280,12 +286,14 @@ def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any
     return body._with_parts(parts)
 
 
-def _exact(body: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+def _exact(
+    body: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
     """Return the exact motion of a body; NaN where the closed form is out of range."""
     omega = x.reshape(*batch, x.shape[1])
-    problem = Problem(map_of(body), body, omega, 0.0, batch, asked.threads, "x0")
-    found = nothing_found(x, len(asked.times))
-    states = states_at(problem, asked.times, is_number=False).reshape(found.states.shape)
+    problem = Problem(map_of(body), body, omega, 0.0, batch, request.threads, "x0")
+    found = empty_result(x, len(request.times))
+    states = states_at(problem, request.times, is_number=False).reshape(found.states.shape)
     status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
     status[np.isnan(x[:, 0])] = Status.NONFINITE
     return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
@@ -299,13 +307,15 @@ def _ascend(times: FloatArray) -> bool:
     return numbers == sorted({*numbers})
 
 
-def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+def to_tolerance(
+    field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
     """Return the motion of a field at times in any order."""
-    if asked.sign < 0:
-        asked = asked._replace(times=abs(asked.times))
-    moduli, is_changed = asked.times, asked.stops is not None
+    if request.sign < 0:
+        request = request._replace(times=abs(request.times))
+    moduli, is_changed = request.times, request.stops is not None
     if len(moduli) and _ascend(moduli) and (is_changed or moduli[-1] > 0.0):
-        found = solve(field, x, batch, asked)
+        found = solve(field, x, batch, request)
         if moduli[0] == 0.0 and not is_changed:
             found.states[0] = x
         elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
@@ -315,11 +325,11 @@ def to_tolerance(field: Any, x: FloatArray, batch: tuple[int, ...], asked: Asked
     later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
     ascending, places = np.unique(moduli[later], return_inverse=True)
     if not len(ascending):
-        found = nothing_found(x, len(moduli))
+        found = empty_result(x, len(moduli))
         found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
         found.t[:] = np.nan
     else:
-        found = solve(field, x, batch, asked._replace(times=ascending))
+        found = solve(field, x, batch, request._replace(times=ascending))
     states = np.empty((len(moduli), *x.shape))
     states[later] = found.states[places]
     states[~later] = x

@@ -10,28 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
+from ..core.flow.batch_solver import BatchSolver, EventTimes, Settings, prepare
 from ..core.flow.code_arguments import NUMBER
-from ..core.flow.integrator import Motion as Engine, Settings, Stops, prepare
-from ..core.flow.memory import Cause, State
-from ..core.flow.small_batches import take_few
+from ..core.flow.memory import EndCause, LaneState
+from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
 from ..maps.kernel_calls import available
 from ..status import Status
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _IN_THREADS = 64
-# Numbers in states of several trajectories up to which `take_few` keeps their memory.
+# Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
 # Numbers in states, from which on code is compiled before they take memory.
 MANY = 2**20
-# By `State`; also of a run that was ended, perhaps before its first step, -1.
-_STATUS = np.full(State.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
-_STATUS[State.DONE], _STATUS[State.ENDED] = Status.OK, Status.ENDED
-_STATUS[State.NO_VALUE], _STATUS[State.SLIDING] = Status.NONFINITE, Status.SLIDING
-_STATUS[State.STOPPED], _STATUS[State.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
+# By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
+_STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
+_STATUS[LaneState.DONE], _STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
+_STATUS[LaneState.NO_VALUE], _STATUS[LaneState.SLIDING] = Status.NONFINITE, Status.SLIDING
+_STATUS[LaneState.STOPPED], _STATUS[LaneState.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
 
 
-class Asked(NamedTuple):
+class SolverRequest(NamedTuple):
     """The request for a motion."""
 
     times: FloatArray  # (n,), in any order
@@ -39,7 +39,7 @@ class Asked(NamedTuple):
     settings: Settings
     threads: int | None = None
     report: Callable[[int], bool] | None = None  # takes the number of states that are done
-    stops: Stops | None = None  # times of events, if the right-hand side has events
+    stops: EventTimes | None = None  # times of events, if the right-hand side has events
     most: float = math.inf  # crossings that are recorded, before a trajectory stops
     since: float = -1.0  # modulus of the time after which they count
 
@@ -56,7 +56,7 @@ class Records(NamedTuple):
     derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
 
 
-class Found(NamedTuple):
+class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
@@ -65,20 +65,20 @@ class Found(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Any = None  # `Records` of events, if there are any; of `_of_group` those of `Engine`
-    causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `Cause`, or all unknown
+    causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `EndCause`, or all unknown
     grown: NDArray[np.int64] | None = (
-        None  # (B,), see `core.flow.integrator.Motion`; None if all -1
+        None  # (B,), see `core.flow.batch_solver.BatchSolver`; None if all -1
     )
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
 
-def nothing_found(starts: FloatArray, count: int) -> Found:
+def empty_result(starts: FloatArray, count: int) -> SolverResult:
     """Return what is found of trajectories at `count` times before the first step."""
     B = len(starts)
     states = np.full((count, *starts.shape), np.nan)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
     records = _in_order([], 1, starts)
-    return Found(states, np.zeros(B), np.zeros(B, np.int64), status, records=records)
+    return SolverResult(states, np.zeros(B), np.zeros(B, np.int64), status, records=records)
 
 
 def right_hand_sides(
@@ -104,72 +104,76 @@ def right_hand_sides(
     return found
 
 
-def solve(field: Any, starts: FloatArray, batch: tuple[int, ...], asked: Asked) -> Found:
+def solve(
+    field: Any, starts: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
     """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
 
     If `report` returns False, states that are not done stay NaN.
     """
-    B, count = len(starts), len(asked.times)
+    B, count = len(starts), len(request.times)
     if not B:
-        return nothing_found(starts, count)
+        return empty_result(starts, count)
     groups = right_hand_sides(field._right_hand_sides, field.shape, batch)
     if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
         for where, f, table in groups:
-            prepare(f, asked.settings, B if where is ALL else len(where), table.ndim > 1)
+            prepare(f, request.settings, B if where is ALL else len(where), table.ndim > 1)
     where, f, table = groups[0]
     if where is ALL:
-        found = _of_group(f, table, starts, asked)
+        found = _of_group(f, table, starts, request)
     else:
-        found = _of_groups(groups, starts, asked)
-    if asked.stops is None:
+        found = _of_groups(groups, starts, request)
+    if request.stops is None:
         return found
-    return found._replace(records=_in_order(found.records, asked.sign, starts))
+    return found._replace(records=_in_order(found.records, request.sign, starts))
 
 
-def _of_group(f: Any, table: FloatArray, starts: FloatArray, asked: Asked) -> Found:
+def _of_group(
+    f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
+) -> SolverResult:
     """Return what is found of trajectories that share f; `records` are those of the engine."""
-    times, sign, settings, threads, report, stops, most, since = asked
+    times, sign, settings, threads, report, stops, most, since = request
     B, count, begun = len(starts), threads_for(len(starts), threads), None
     if report is None and count == 1 and (B == 1 or starts.size <= _FEW):
         given = f, table, starts, times, sign, settings, stops, most, since
-        states, steps, records, begun = take_few(*given)
+        states, steps, records, begun = solve_small_batch(*given)
         if begun is None:
             ends = np.empty(B)
             ends.fill(np.nan)
             status = np.zeros(B, np.int8)
-            return Found(states, ends, steps, status, False, records, None, None, True)
+            return SolverResult(states, ends, steps, status, False, records, None, None, True)
     else:
         states = np.full((len(times), *starts.shape), np.nan)
-    engine = Engine(f, table, starts, times, sign, settings, states, stops)
+    engine = BatchSolver(f, table, starts, times, sign, settings, states, stops)
     engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
     engine.run(count, report, begun)
-    ends = np.where(engine.state == State.DONE, np.nan, sign * engine.t)
-    causes = _noted(None, Cause.UNKNOWN, B, engine.causes)
+    ends = np.where(engine.state == LaneState.DONE, np.nan, sign * engine.t)
+    causes = _noted(None, EndCause.UNKNOWN, B, engine.causes)
     grown, status = _noted(None, -1, B, engine.grown), status_of(engine.state)
     others = engine.is_stopped, engine.records, causes, grown
-    return Found(states, ends, engine.steps, status, *others)
+    return SolverResult(states, ends, engine.steps, status, *others)
 
 
-def _of_groups(groups: Any, starts: FloatArray, asked: Asked) -> Found:
+def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return what is found of groups of trajectories, as of one."""
-    whole, report, stops = nothing_found(starts, len(asked.times)), asked.report, asked.stops
+    whole, report, stops = empty_result(starts, len(request.times)), request.report, request.stops
     B, done, records, causes, grown = len(starts), 0, [], None, None
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
         own_stops = None if stops is None else stops.of(where)
-        part = _of_group(f, table, starts[where], asked._replace(report=own, stops=own_stops))
+        part = _of_group(f, table, starts[where], request._replace(report=own, stops=own_stops))
         whole.states[:, where], whole.t[where] = part.states, part.t
         whole.steps[where], whole.status[where] = part.steps, part.status
         for rows in part.records:
             numbers = rows[:, 0].view(np.int64)
             numbers[:] = where[numbers]
         records += part.records
-        causes = _noted(causes, Cause.UNKNOWN, B, [(where, part.causes)])
+        causes = _noted(causes, EndCause.UNKNOWN, B, [(where, part.causes)])
         grown = _noted(grown, -1, B, [(where, part.grown)])
-        done += len(asked.times) * len(where)
+        done += len(request.times) * len(where)
         if part.is_stopped:
             break
-    return Found(*whole[:4], part.is_stopped, records, causes, grown)
+    return SolverResult(*whole[:4], part.is_stopped, records, causes, grown)
 
 
 def _noted(

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.integrator import Settings
-from ..core.flow.memory import Cause
+from ..core.flow.batch_solver import Settings
+from ..core.flow.memory import EndCause
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
 from ..status import IntegrationWarning, Status
-from .integration import Found
+from .integration import SolverResult
 
 _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 # The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
@@ -25,15 +25,15 @@ _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 _ENDS = {
-    Cause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
-    Cause.ESCAPE: "end: they escape to infinity",
-    Cause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
-    Cause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
-    Cause.NO_STATE: "end at a change whose new state, `to`, has no value: it is NaN",
+    EndCause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
+    EndCause.ESCAPE: "end: they escape to infinity",
+    EndCause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
+    EndCause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
+    EndCause.NO_STATE: "end at a change whose new state, `to`, has no value: it is NaN",
 }
 # What solutions do that stop.
 _CAUSES = {
-    Status.ENDED: _ENDS[Cause.UNKNOWN],
+    Status.ENDED: _ENDS[EndCause.UNKNOWN],
     Status.SLIDING: (
         "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
@@ -131,14 +131,14 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
             )
 
 
-def warn_of_ends(found: Found, x: FloatArray, batch: tuple[int, ...]) -> None:
+def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, but for starts of NaN."""
     others = found.t, found.is_stopped, x, batch, found.causes
     if message := ends_in_words(found.status, *others):
         checks.warn(message, IntegrationWarning)
 
 
-def warn_of_growth(found: Found, names: Any, batch: tuple[int, ...]) -> None:
+def warn_of_growth(found: SolverResult, names: Any, batch: tuple[int, ...]) -> None:
     """Warn once of components that fell near their allowed errors, and grew again."""
     if found.grown is None:
         return

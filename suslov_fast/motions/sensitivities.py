@@ -13,7 +13,7 @@ import numpy as np
 
 from ..checks import FloatArray
 from ..core.expressions.variational import variational
-from ..core.flow.integrator import Settings
+from ..core.flow.batch_solver import Settings
 from ..fields.right_hand_sides import OfMembers
 from ..maps.kernel_arguments import flat_arrays
 

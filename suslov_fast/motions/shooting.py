@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray
-from ..core.expressions.event_formulas import Act
+from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.numpy_evaluation import evaluate
-from ..core.flow.integrator import Settings
+from ..core.flow.batch_solver import Settings
 from ..core.flow.single_steps import attempts
-from ..fields.right_hand_sides import with_changes
+from ..fields.right_hand_sides import with_events
 from ..status import Status
 from .event import Event
-from .events import acts_of, stops_of
+from .events import actions_of, stops_of
 from .flow import to_tolerance
-from .integration import Asked, Found
+from .integration import SolverRequest, SolverResult
 from .sensitivities import Columns, WithColumns
 
 _ROUNDS, _HALVINGS = 60, 10
@@ -77,23 +77,27 @@ class OfMotion:
         self.field, self.settings = field, Settings(rtol)
         self.keeps_phase = bool(events)
         self._stops = self._moving = self._listed = None
-        acts: tuple[Act, ...] = ()
+        actions: tuple[EventAction, ...] = ()
         if events:
-            acts, self._stops = acts_of(field, events), stops_of(events, 1, ())
-            self._moving = WithColumns(field.shape, with_changes(field, acts))
-            self._listed = with_changes(field, acts, (), True)
+            actions, self._stops = actions_of(field, events), stops_of(events, 1, ())
+            self._moving = WithColumns(field.shape, with_events(field, actions))
+            self._listed = with_events(field, actions, (), True)
         (_, f, table), *_ = self._listed or field._listed_right_hand_sides
         self.rate = field(start)
-        parts = f.changes.components if f.changes else ()
+        parts = f.events.components if f.events else ()
         changed = {i for own in parts for i in own}  # which do not only drift
         self.drifts = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
-        read = {*f.clocks}.union(*(act.read() for act in acts))
+        read = {*f.clocks}.union(*(action.read() for action in actions))
         self.clocks = [i for i in np.flatnonzero(self.drifts & (self.rate != 0.0)) if i in read]
         self.is_forced = bool(self.clocks)
-        self._acts, self._parameters = acts, table[0, : f.changes.P] if f.changes else ()
+        self._actions, self._parameters = actions, table[0, : f.events.P] if f.events else ()
 
-    def _solved(self, field: Any, x: FloatArray, times: FloatArray, settings: Settings) -> Found:
-        return to_tolerance(field, x, (len(x),), Asked(times, 1, settings, stops=self._stops))
+    def _solved(
+        self, field: Any, x: FloatArray, times: FloatArray, settings: Settings
+    ) -> SolverResult:
+        return to_tolerance(
+            field, x, (len(x),), SolverRequest(times, 1, settings, stops=self._stops)
+        )
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:
         M = len(nodes)
@@ -112,12 +116,12 @@ class OfMotion:
     def of_changes(self, states: FloatArray) -> FloatArray:
         """Return the surfaces of events, and the new components that do not drift, (-, n)."""
         found = [np.empty((0, len(states)))]
-        for act in self._acts:
-            for list_ in filter(None, (act.surface, act.to)):
+        for action in self._actions:
+            for list_ in filter(None, (action.surface, action.to)):
                 values = dict(enumerate([*states.T, *self._parameters]))
                 evaluate(list_.operations, values)
                 results = [a if isinstance(a, float) else values[a] for a in list_.results]
-                own = ~self.drifts if list_ is act.to else [True]
+                own = ~self.drifts if list_ is action.to else [True]
                 parts = [a for a, is_own in zip(results, own, strict=True) if is_own]
                 found.append(np.array(np.broadcast_arrays(*parts, states[:, 0]))[:-1])
         return np.concatenate(found)

@@ -23,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.expressions.event_formulas import Act, components_of
+from ..core.expressions.event_formulas import EventAction, components_of
 from ..core.expressions.orthonormal_frame import SHIFT, with_frame
 from ..core.expressions.variational import variational
-from ..core.flow.integrator import Motion as Engine, Stops, counted_from_start
-from ..fields.right_hand_sides import with_changes
+from ..core.flow.batch_solver import BatchSolver, EventTimes, counted_from_start
+from ..fields.right_hand_sides import with_events
 from ..maps.kernel_arguments import ALL
 from ..status import Status
-from .integration import Asked, Found, nothing_found, right_hand_sides, status_of
+from .integration import SolverRequest, SolverResult, empty_result, right_hand_sides, status_of
 
 _MOST = 40  # m of the shortest segment
 _UNITS = 2**_MOST  # of a phase, the lengths of this segment
@@ -55,20 +55,20 @@ def exponents_of(
     field: Any,
     starts: FloatArray,
     batch: tuple[int, ...],
-    asked: Asked,
+    request: SolverRequest,
     transient: float,
-    acts: tuple[Act, ...],
-) -> tuple[FloatArray, Found]:
+    actions: tuple[EventAction, ...],
+) -> tuple[FloatArray, SolverResult]:
     """Return exponents (B, n) over the time that is asked, the largest first, and ends.
 
     n counts the components whose rate is not constant in some member, or that a change sets.
     `acts` are events, in the order of code.
     """
-    (time,), report, stops = asked.times.tolist(), asked.report, asked.stops
-    found = nothing_found(starts, 0)
-    members = with_changes(field, acts, (), True) if acts else field._listed_right_hand_sides
+    (time,), report, stops = request.times.tolist(), request.report, request.stops
+    found = empty_result(starts, 0)
+    members = with_events(field, actions, (), True) if actions else field._listed_right_hand_sides
     groups = right_hand_sides(members, field.shape, batch)
-    changed = {i for act in acts for i in components_of(act)}
+    changed = {i for action in actions for i in components_of(action)}
     drifting = [{*f.steady} - changed for _, f, _ in groups]
     left_out = [*set.intersection(*drifting)] if groups else []
     moving = np.setdiff1d(np.arange(field.dimension), left_out)
@@ -76,12 +76,12 @@ def exponents_of(
     if not len(moving):
         found.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
         return exponents, found
-    transient *= _LESS if acts else 1.0
+    transient *= _LESS if actions else 1.0
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
         own = stops if stops is None or where is ALL else stops.of(where)
-        run = _Run(f, table, x, moving, asked._replace(stops=own))
+        run = _Run(f, table, x, moving, request._replace(stops=own))
 
         share = count / max(len(starts), 1) / total
 
@@ -127,13 +127,13 @@ class _Run:
         table: FloatArray,
         x: FloatArray,
         moving: NDArray[np.int64],
-        asked: Asked,
+        request: SolverRequest,
     ) -> None:
         self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
-        self.settings, self.threads, self.stops = asked.settings, asked.threads, asked.stops
+        self.settings, self.threads, self.stops = request.settings, request.threads, request.stops
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.changes)
+        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.events)
         self.has_frames = np.full(len(x), has_frames)
         self.count = np.zeros(len(x), np.int64)  # of segments
         self.passed = np.zeros(len(x), np.int64)  # times of events
@@ -199,7 +199,7 @@ class _Run:
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
         arguments = self.tangent, table, start, np.array([length]), 1, self.settings, states
-        engine = Engine(*arguments, self._stops_of(which))
+        engine = BatchSolver(*arguments, self._stops_of(which))
         engine.run(self.threads)
         (end,), status = states, status_of(engine.state)
         ended = status != Status.OK
@@ -252,7 +252,7 @@ class _Run:
         start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)
-        engine = Engine(frame, table, start, np.array([length]), 1, self.settings, states)
+        engine = BatchSolver(frame, table, start, np.array([length]), 1, self.settings, states)
         engine.run(self.threads)
         (end,), ended = states, status_of(engine.state) != Status.OK
         if starts is not None:
@@ -272,7 +272,7 @@ class _Run:
         self.t[go] += length
         return is_good, is_good & (4.0 * off <= most)
 
-    def _stops_of(self, which: NDArray[np.int64]) -> Stops | None:
+    def _stops_of(self, which: NDArray[np.int64]) -> EventTimes | None:
         """Return the times of events that are left, counted from here."""
         if self.stops is None or not self.stops.times.size:
             return self.stops
@@ -282,15 +282,19 @@ class _Run:
         is_left = np.arange(times.shape[1]) >= passed
         times = np.where(is_left, np.maximum(times - self.t[which, np.newaxis], 0.0), np.inf)
         order = np.argsort(times, axis=1, kind="stable")
-        return Stops(np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1))
+        return EventTimes(
+            np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1)
+        )
 
-    def _changes_of(self, engine: Engine, K: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    def _changes_of(
+        self, engine: BatchSolver, K: int
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Return where events have acted, and how many at given times, of all."""
         if self.stops is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
         trajectory, number = rows.copy().view(np.int64).T
-        at_times = trajectory[number >= self.f.changes.surfaces]
+        at_times = trajectory[number >= self.f.events.surfaces]
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:

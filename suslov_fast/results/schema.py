@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..core.flow.integrator import Settings
+from ..core.flow.batch_solver import Settings
 
 # Version of files.
 FORMAT = 15

@@ -17,14 +17,14 @@ from suslov_fast.core.expressions.right_hand_side import RightHandSide
 from suslov_fast.core.expressions.values import Number
 from suslov_fast.core.expressions.variational import variational
 from suslov_fast.core.flow import (
+    batch_solver,
     integrator,
-    integrator_parts as half,
     single_steps,
     small_batches,
     vector_functions,
     weights,
 )
-from suslov_fast.core.flow.memory import State
+from suslov_fast.core.flow.memory import LaneState
 from suslov_fast.core.llvm import compiler
 from suslov_fast.motions import integration
 
@@ -118,11 +118,12 @@ TEXTS = """
 import hashlib
 import numpy as np
 import suslov_fast as sf
-from suslov_fast.core.flow import integrator, step_loop
+from suslov_fast.core.flow import batch_solver, step_loop
 field = sf.Field(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
 for is_implicit in (False, True):
-    half = integrator.half_of(field.right_hand_sides[0].f, is_implicit, True)
-    print(hashlib.sha256(step_loop.text_of_half(half, "f", 8, True).encode()).hexdigest())
+    integrator = batch_solver.integrator_of(field.right_hand_sides[0].f, is_implicit, True)
+    text = step_loop.text_of_integrator(integrator, "f", 8, True)
+    print(hashlib.sha256(text.encode()).hexdigest())
 """
 
 
@@ -136,9 +137,11 @@ def motion(f, x0, times, rtol=1e-6, *, table=(), sign=1.0, **settings):
     """Return the states, and what is known of trajectories at their end."""
     states, settings = (
         np.full((len(times), *x0.shape), np.nan),
-        integrator.Settings(rtol, **settings),
+        batch_solver.Settings(rtol, **settings),
     )
-    found = integrator.Motion(f, np.array(table), x0, np.array(times), sign, settings, states)
+    found = batch_solver.BatchSolver(
+        f, np.array(table), x0, np.array(times), sign, settings, states
+    )
     found.run()
     return states, found.t, found.steps, found.state
 
@@ -168,10 +171,14 @@ def test_steps_are_those_of_the_formulas(case, stiff):
     function, x0, last = CASES[case]
     f, table = right_hand_side(function, x0.shape[1]), np.zeros(0)
     by_formulas, compared = implicit_step if stiff else explicit_step, 0
-    ways = [lambda x: f.jacobian(x, table)] if stiff else [integrator.half_of(f, False, False).sets]
+    ways = (
+        [lambda x: f.jacobian(x, table)]
+        if stiff
+        else [batch_solver.integrator_of(f, False, False).sets]
+    )
     ways += [None] * (case == "thin_layer" and not stiff)  # where it is rough
     for x in x0[np.isfinite(x0).all(axis=1)]:
-        tried = single_steps.attempts(f, table, x, last, integrator.Settings(1e-6, stiff=stiff))
+        tried = single_steps.attempts(f, table, x, last, batch_solver.Settings(1e-6, stiff=stiff))
         for (t, _, before), (later, _, after) in itertools.islice(itertools.pairwise(tried), 16):
             if later > t:
                 given = (lambda x: f.value(x, table)), before, later - t
@@ -241,7 +248,7 @@ def test_variational_equations_have_the_same_bits(case, last, is_stiff, monkeypa
     by_runs.key = f"runs of variational {case}"
     assert_equal(usual, motion(by_runs, *run, stiff=is_stiff))
     if is_stiff:
-        monkeypatch.setattr(half, "LONGEST", -1)
+        monkeypatch.setattr(integrator, "LONGEST", -1)
         by_columns.key = f"columns of variational {case}"
         found = motion(by_columns, *run, stiff=is_stiff)
         np.testing.assert_allclose(found[0], usual[0], rtol=1e-6, atol=1e-9)
@@ -269,7 +276,7 @@ def test_elimination_by_columns_agrees_with_that_by_a_list(case, monkeypatch):
     x0 = x0[:2]
     f, again = (right_hand_side(function, x0.shape[1]) for _ in range(2))
     usual, *_ = motion(f, x0, [last], stiff=True)
-    monkeypatch.setattr(half, "LONGEST", -1)
+    monkeypatch.setattr(integrator, "LONGEST", -1)
     again.__dict__["key"] = f"columns of {case}"
     found = motion(again, x0, [last], stiff=True)
     np.testing.assert_allclose(found[0], usual, rtol=1e-6)
@@ -285,12 +292,12 @@ def test_few_trajectories_have_the_bits_of_a_batch(case):
     for own in [*([k] for k in range(len(x0))), [0, 1], slice(None, None, -1), slice(None)] * 2:
         found = states[:, own], *(array[own] for array in of_batch)
         assert_equal(motion(f, x0[own], times), found)
-        given = f, np.zeros(0), x0[own], np.array(times), 1.0, integrator.Settings(1e-6)
-        states_of_few, steps_of_few, _, begun = small_batches.take_few(*given)
+        given = f, np.zeros(0), x0[own], np.array(times), 1.0, batch_solver.Settings(1e-6)
+        states_of_few, steps_of_few, _, begun = small_batches.solve_small_batch(*given)
         if begun is None:
             assert_equal((states_of_few, steps_of_few), (found[0], found[2]))
             continue
-        rest = integrator.Motion(*given, states_of_few)
+        rest = batch_solver.BatchSolver(*given, states_of_few)
         rest.run(begun=begun)
         assert_equal((rest.states, rest.t, rest.steps, rest.state), found)
 
@@ -315,8 +322,10 @@ def test_calls_of_several_threads_have_memory_of_their_own():
     f, starts = right_hand_side(van_der_pol, 2), np.linspace(1.0, 2.0, 48).reshape(12, 2, 2)
 
     def call(x0):
-        settings = integrator.Settings(1e-9, stiff=False)
-        return small_batches.take_few(f, np.zeros(0), x0, np.array([9.0]), 1.0, settings)[:2]
+        settings = batch_solver.Settings(1e-9, stiff=False)
+        return small_batches.solve_small_batch(f, np.zeros(0), x0, np.array([9.0]), 1.0, settings)[
+            :2
+        ]
 
     with ThreadPoolExecutor(6) as pool:
         found = [*pool.map(call, starts)]
@@ -345,15 +354,17 @@ def test_dense_fields():
         np.testing.assert_allclose(states, motion(sparse, x0, [3.0], 1e-12)[0], rtol=1e-7)
 
 
-class Counting(integrator.Motion):
-    """A motion that counts the steps of the implicit half."""
+class Counting(batch_solver.BatchSolver):
+    """A motion that counts the steps of the implicit integrator."""
 
     implicit_steps = 0
 
-    def _steps(self, half, rows, *others):
-        before = rows[:, half.rows.steps].sum()
-        super()._steps(half, rows, *others)
-        self.implicit_steps += half.is_implicit * (rows[:, half.rows.steps].sum() - before)
+    def _steps(self, integrator, rows, *others):
+        before = rows[:, integrator.rows.steps].sum()
+        super()._steps(integrator, rows, *others)
+        self.implicit_steps += integrator.is_implicit * (
+            rows[:, integrator.rows.steps].sum() - before
+        )
 
 
 def test_orbits_that_are_not_stiff_stay_explicit():
@@ -366,7 +377,7 @@ def test_orbits_that_are_not_stiff_stay_explicit():
     x0[:, 2] += 25.0
     for rtol, most in ((1e-3, 0.03), (1e-6, 0.001), (1e-9, 0.001)):
         states = np.empty((1, *x0.shape))
-        settings = integrator.Settings(rtol)
+        settings = batch_solver.Settings(rtol)
         found = Counting(f, np.zeros(0), x0, np.array([20.0]), 1.0, settings, states)
         found.run()
         assert found.implicit_steps <= most * found.steps.sum()
@@ -391,12 +402,12 @@ def test_stiff_problems(function, x0, last, right, steps):
 @pytest.mark.parametrize("name", CASES)
 def test_one_step_at_a_time_has_the_bits_of_all_at_once(name):
     f, x0, T = CASES[name]
-    f, settings = right_hand_side(f, x0.shape[1]), integrator.Settings(1e-6)
+    f, settings = right_hand_side(f, x0.shape[1]), batch_solver.Settings(1e-6)
     states, *others = motion(f, x0, [T])
     for k, x in enumerate(x0):
         *_, (t, steps, end) = single_steps.attempts(f, np.zeros(0), x, T, settings)
         assert (t, steps) == (others[0][k], others[1][k])
-        if others[2][k] == State.DONE:
+        if others[2][k] == LaneState.DONE:
             np.testing.assert_array_equal(end, states[0, k])
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.flow import integrator
+from suslov_fast.core.flow import batch_solver
 from suslov_fast.core.numba import threads as core_threads
 from suslov_fast.maps import batch, kernel_calls as threads
 
@@ -232,7 +232,7 @@ def test_motions_take_the_threads_asked_for(monkeypatch):
         return start(*arguments)
 
     monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
-    monkeypatch.setattr(integrator, "in_parts", counted)
+    monkeypatch.setattr(batch_solver, "in_parts", counted)
     field = sf.Field(lambda x: (x[1], -np.sin(x[0])), "x v")
     x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
     for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):

@@ -6,7 +6,7 @@ from systems import rates_of_henon_heiles
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions.partitioned import sets_of
-from suslov_fast.core.flow import integrator, integrator_parts, small_batches
+from suslov_fast.core.flow import batch_solver, integrator, small_batches
 
 
 def sets(field):
@@ -130,11 +130,11 @@ def columns_of_gragg(monkeypatch):
     """A function after whose call all motions have the columns of Gragg's rule."""
 
     def only():
-        monkeypatch.setattr(integrator_parts, "sets_of", lambda f: None)
+        monkeypatch.setattr(integrator, "sets_of", lambda f: None)
         forget()
 
     def forget():
-        integrator.half_of.cache_clear()
+        batch_solver.integrator_of.cache_clear()
         small_batches.memories.cache_clear()
 
     yield only

@@ -7,7 +7,7 @@ import pytest
 from systems import FRICTION, SPRING, field
 
 import suslov_fast as sf
-from suslov_fast.core.flow import integrator
+from suslov_fast.core.flow import batch_solver
 from suslov_fast.core.flow.single_steps import attempts
 
 BENT = field(lambda s, a: (s[1], -s[0] - a * abs(s[0])), "x v", a=0.5)
@@ -64,7 +64,7 @@ def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
     assert sf.Field.from_dict(many.to_dict()) == many
     # Few steps are tried in vain before one that ends on a knot.
     f, table = many._right_hand_sides[0].f, many._right_hand_sides[0].table
-    settings = integrator.Settings(1e-9)
+    settings = batch_solver.Settings(1e-9)
     *_, (_, steps, _) = islice(attempts(f, table, np.zeros(2), 10.0, settings), 300)
     assert steps >= 50
 

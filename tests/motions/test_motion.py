@@ -10,7 +10,7 @@ from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, SPRING, by_series
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Status, flow
-from suslov_fast.core.flow import integrator
+from suslov_fast.core.flow import batch_solver
 
 
 def of(f, dimension, **parameters):
@@ -223,10 +223,10 @@ def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
             np.testing.assert_array_equal(alone.states, whole.states[:, k])
             assert alone.steps == whole.steps[k]
         with monkeypatch.context() as patch:
-            patch.setattr(integrator, "BLOCK", 8)
+            patch.setattr(batch_solver, "BLOCK", 8)
             threaded = flow(field, x, time=[0.3, 1.0], threads=TWO_THREADS)
             assert threaded == whole
-            patch.setattr(integrator, "BUDGET", 1)
+            patch.setattr(batch_solver, "BUDGET", 1)
             assert flow(field, x, time=[0.3, 1.0]) == whole
 
 
@@ -296,7 +296,7 @@ def test_solutions_that_need_ever_shorter_steps():
 
 # ---------------------------------------------------------------------------------------- progress
 def test_progress(rng, monkeypatch):
-    monkeypatch.setattr(integrator, "BUDGET", 2**12)
+    monkeypatch.setattr(batch_solver, "BUDGET", 2**12)
     x, times, seen = rng.normal(size=(40, 4)) / 9, [0.0, 1.0, 1.0, 200.0], []
     found = flow(HENON_HEILES, x, time=times, progress=lambda *each: seen.append(each))
     assert len(seen) > 2

@@ -7,7 +7,7 @@ import pytest
 from systems import PREY
 
 import suslov_fast as sf
-from suslov_fast.core.flow.integrator import Settings
+from suslov_fast.core.flow.batch_solver import Settings
 from suslov_fast.results import result, schema
 
 pytest.importorskip("xarray")

@@ -11,8 +11,8 @@ become parameters: f has the straight line through this interval, and two surfac
 import functools
 import itertools
 
-from .double_crossings import hidden_of
-from .event_formulas import GAP, changes_of
+from .double_crossings import double_crossings_of
+from .event_formulas import GAP, event_programs_of
 from .explicit_time import ElapsedTime
 from .function_records import same
 from .programs import Expressions, Program, Values, depending, emitted, needed_for, renamed
@@ -38,11 +38,11 @@ class Conditions:
         """Take the kinds, those of `jumps` first."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
-            sum(map(choices_of, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
+            sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
         )
 
 
-def choices_of(kind):
+def branch_count(kind):
     """Return the number of choices of a surface."""
     return Table.ROWS if is_table(kind) else 1
 
@@ -56,15 +56,15 @@ def watch_of(f, kinds, jumps):
     at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
     surfaces where f jumps.
 
-    The last surfaces are those of changes, whose sides and levels, see `Rows`, follow y.
+    The last surfaces are those of changes, whose sides and levels, see `TrajectoryRows`, follow y.
     """
-    choice_number, count = f.D + f.P - sum(map(choices_of, kinds)), len(f.watched.results)
-    side, of_changes = 2 * count, f.changes.surfaces if f.changes else 0
+    choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
+    side, of_changes = 2 * count, f.events.surfaces if f.events else 0
     first = side + 2 * of_changes
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
     ends = [[values.number(begin + k) for k in range(count)] for begin in (0, count)]
-    changes, now, part, gaps = [], [], 1.0, [*f.changes.gaps] if f.changes else []
+    changes, now, part, gaps = [], [], 1.0, [*f.events.gaps] if f.events else []
     for kind, a, b in zip([*kinds, *["side"] * of_changes], *ends, strict=True):
         if kind == "side":
             above, level = (values.number(side + k) for k in (0, 1))
@@ -97,7 +97,7 @@ def watch_of(f, kinds, jumps):
         own = larger(smaller(a / (a - b), 1.0), 0.0)
         part = smaller(change.select(own, 1.0), part)
         changes.append(change)
-        choice_number += choices_of(kind)
+        choice_number += branch_count(kind)
 
     def some(truths):
         if not truths:
@@ -109,36 +109,36 @@ def watch_of(f, kinds, jumps):
     return Program(needed_for(values.operations, results), results)
 
 
-def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
+def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` whose choices are its last parameters, after the P others.
 
     Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
-    the order of `Changes`.
+    the order of `EventPrograms`.
     """
-    elapsed, D = ElapsedTime(values, results, P, acts), len(results)
-    values, results, acts, P = elapsed.values, elapsed.results, elapsed.acts, elapsed.P
+    elapsed, D = ElapsedTime(values, results, P, actions), len(results)
+    values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
     offsets, own = elapsed.offsets, elapsed.shifts.items()
     # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
     # derivative.
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
-    changes = changes_of(acts, D, P, by, twice) if acts else None
-    on_surfaces = [act for act in acts if act.surface is not None]
-    on_surfaces = [emitted(values, act.surface)[0] for act in on_surfaces]
+    changes = event_programs_of(actions, D, P, by, twice) if actions else None
+    on_surfaces = [action for action in actions if action.surface is not None]
+    on_surfaces = [emitted(values, action.surface)[0] for action in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
     of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
     jumps, kinks = _choosing(values, operations, of_clocks)
     kinds = jumps | kinks
     if not kinds:
-        kept = range(D, D + P) if acts or offsets else ()
+        kept = range(D, D + P) if actions or offsets else ()
         f = RightHandSide(values, results, P, by, on_surfaces, kept=kept)
-        f.changes, f.offsets = changes, offsets
+        f.events, f.offsets = changes, offsets
         if on_surfaces:
             _watch(f, [], 0, [])
         return f
     first = D + P
-    counts = [choices_of(kind) for kind in kinds.values()]
+    counts = [branch_count(kind) for kind in kinds.values()]
     places = [first, *(first + count for count in itertools.accumulate(counts))]
     choices, given = dict(zip(kinds, places, strict=False)), places[-1]
     counts_of_jumps = places[len(jumps)] - first
@@ -154,9 +154,9 @@ def with_fixed_choices(values, results, P, by=(), twice=False, acts=()):
     plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
     f.steady, f.clocks = plain.steady, plain.clocks
     places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
-    f.changes, f.offsets = changes, offsets
+    f.events, f.offsets = changes, offsets
     _watch(f, found, len(jumps), [*choices.values()])
-    f.choices = _choices(tests, found, len(jumps), truths, first)
+    f.branches = _choices(tests, found, len(jumps), truths, first)
     f.derived = _derived(f, range(first, first + counts_of_jumps))
     f.conditions = Conditions(found, len(jumps), P, places)
     return f
@@ -237,9 +237,9 @@ def _choosing(values, operations, of_clocks):
 
 def _watch(f, kinds, jumps, choices):
     """Add to f what finds crossings of its surfaces: those of `kinds`, and those of changes."""
-    results = f.surfaces.results[: len(kinds) + (f.changes.surfaces if f.changes else 0)]
+    results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
-    f.watch, f.hidden = watch_of(f, kinds, jumps), hidden_of(f, kinds, jumps, choices)
+    f.watch, f.hidden = watch_of(f, kinds, jumps), double_crossings_of(f, kinds, jumps, choices)
     f.aim = tuple(aim_of(f, kinds, choices, is_implicit) for is_implicit in (False, True))
 
 
@@ -258,7 +258,7 @@ def _choices(tests, kinds, jumps, found, first):
     the choices: 1 or 0, of `floor` its value, of tables their argument.
     """
     results, surface, some = [], -1.0, 0.0
-    places = [first, *(first + n for n in itertools.accumulate(map(choices_of, kinds)))]
+    places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]
     for k, kind in reversed([*enumerate(kinds)]):
         now, a = tests.number(places[k]), found[k]
         if is_table(kind):

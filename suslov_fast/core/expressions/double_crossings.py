@@ -48,7 +48,7 @@ STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 
 
-class Hidden(NamedTuple):
+class DoubleCrossings(NamedTuple):
     """Expression programs that decide whether a step hides crossings.
 
     told         the `Program` of what values tell, None if no surface may be crossed twice; see
@@ -76,8 +76,8 @@ class Hidden(NamedTuple):
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
-def hidden_of(f, kinds, jumps, choices):
-    """Return the `Hidden` of f.
+def double_crossings_of(f, kinds, jumps, choices):
+    """Return the `DoubleCrossings` of f.
 
     `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
     surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
@@ -90,14 +90,16 @@ def hidden_of(f, kinds, jumps, choices):
     own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
     own = [each for each in own if each[2] != "oeq"]  # which holds at the surface alone
     if not own:
-        return Hidden()
+        return DoubleCrossings()
     operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
     phases = Program(needed_for(operations, arguments), arguments) if arguments else None
     humps = _humps(f, operations)
     humps = [*dict.fromkeys(a for _, a, *_ in own if a in humps)]
     of_clocks = [each for each in own if each[1] not in by_states]
-    found = Hidden(None, phases, _rates_of(f, humps), bool(of_clocks), len(of_clocks) < len(own))
+    found = DoubleCrossings(
+        None, phases, _rates_of(f, humps), bool(of_clocks), len(of_clocks) < len(own)
+    )
     return found._replace(told=_list_of(f, own, by_states, kinks, humps, found.inside))
 
 
@@ -136,7 +138,7 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return the `Program` of what values of surfaces tell, see `Hidden`."""
+    """Return the `Program` of what values of surfaces tell, see `DoubleCrossings`."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases

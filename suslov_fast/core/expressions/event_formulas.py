@@ -24,8 +24,8 @@ from .values import operand_of
 # A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
 OF_SURFACE = 5
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
-_CHOICES = "select", "max", "min", "fabs", "floor"  # with tables, what may be 0 all around a state
-# Those that have no value everywhere, and the side where a surface has none, see `Rows.side`.
+_BRANCHES = "select", "max", "min", "fabs", "floor"  # with tables, what may be 0 all around a state
+# Operations without a value everywhere; the side of a surface without one: `TrajectoryRows.side`.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75
@@ -52,7 +52,7 @@ class KeyedProgram(Program):
         return hash(self._text)
 
 
-class Act(NamedTuple):
+class EventAction(NamedTuple):
     """The action of a change. The first values of its lists are x (D), then the parameters (P).
 
     surface    `KeyedProgram` of the function that is 0 where it acts, or None if it acts at times
@@ -80,12 +80,12 @@ class Act(NamedTuple):
         return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
-def with_parameters(acts, first):
+def with_parameters(actions, first):
     """Return acts whose constants are parameters, of the numbers from `first` on, and their values.
 
     Events that differ by numbers alone have the same lists then, and so the same code.
     """
-    lists = [program for act in acts for program in act[:2] if program is not None]
+    lists = [program for action in actions for program in action[:2] if program is not None]
     found = [a for program in lists for a in _constants(program) if a == a and a not in _PLAIN]
     constants = {a: first + k for k, a in enumerate(dict.fromkeys(found))}
 
@@ -101,9 +101,11 @@ def with_parameters(acts, first):
         )
         return KeyedProgram(tuple(operations), new(program.results))
 
-    own = [[program and of(program) for program in act[:2]] for act in acts]
-    acts = tuple(Act(*pair, *act[2:]) for act, pair in zip(acts, own, strict=True))
-    return acts, tuple(constants)
+    own = [[program and of(program) for program in action[:2]] for action in actions]
+    actions = tuple(
+        EventAction(*pair, *action[2:]) for action, pair in zip(actions, own, strict=True)
+    )
+    return actions, tuple(constants)
 
 
 def _constants(program):
@@ -125,7 +127,7 @@ class EventProgram(NamedTuple):
     rows: int
 
 
-class Changes(NamedTuple):
+class EventPrograms(NamedTuple):
     """Changes as code takes them: those that act on surfaces, and those at times.
 
     directions   of the changes on surfaces
@@ -161,59 +163,61 @@ class Changes(NamedTuple):
         return not self.components[k] and self.most[k] == inf
 
 
-def in_order_of_code(acts):
-    """Return the numbers of changes in the order of `Changes`."""
-    return sorted(range(len(acts)), key=lambda k: acts[k].surface is None)
+def in_order_of_code(actions):
+    """Return the numbers of changes in the order of `EventPrograms`."""
+    return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
-def components_of(act):
+def components_of(action):
     """Return the numbers of the components that a change may give another value."""
-    results = () if act.to is None else act.to.results
+    results = () if action.to is None else action.to.results
     return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
 
 
-def changes_of(acts, D, P, by=(), with_columns=False):
-    """Return the `Changes` of acts in the order of code.
+def event_programs_of(actions, D, P, by=(), with_columns=False):
+    """Return the `EventPrograms` of acts in the order of code.
 
     `by` are numbers of parameters, by which last columns are derivatives.
     """
     parts, components = {}, []
-    for k, act in enumerate(acts):
-        own = components_of(act)
+    for k, action in enumerate(actions):
+        own = components_of(action)
         components.append(own)
         if own:
-            results = [act.to.results[i] for i in own]
-            own = Program(needed_for(act.to.operations, results), results)
+            results = [action.to.results[i] for i in own]
+            own = Program(needed_for(action.to.operations, results), results)
             parts[f"to{k}"] = EventProgram(own, D)
         if with_columns:
             for q in (None, *range(len(by))):
-                parts |= _of_columns(k, act, D, P, by, q)
-    on_surfaces = [act for act in acts if act.surface is not None]
+                parts |= _of_columns(k, action, D, P, by, q)
+    on_surfaces = [action for action in actions if action.surface is not None]
     if on_surfaces:
         parts["toward"] = _toward(on_surfaces, D, P)
-    directions = tuple(act.direction for act in on_surfaces)
-    most = tuple(act.most for act in acts)
-    names = [{name for name, *_ in act.surface.operations} for act in on_surfaces]
+    directions = tuple(action.direction for action in on_surfaces)
+    most = tuple(action.most for action in actions)
+    names = [{name for name, *_ in action.surface.operations} for action in on_surfaces]
     jumps, gaps, flats = (
         tuple(not each.isdisjoint(kind) for each in names)
-        for kind in (_JUMPS, _WITH_GAPS, {*_CHOICES, *filter(is_table, set().union(*names))})
+        for kind in (_JUMPS, _WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
     )
-    return Changes(directions, jumps, gaps, flats, most, parts, tuple(components), P)
+    return EventPrograms(directions, jumps, gaps, flats, most, parts, tuple(components), P)
 
 
-def _toward(acts, D, P):
+def _toward(actions, D, P):
     """Return the `EventProgram` of `OF_SURFACE` of all surfaces, one after the other."""
     values = Expressions(D + P, range(D, D + P))
-    known = [{i: i for i in range(D + P)} for _ in acts]
+    known = [{i: i for i in range(D + P)} for _ in actions]
     of_surfaces = [
-        a for act, own in zip(acts, known, strict=True) for a in emitted(values, act.surface, own)
+        a
+        for action, own in zip(actions, known, strict=True)
+        for a in emitted(values, action.surface, own)
     ]
     slopes = gradients(values, [*values.operations], of_surfaces, D)
     rates, results = [values.given() for _ in range(D)], []
     moduli = {j: operand_of(abs(values.number(a))) for j, a in enumerate(rates)}
-    for act, own, a, row in zip(acts, known, of_surfaces, slopes, strict=True):
-        [s] = act.surface.results
-        size = sizes_of(values, act.surface.operations, own)[s]
+    for action, own, a, row in zip(actions, known, of_surfaces, slopes, strict=True):
+        [s] = action.surface.results
+        size = sizes_of(values, action.surface.operations, own)[s]
         steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
         results += [a, _product(values.emit, row, dict(enumerate(rates)))]
         results += [operand_of(size), _product(values.emit, steep, moduli)]
@@ -224,11 +228,11 @@ def _toward(acts, D, P):
     return EventProgram(renumbered(found, given), 2 * D)
 
 
-def _of_columns(k, act, D, P, by, q):
+def _of_columns(k, action, D, P, by, q):
     """Return the `EventProgram`s for columns by the starts, or by parameter q of `by`."""
     values = Expressions(D + P, range(D, D + P))
-    results = [*range(D)] if act.to is None else emitted(values, act.to)
-    results += [] if act.surface is None else emitted(values, act.surface)
+    results = [*range(D)] if action.to is None else emitted(values, action.to)
+    results += [] if action.surface is None else emitted(values, action.surface)
     rows = gradients(values, [*values.operations], results, D, by)
     v, before, after = ([values.given() for _ in range(D)] for _ in range(3))
     tau, scale, emit = values.given(), values.given(), values.emit
@@ -242,7 +246,7 @@ def _of_columns(k, act, D, P, by, q):
         own = Program(needed_for(values.operations, results), results)
         found[f"{name}{k}{end}"] = EventProgram(renumbered(own, place), 4 * D + 1)
 
-    if act.surface is not None:
+    if action.surface is not None:
         reach = _product(emit, rows[D], directions)
         add("tau", [emit("fdiv", reach, _product(emit, rows[D], dict(enumerate(before))))])
     columns = []

@@ -30,33 +30,33 @@ class _Pair(NamedTuple):
 class ElapsedTime:
     """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
 
-    acts     changes of the state, whose functions read clocks that none of them changes
+    actions  changes of the state, whose functions read clocks that none of them changes
     shifts   (p, q) by the numbers of the operands of tables that are sums
     """
 
-    def __init__(self, values, results, P, acts=()):
-        self.values, self.results, self.P, self.acts = values, results, P, acts
+    def __init__(self, values, results, P, actions=()):
+        self.values, self.results, self.P, self.actions = values, results, P, actions
         self.offsets, self.shifts = {}, {}
-        changed = {i for act in acts for i in components_of(act)}
+        changed = {i for action in actions for i in components_of(action)}
         rates = [a != 0.0 if isinstance(a, float) else a in values.fixed for a in results]
         clocks = [i for i, is_rate in enumerate(rates) if is_rate and i not in changed]
         if not clocks:
             return
-        of_acts = [[each and emitted(values, each) for each in act[:2]] for act in acts]
-        wanted = [*results, *(a for pair in of_acts for own in pair for a in own or ())]
+        of_actions = [[each and emitted(values, each) for each in action[:2]] for action in actions]
+        wanted = [*results, *(a for pair in of_actions for own in pair for a in own or ())]
         operations = needed_for(values.operations, wanted)
         read = [a for *_, operands in operations for a in operands] + wanted[len(results) :]
         if clocks := [*{*clocks}.intersection(a for a in read if type(a) is int)]:
             self._shift(operations, clocks)
-            self.acts = [self._act(*each) for each in zip(acts, of_acts, strict=True)]
+            self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
-    def _act(self, act, results):
+    def _act(self, action, results):
         """Return a change whose functions have these operands as results."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
         own = [of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)]
-        return act._replace(surface=own[0], to=own[1])
+        return action._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
         """Write the operations for clocks that count from 0."""

@@ -10,7 +10,7 @@ class DenseRightHandSide:
     each component c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, changes, offsets = True, None, {}
+    is_dense, events, offsets = True, None, {}
     conditions = watched = watch = aim = None
     hidden = None
     clocks = steady = of_one_sign = denominators = fixed = ()

@@ -37,10 +37,10 @@ class RightHandSide:
     surfaces     `Program` of the surfaces on which steps end
     slopes       `Program` of derivatives of the surfaces on which f jumps, by components j, and by
                  the parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    conditions, watch, hidden, aim, choices, derived   see `branches`; None where f has none
+    conditions, watch, hidden, aim, branches, derived  see `branches`; None where f has none
     watched      `Program` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
-    changes      `Changes` of the state along the motion, or None
+    events       `EventPrograms` of actions along the motion, or None
     key          what tells this right-hand side from others
     """
 
@@ -87,8 +87,8 @@ class RightHandSide:
         self._of_table = Program(self.fixed, self.table)
         self._with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
-    is_dense, changes, offsets = False, None, {}
-    conditions = watched = watch = hidden = aim = choices = derived = None
+    is_dense, events, offsets = False, None, {}
+    conditions = watched = watch = hidden = aim = branches = derived = None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
@@ -96,9 +96,9 @@ class RightHandSide:
     def key(self):
         """A text that tells the lists of this right-hand side from those of others."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
-        lists += self.hidden, self.aim, self.choices, self.slopes, self.slope_places
+        lists += self.hidden, self.aim, self.branches, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
-        return repr((self.D, self.table, kinds, *lists, self.changes))
+        return repr((self.D, self.table, kinds, *lists, self.events))
 
     def _find_properties(self, values):
         """Find clocks, components that keep their sign, and denominators of clocks."""

@@ -17,13 +17,13 @@ from .values import larger, operand_of, smaller
 def aim_of(f, kinds, choices, is_implicit):
     """Return the `Program` that finds when surfaces of f and of its changes are crossed.
 
-    Values are the state, f there with the sign of time, sides and levels of the surfaces of
-    changes, see `Rows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
+    Values are the state, f there with the sign of time, sides and levels of the surfaces of events,
+    see `TrajectoryRows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
     the numbers of their choices. Results are the least time to a surface that the state is not
     beyond or has just passed, and the longest time for which it is beyond one: that of Newton's
     method, infinity if the rate leads back.
     """
-    D, of_changes = f.D, f.changes.surfaces if f.changes else 0
+    D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)
     count = first + len(f.table)
     values = Expressions(count, range(D, count))
@@ -48,7 +48,7 @@ def aim_of(f, kinds, choices, is_implicit):
             ends = [(s, number(new[choice]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
-            if kind == "side" and f.changes.gaps[choice]:  # its beginning and end are none of these
+            if kind == "side" and f.events.gaps[choice]:  # its beginning and end are none of these
                 was_known, is_known = ~above.equals(GAP), value.equals(value)
                 since = (was_known ^ is_known).select(inf, since)
                 is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)

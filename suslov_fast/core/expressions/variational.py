@@ -9,7 +9,7 @@ from .right_hand_side import RightHandSide
 
 # What surfaces, choices and changes are is a matter of x alone.
 _OF_X = (
-    "clocks steady of_one_sign conditions watch watched hidden aim changes offsets choices derived"
+    "clocks steady of_one_sign conditions watch watched hidden aim events offsets branches derived"
 ).split()
 
 

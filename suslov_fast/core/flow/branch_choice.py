@@ -21,10 +21,10 @@ from ..expressions.tables import Table, is_table
 from ..expressions.values import larger
 from ..llvm.text import Carried, Intervals
 from . import dense_output
-from .codegen import Lines
+from .codegen import StepCode
 from .growing_components import GROWN
-from .memory import State
-from .scalar_kernels import AT_ONCE, rule
+from .memory import LaneState
+from .scalar_kernels import AT_ONCE, scalar_kernel
 
 _BEFORE = 2  # results of `choices` before the choices
 
@@ -35,27 +35,29 @@ BACK_AND_FORTH = 12.0
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
-@rule
+@scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
     """Of a solution that has changed its choices; where changes of the state acted they count."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
-    slides = (often >= BACK_AND_FORTH) & (state.equals(mode) | state.equals(float(State.TOO_MANY)))
+    slides = (often >= BACK_AND_FORTH) & (
+        state.equals(mode) | state.equals(float(LaneState.TOO_MANY))
+    )
     return {
         "chosen_at": t,
         "chosen_often": often,
-        "state": slides.select(float(State.SLIDING), state),
+        "state": slides.select(float(LaneState.SLIDING), state),
     }
 
 
-@rule
+@scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
     """A part of the time, and with the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
 
-@rule
+@scalar_kernel
 def SEEK(wanted, ahead):
     """Of a solution that crosses a surface at once again: the next steps end on it."""
     return {
@@ -64,13 +66,13 @@ def SEEK(wanted, ahead):
     }  # fmt: skip
 
 
-@rule
+@scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
     """Of a solution that ends just before a surface, and goes on beyond it."""
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
-    state = slides.select(float(State.SLIDING), first_state)
-    is_done = (after >= last) & (state < State.DONE)
+    state = slides.select(float(LaneState.SLIDING), first_state)
+    is_done = (after >= last) & (state < LaneState.DONE)
     return {
         "chosen_at": t,
         "chosen_often": often,
@@ -78,120 +80,120 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
         "wanted": 16.0 * ahead,
         "outer": inf,
         "t": is_done.select(last, after),
-        "state": is_done.select(float(State.DONE), state),
+        "state": is_done.select(float(LaneState.DONE), state),
     }
 
 
-@rule
+@scalar_kernel
 def TRACE(before, after, jumps, u):
     """The change of the integral of u trace f', where f jumps and grad s . f is that."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
-@rule
+@scalar_kernel
 def INFLOW(low, before, after):
     """Return whether a component is low; not where the jump of f is an inflow of its own."""
     is_inflow = (abs(after - before) > GROWN * abs(before)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
 
-def add_choices(text, half, name, for_each):
+def add_branches(text, integrator, name, for_each):
     """Add the function void choose(arguments), which makes all choices of lanes anew.
 
     They are those at the state `new` in lanes with `chooses` 1.
     """
     with text.function(f"{name}_choose", ("arguments",)):
-        lines = Lines(text, half, name, for_each)
-        _look(lines, lines.work.new)
-        _put_all(lines, lines.work.chooses[0] > 0.0)
+        code = StepCode(text, integrator, name, for_each)
+        _look(code, code.work.new)
+        _put_all(code, code.work.chooses[0] > 0.0)
 
 
-def choose_all(lines, truth):
+def update_branches(code, truth):
     """Make all choices anew at the new state of these lanes."""
-    lines.work.chooses[0] = truth.select(1.0, 0.0)
-    lines.text.invoke(f"{lines.name}_choose", lines.arguments)
+    code.work.chooses[0] = truth.select(1.0, 0.0)
+    code.text.invoke(f"{code.name}_choose", code.arguments)
 
 
-def choose(lines):
+def choose(code):
     """Make the choices of kinks anew where the step ends on a surface, and f with them.
 
     A table may be so steep that f changes much where it is continuous.
     """
-    work, conditions = lines.work, lines.f.conditions
+    work, conditions = code.work, code.f.conditions
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
-    with lines.text.when(ends.any(), likely=False):
+    with code.text.when(ends.any(), likely=False):
         place = conditions.P + conditions.jumps
-        _put_choices(lines, ends, lines.half.kinks, work.seen.after(3), place)
-        lines.call("f", work.new, lines.table, work.f_new)
+        _put_choices(code, ends, code.integrator.kinks, work.seen.after(3), place)
+        code.call("f", work.new, code.table, work.f_new)
 
 
-def renew(lines):
+def renew(code):
     """Make the choices of lanes anew where f jumps, and let them go on that end before a jump."""
-    text, line, work = lines.text, lines.line, lines.work
-    if lines.f.conditions.jumps:
+    text, line, work = code.text, code.line, code.work
+    if code.f.conditions.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
         with text.when(jumped.any(), likely=False):
-            _jump(lines, jumped)
+            _jump(code, jumped)
     t = line.t[0]
-    ended = line.state[0].equals(float(State.ENDED)) & (work.taken[0] > 0.0)
+    ended = line.state[0].equals(float(LaneState.ENDED)) & (work.taken[0] > 0.0)
     ended = ended & ((t > line.chosen_at[0]) | t.equals(0.0))
     with text.when(ended.any(), likely=False):
-        _go_on(lines, ended)
+        _go_on(code, ended)
 
 
-def _look(lines, x):
+def _look(code, x):
     """Find the choices at a state."""
-    lines.call("choices", x, lines.table, lines.work.chosen)
+    code.call("branches", x, code.table, code.work.chosen)
 
 
-def _jump(lines, jumped):
-    line, work = lines.line, lines.work
-    acted = lines.text.value(0.0)
-    if lines.half.changes:
-        acted = line.t[0].equals(lines.of_changes.at[0]).select(1.0, 0.0)
-    _choose(lines, jumped, acted)
-    lines.keep(line, lines.apply(CHOSEN, mode=lines.mode, acted=acted), jumped)
-    ahead = lines.apply(LOOK_AHEAD, part=AHEAD)
-    _put_ahead(lines, work.new, work.f_new, ahead["signed"])
-    _look(lines, work.start)
+def _jump(code, jumped):
+    line, work = code.line, code.work
+    acted = code.text.value(0.0)
+    if code.integrator.events:
+        acted = line.t[0].equals(code.of_events.at[0]).select(1.0, 0.0)
+    _choose(code, jumped, acted)
+    code.keep(line, code.apply(CHOSEN, mode=code.mode, acted=acted), jumped)
+    ahead = code.apply(LOOK_AHEAD, part=AHEAD)
+    _put_ahead(code, work.new, work.f_new, ahead["signed"])
+    _look(code, work.start)
     back = jumped & (work.chosen[0] >= 0.0)
-    with lines.text.when(back.any(), likely=False):
-        for i in lines.text.each(lines.half.watched):
+    with code.text.when(back.any(), likely=False):
+        for i in code.text.each(code.integrator.watched):
             line.far.choose(back, i, work.start[i])
-        lines.keep(line, lines.apply(SEEK, ahead=ahead["ahead"]), back)
+        code.keep(line, code.apply(SEEK, ahead=ahead["ahead"]), back)
 
 
-def _put_ahead(lines, x, f, signed):
+def _put_ahead(code, x, f, signed):
     """Write the state a time after x, along its rate, to `start`."""
-    for i in lines.text.each(lines.D):
-        lines.work.start[i] = x[i] + signed * f[i]
+    for i in code.text.each(code.D):
+        code.work.start[i] = x[i] + signed * f[i]
 
 
-def _choose(lines, truth, acted):
+def _choose(code, truth, acted):
     """Make choices anew at the new state of lanes, and f and columns with them."""
-    text, line, work, f = lines.text, lines.line, lines.work, lines.f
-    has_columns = lines.half.block is not f and f.conditions.jumps > 0
-    text.copy(work.f_new, work.f_old, lines.half.block.D)
+    text, line, work, f = code.text, code.line, code.work, code.f
+    has_columns = code.integrator.block is not f and f.conditions.jumps > 0
+    text.copy(work.f_new, work.f_old, code.integrator.block.D)
     if has_columns:
-        lines.call("slopes", work.new, lines.table, work.slopes)
-    choose_all(lines, truth)
-    lines.call("f", work.new, lines.table, work.f_new)
+        code.call("slopes", work.new, code.table, work.slopes)
+    update_branches(code, truth)
+    code.call("f", work.new, code.table, work.f_new)
     if has_columns:
         own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # changes take care of columns
         with text.when(own.any()):
             for i in text.each(f.D):
-                lines.keep_largest(own, i, work.new[i])
-            _change_columns(lines, own)
-            lines.call("f", work.new, lines.table, work.f_new)
-    for i in text.each(lines.half.block.D):
+                code.keep_largest(own, i, work.new[i])
+            _change_columns(code, own)
+            code.call("f", work.new, code.table, work.f_new)
+    for i in text.each(code.integrator.block.D):
         of_f = {"before": work.f_old[i], "after": work.f_new[i]}
-        line.low.choose(truth, i, lines.apply(INFLOW, i, **of_f)["low"])
+        line.low.choose(truth, i, code.apply(INFLOW, i, **of_f)["low"])
 
 
-def _change_columns(lines, truth):
+def _change_columns(code, truth):
     """Change the columns of a `Variational` where f jumps."""
-    text, work, f, block = lines.text, lines.work, lines.f, lines.half.block
+    text, work, f, block = code.text, code.work, code.f, code.integrator.block
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
         gradient[j] = 0.0
@@ -217,36 +219,36 @@ def _change_columns(lines, truth):
     others = f.columns - f.q
     for c in text.each(others):
         move(work.new.from_here(D + c * D), Carried(sum=0.0))
-    scales = text.array(lines.table, len(block.table))
+    scales = text.array(code.table, len(block.table))
     for q in text.each(f.q):
         ds = gradient.after(D)[q] * scales[q]
         move(work.new.from_here(D * (1 + others) + q * D), Carried(sum=ds))
     if f.has_trace:
         of_trace = {"before": ends.before, "after": ends.after, "jumps": ends.jumps}
-        found = lines.apply(TRACE, u=work.new[lines.D - 2], **of_trace)["change"]
-        work.new.choose(truth, lines.D - 1, work.new[lines.D - 1] + found)
+        found = code.apply(TRACE, u=work.new[code.D - 2], **of_trace)["change"]
+        work.new.choose(truth, code.D - 1, work.new[code.D - 1] + found)
 
 
-def _go_on(lines, ended):
+def _go_on(code, ended):
     """Let solutions go on in lanes that end just before a surface.
 
     Their next state lies beyond it; times that they pass are saved there.
     """
-    text, line, work = lines.text, lines.line, lines.work
+    text, line, work = code.text, code.line, code.work
     accepted, none = work.accepted[0] > 0.0, text.value(0.0)
-    for i in text.each(lines.D):
+    for i in text.each(code.D):
         work.new.choose(ended, i, accepted.select(work.new[i], line.x[i]))
-    for i in text.each(lines.extended):
+    for i in text.each(code.extended):
         work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f[i]))
     found = {"ahead": none, "signed": none}
     for part in (NEAREST, 8.0 * NEAREST, AHEAD):
-        own = lines.apply(LOOK_AHEAD, part=part)
-        _put_ahead(lines, work.new, work.f_new, own["signed"])
-        _look(lines, work.start)
+        own = code.apply(LOOK_AHEAD, part=part)
+        _put_ahead(code, work.new, work.f_new, own["signed"])
+        _look(code, work.start)
         is_first = found["ahead"].equals(0.0) & (work.chosen[1] > 0.0)
         found = {name: is_first.select(own[name], a) for name, a in found.items()}
     goes_on = ended & (found["ahead"] > 0.0)
-    t, after = line.t[0], lines.apply(GOES_ON, ahead=found["ahead"])
+    t, after = line.t[0], code.apply(GOES_ON, ahead=found["ahead"])
     is_saved = goes_on & (after.pop("slides") < 1.0)
 
     def passed():
@@ -254,46 +256,46 @@ def _go_on(lines, ended):
 
     with text.when(passed().any(), likely=False):
         for now in text.rounds(Carried()):
-            signed = lines.number("sign") * (line.next[0] - t)
-            _put_ahead(lines, work.new, work.f_new, signed)
-            dense_output.save(lines, passed().bits(), work.start)
+            signed = code.number("sign") * (line.next[0] - t)
+            _put_ahead(code, work.new, work.f_new, signed)
+            dense_output.save(code, passed().bits(), work.start)
             now.goes_on = passed().any()
-    lines.keep(line, after, goes_on)
-    _put_ahead(lines, work.new, work.f_new, found["signed"])
-    for i in text.each(lines.D):
+    code.keep(line, after, goes_on)
+    _put_ahead(code, work.new, work.f_new, found["signed"])
+    for i in text.each(code.D):
         work.new.choose(goes_on, i, work.start[i])
     work.accepted.choose(goes_on, 0, 1.0)
-    _choose(lines, goes_on, none)
+    _choose(code, goes_on, none)
 
 
-def _put_all(lines, truth):
+def _put_all(code, truth):
     """Write all choices to the table of lanes, with the numbers that depend on them."""
-    text, work, conditions = lines.text, lines.work, lines.f.conditions
-    _put_choices(lines, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
-    derived = lines.half.block.derived.results
+    text, work, conditions = code.text, code.work, code.f.conditions
+    _put_choices(code, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
+    derived = code.integrator.block.derived.results
     if derived:
-        lines.call("derived", lines.table, lines.table, work.derived)
-        places = text.constants([lines.half.block.places[a] for a in derived])
-        table = text.array(lines.table)
+        code.call("derived", code.table, code.table, work.derived)
+        places = text.constants([code.integrator.block.places[a] for a in derived])
+        table = text.array(code.table)
         for k in text.each(len(derived)):
             table.choose(truth, places[k], work.derived[k])
 
 
-def _put_choices(lines, truth, kinds, found, place):
+def _put_choices(code, truth, kinds, found, place):
     """Write choices, which rows have, or arguments of tables, to the table of lanes."""
-    text, f = lines.text, lines.half.block
+    text, f = code.text, code.integrator.block
     first = len(f.conditions.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]
         if not are_tables:
-            numbers, chosen = found.after(group[0][0]), text.array(lines.table, place)
+            numbers, chosen = found.after(group[0][0]), text.array(code.table, place)
             for n in text.each(len(group)):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
         for k, kind in group:
             shift = shift_of(f, first + k)
-            _put_interval(lines, kind, truth.bits(), found.after(k), place, shift)
+            _put_interval(code, kind, truth.bits(), found.after(k), place, shift)
             place += Table.ROWS
 
 
@@ -302,19 +304,19 @@ def shift_of(f, number):
     conditions = f.conditions
     if number not in conditions.shifts:
         return None
-    first = len(conditions.kinds) + (f.changes.surfaces if f.changes else 0)
+    first = len(conditions.kinds) + (f.events.surfaces if f.events else 0)
     return f.places[f.surfaces.results[first + conditions.shifts.index(number)]]
 
 
-def _put_interval(lines, table, bits, argument, place, shift):
+def _put_interval(code, table, bits, argument, place, shift):
     """Write the interval of a table that holds an argument to the table of lanes with bits."""
-    text, one = lines.text, lines.text.lanes(1)
+    text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
-    for offset in lines.lanes_with(bits):
-        x = one.array(lines.work.line.at() + offset, argument.first)[0]
-        of_lane = one.array(lines.table + offset)
+    for offset in code.lanes_with(bits):
+        x = one.array(code.work.line.at() + offset, argument.first)[0]
+        of_lane = one.array(code.table + offset)
         less = one.value(0.0) if shift is None else of_lane[shift]
-        to = text.place(lines.table + offset, place)
+        to = text.place(code.table + offset, place)
         at = intervals.holding(x, less)
         text.copy_numbers(at, intervals.bytes, to, text.size, Table.ROWS)
         if shift is not None:

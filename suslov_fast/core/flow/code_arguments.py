@@ -1,10 +1,10 @@
-"""The arguments of the code of a half of the motion: addresses, and numbers of all lanes."""
+"""The arguments of the code of an integrator: addresses, and numbers of all lanes."""
 
 from math import inf
 from typing import Any, NamedTuple
 
 
-class Arguments(NamedTuple):
+class CodeArguments(NamedTuple):
     """The integers of an array that the code takes."""
 
     rows: int  # address of the rows of trajectories (count, rows)
@@ -13,9 +13,9 @@ class Arguments(NamedTuple):
     budget: int  # steps of all lanes, after which the code returns
     table: int  # address of the table (n,) or (count, n)
     table_bytes: int  # from trajectory to trajectory
-    work: int  # address of the rows of `Work`
-    numbers: int  # address of `Numbers`
-    components: int  # address of the rows of `Component` (5, D)
+    work: int  # address of the rows of `WorkRows`
+    numbers: int  # address of `SharedNumbers`
+    components: int  # address of the rows of `ComponentNumbers` (5, D)
     times: int = 0  # address of the moduli of times, ascending, and two infinite ones
     states: int = 0  # address of the states at these times (count, trajectories, D)
     state_bytes: int = 0  # of one time
@@ -26,7 +26,7 @@ class Arguments(NamedTuple):
     full: int = 0  # the number of records after which the code returns
 
 
-class Component(NamedTuple):
+class ComponentNumbers(NamedTuple):
     """Numbers of a component that all lanes share."""
 
     extra: float  # what is added to the allowed error: atol, infinity for clocks
@@ -36,7 +36,7 @@ class Component(NamedTuple):
     seeds: float  # what is added to the vector of the power iteration
 
 
-class Numbers(NamedTuple):
+class SharedNumbers(NamedTuple):
     """The numbers that all lanes share."""
 
     rtol: float
@@ -45,15 +45,15 @@ class Numbers(NamedTuple):
     part: float  # see `step_length.first_part`
     longest: float  # step
     limit: float  # see `step_length.limit_of`
-    switches: float  # 1 if lanes may change to the other half, else 0
+    switches: float  # 1 if lanes may change to the other integrator, else 0
     first_next: float  # the first time
     second_next: float  # the second one
-    first_state: float  # `State.EXPLICIT` or `State.IMPLICIT`
+    first_state: float  # `LaneState.EXPLICIT` or `LaneState.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
     enough: float = inf  # crossings of surfaces of records, after which a trajectory stops
     since: float = -1.0  # modulus of the time after which they count
 
 
-SLOT = Arguments(*range(len(Arguments._fields)))
-NUMBER: Any = Numbers(*range(len(Numbers._fields)))  # places, which are integers
-COMPONENT = Component(*range(len(Component._fields)))
+SLOT = CodeArguments(*range(len(CodeArguments._fields)))
+NUMBER: Any = SharedNumbers(*range(len(SharedNumbers._fields)))  # places, which are integers
+COMPONENT = ComponentNumbers(*range(len(ComponentNumbers._fields)))

@@ -1,48 +1,48 @@
-"""The arrays, rules and functions called that the functions of a half's text share.
+"""What the functions in an integrator's text share: arrays, scalar kernels, calls of functions.
 
-`Scope` is a function that has rows of `Work`, and `Lines` that which takes steps of lines of lanes.
+`FunctionCode` is a function with rows of `WorkRows`; `StepCode` takes steps of lines of lanes.
 """
 
 from ..llvm.text import Integers, Shared, Truth
 from . import step_length
-from .code_arguments import COMPONENT, NUMBER, SLOT, Arguments, Component, Numbers
-from .memory import OF_CHANGES, State
+from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
+from .memory import EVENT_ROWS, LaneState
 from .weights import EXPLICIT, IMPLICIT
 
 
-class Scope:
-    """A function of the text of a half: `work` has an array for each part of `Work`."""
+class FunctionCode:
+    """A function in the text of an integrator: `work` has an array for each part of `WorkRows`."""
 
-    def __init__(self, text, half, name, for_each, work="%work"):
-        self.text, self.half, self.name, self.for_each = text, half, name, for_each
-        self.f, self.D = half.f, half.f.D
+    def __init__(self, text, integrator, name, for_each, work="%work"):
+        self.text, self.integrator, self.name, self.for_each = text, integrator, name, for_each
+        self.f, self.D = integrator.f, integrator.f.D
         self.extended = self.D + len(self.f.denominators)
-        self.work = text.arrays(work, half.work)
+        self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call one of the functions of the half, see `vector_functions`: from, table, to."""
+        """Call one of the functions of the integrator, see `vector_functions`: from, table, to."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
-class Lines(Scope):
+class StepCode(FunctionCode):
     """The function that takes steps of lines of lanes.
 
-    of        the arguments of the code, see `Arguments`
-    line      an array for each part of `Rows`
-    work      one for each part of `Work`
-    of_changes   one for each part of `OfChanges`, if there are changes
+    of        the arguments of the code, see `CodeArguments`
+    line      an array for each part of `TrajectoryRows`
+    work      one for each part of `WorkRows`
+    of_changes   one for each part of `EventRows`, if there are changes
     table     the address of the table
     """
 
-    def __init__(self, text, half, name, for_each):
+    def __init__(self, text, integrator, name, for_each):
         self.arguments = Integers(text, "%arguments")
-        self.of = Arguments(*(self.arguments[k] for k in SLOT))
-        super().__init__(text, half, name, for_each, self.of.work)
-        self.line = text.arrays(self.work.line.at(), half.rows)
+        self.of = CodeArguments(*(self.arguments[k] for k in SLOT))
+        super().__init__(text, integrator, name, for_each, self.of.work)
+        self.line = text.arrays(self.work.line.at(), integrator.rows)
         self.table = self.work.table.at() if for_each else self.of.table
-        self.of_changes = None
-        if half.changes:
-            self.of_changes = text.arrays(self.line.of_changes.at(), OF_CHANGES)
+        self.of_events = None
+        if integrator.events:
+            self.of_events = text.arrays(self.line.of_events.at(), EVENT_ROWS)
 
     def has_trajectories(self):
         """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
@@ -56,49 +56,49 @@ class Lines(Scope):
 
     @property
     def mode(self):
-        """The `State` of lanes that this half takes."""
-        mode = State.IMPLICIT if self.half.is_implicit else State.EXPLICIT
+        """The `LaneState` of lanes that this integrator takes."""
+        mode = LaneState.IMPLICIT if self.integrator.is_implicit else LaneState.EXPLICIT
         return self.text.value(float(mode))
 
     def number(self, name):
-        """Return one of `Numbers`."""
+        """Return one of `SharedNumbers`."""
         return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
 
     def component(self, name, i):
-        """Return one of `Component`."""
+        """Return one of `ComponentNumbers`."""
         return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
 
-    def apply(self, rule, i=0, **inputs):
+    def apply(self, scalar_kernel, i=0, **inputs):
         """Carry out a rule, for component i of what has several; return its results by name.
 
-        Inputs that are not given are, by their names, `Numbers`, a `Component`, and rows of `line`
-        or of `work`.
+        Inputs that are not given are found by name: in `SharedNumbers`, in `ComponentNumbers`, and
+        in the rows of `line` or `work`.
         """
-        for name in [name for name in rule.inputs if name not in inputs]:
-            if name in Numbers._fields:
+        for name in [name for name in scalar_kernel.inputs if name not in inputs]:
+            if name in SharedNumbers._fields:
                 inputs[name] = self.number(name)
-            elif name in Component._fields:
+            elif name in ComponentNumbers._fields:
                 inputs[name] = self.component(name, i)
             else:
-                places = self.line, self.work, self.of_changes
+                places = self.line, self.work, self.of_events
                 rows = next(each for each in places if hasattr(each, name))
                 inputs[name] = getattr(rows, name)[i]
-        return self.text.apply(rule, **inputs)
+        return self.text.apply(scalar_kernel, **inputs)
 
     def near(self):
         """Return the results of `NEAR`, which are constants where no surface ends steps."""
-        if self.half.watched:
+        if self.integrator.watched:
             return self.apply(step_length.NEAR)
         return {"reach": step_length.REACH, "shortest": step_length.SHORTEST}
 
     def of_columns(self, rows, i):
         """Return what rows such as `work.ends` have of component i, of each column."""
-        columns = IMPLICIT if self.half.is_implicit else EXPLICIT
+        columns = IMPLICIT if self.integrator.is_implicit else EXPLICIT
         return [rows.after(c * self.D)[i] for c in range(len(columns))]
 
     def goal(self):
         """Return what rules take for the last time: that of the next change, if it is earlier."""
-        return self.apply(step_length.GOAL) if self.half.changes else {}
+        return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
         """Let the largest modulus of component i include that of a value in these lanes."""

@@ -18,9 +18,9 @@ import numpy as np
 
 from ..expressions.values import larger
 from ..llvm.text import Carried, Integers, Shared, Value
-from .codegen import Lines, weighted
-from .memory import OF_CHANGES, State
-from .scalar_kernels import NEARLY, rule
+from .codegen import StepCode, weighted
+from .memory import EVENT_ROWS, LaneState
+from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .tolerance import LARGER_RATIO
 from .weights import EXPLICIT, weights
@@ -36,7 +36,7 @@ _SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
 _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 
-@rule
+@scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
     """The length of a quarter of a step that has passed a time, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
@@ -55,7 +55,7 @@ def weights_at(v):
     return of_states | of_rates
 
 
-@rule
+@scalar_kernel
 def BETWEEN(t, taken, next):
     """The weights at the next time."""
     return weights_at(4.0 * ((next - t) / taken))
@@ -70,7 +70,7 @@ def weights_of_test(v):
     )
 
 
-@rule
+@scalar_kernel
 def INTERPOLATED(
     x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
     rate0, rate1, rate2, rate3, rate4,
@@ -81,14 +81,14 @@ def INTERPOLATED(
     return {"value": states + signed * rates}
 
 
-@rule
+@scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
     """The largest error of the polynomial by what is allowed, as far as f tells."""
     ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
     return {"ratio": ratio, "total": total + abs(f)}
 
 
-@rule
+@scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
     """Return whether a step is taken again, to the next time, because its inside is not known.
 
@@ -103,87 +103,87 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
         "second": inf,
         "t": t,
         "steps": steps - 1.0,
-        "state": state.equals(float(State.TOO_MANY)).select(state, float(State.EXPLICIT)),
+        "state": state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT)),
         "longer": AFTER_REFUSED,
     }
 
 
-@rule
+@scalar_kernel
 def WITH_SIGN(value, x, keeps):
     """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
     signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
     return {"value": (keeps > 0.0).select(signed, value)}
 
 
-def add_between(text, half, name, for_each):
+def add_between(text, integrator, name, for_each):
     """Add the function void between(arguments), which saves states at times within a step.
 
     It is a function of its own, because LLVM's time grows faster than the length of a function.
     """
     with text.function(f"{name}_between", ("arguments",)):
-        lines = Lines(text, half, name, for_each)
-        _find_nodes(lines)
+        code = StepCode(text, integrator, name, for_each)
+        _find_nodes(code)
         for now in text.rounds(Carried()):
-            _put_between(lines, lines.apply(BETWEEN, **_of_step(lines)))
-            save(lines, _passed(lines, Value.__gt__).bits(), lines.work.start)
-            now.goes_on = _passed(lines, Value.__gt__).any()
+            _put_between(code, code.apply(BETWEEN, **_of_step(code)))
+            save(code, _passed(code, Value.__gt__).bits(), code.work.start)
+            now.goes_on = _passed(code, Value.__gt__).any()
 
 
-def save_states(lines):
+def save_states(code):
     """Save the states at times that the step has passed, or reached aside."""
-    text, work = lines.text, lines.work
+    text, work = code.text, code.work
     served = work.served[0] > 0.0
-    with text.when((served | _passed(lines, Value.__ge__)).any(), likely=False):
-        save(lines, served.bits(), work.new)
-        if not lines.half.is_implicit:
-            with text.when(_passed(lines, Value.__gt__).any()):
-                text.invoke(f"{lines.name}_between", lines.arguments)
-        if not lines.half.changes:
-            save(lines, _passed(lines, Value.equals).bits(), work.new)
+    with text.when((served | _passed(code, Value.__ge__)).any(), likely=False):
+        save(code, served.bits(), work.new)
+        if not code.integrator.is_implicit:
+            with text.when(_passed(code, Value.__gt__).any()):
+                text.invoke(f"{code.name}_between", code.arguments)
+        if not code.integrator.events:
+            save(code, _passed(code, Value.equals).bits(), work.new)
 
 
-def save_at_end(lines):
+def save_at_end(code):
     """Save the states at times at which the step ends, or NEARLY, after changes there."""
-    text = lines.text
-    with text.when(_reached(lines).any(), likely=False):
+    text = code.text
+    with text.when(_reached(code).any(), likely=False):
         for now in text.rounds(Carried()):
-            save(lines, _reached(lines).bits(), lines.work.new)
-            now.goes_on = _reached(lines).any()
+            save(code, _reached(code).bits(), code.work.new)
+            now.goes_on = _reached(code).any()
 
 
-def _passed(lines, how):
+def _passed(code, how):
     """Return which lanes have passed their next time within the step."""
-    return (lines.work.accepted[0] > 0.0) & how(_until(lines), lines.line.next[0])
+    return (code.work.accepted[0] > 0.0) & how(_until(code), code.line.next[0])
 
 
-def _reached(lines):
+def _reached(code):
     """Return which lanes have reached their next time."""
-    return (lines.work.accepted[0] > 0.0) & (lines.line.t[0] >= lines.line.next[0])
+    return (code.work.accepted[0] > 0.0) & (code.line.t[0] >= code.line.next[0])
 
 
-def _until(lines):
+def _until(code):
     """Return the time before which states are those inside the step, and not after changes."""
-    t = lines.line.t[0]
-    if not lines.half.changes:
+    t = code.line.t[0]
+    if not code.integrator.events:
         return t
-    return (lines.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
+    return (code.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
 
 
-def _of_step(lines):
+def _of_step(code):
     """Return the inputs of rules for the time before a step, and its length."""
-    return {"t": lines.work.t[0], "taken": lines.work.taken[0]}
+    return {"t": code.work.t[0], "taken": code.work.taken[0]}
 
 
-def _find_nodes(lines):
+def _find_nodes(code):
     """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
-    text, line, work, D = lines.text, lines.line, lines.work, lines.D
-    lines.keep(work, lines.apply(QUARTER, after=_until(lines), **_of_step(lines)))
+    text, line, work, D = code.text, code.line, code.work, code.D
+    code.keep(work, code.apply(QUARTER, after=_until(code), **_of_step(code)))
     few, more = WEIGHTS
     of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
     for i in text.each(D, largest):
-        inputs = {"error": weighted(of_few, lines.of_columns(work.ends, i))}
+        inputs = {"error": weighted(of_few, code.of_columns(work.ends, i))}
         inputs |= {"inverse": work.error[i], "ratio": largest.ratio}
-        largest.update(lines.apply(LARGER_RATIO, **inputs))
+        largest.update(code.apply(LARGER_RATIO, **inputs))
     needs = largest.ratio > OF_FEW
     count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
@@ -191,64 +191,64 @@ def _find_nodes(lines):
 
     x, f = line.x, line.f
     for k in range(3):
-        lines.columns(x, f, count)
+        code.columns(x, f, count)
         node = work.nodes.after(2 * k * D)
         for i in text.each(D):
-            ends = lines.of_columns(work.ends, i)[: FEW + 1]
+            ends = code.of_columns(work.ends, i)[: FEW + 1]
             ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
             node[i] = x[i] + weighted(factors, ends)
-        lines.call("f", node, lines.table, work.f)
+        code.call("f", node, code.table, work.f)
         x, f = node, node.after(D)
         text.copy(work.f, f, D)
     sums = Carried(ratio=0.0, total=0.0)
     for v in TESTS:
         of_value, of_slope = weights_of_test(v)
-        _put_between(lines, of_value)
-        lines.call("f", work.start, lines.table, work.f)
+        _put_between(code, of_value)
+        code.call("f", work.start, code.table, work.f)
         for i in text.each(D, sums):
-            inputs = {"slope": _between(lines, of_slope, i), "f": work.f[i]}
+            inputs = {"slope": _between(code, of_slope, i), "f": work.f[i]}
             inputs |= {"signed": work.signed[0], "inverse": work.error[i]}
-            sums.update(lines.apply(DEFECT, **inputs, **vars(sums)))
-    found = lines.apply(FAILS, signed=work.signed[0], **_of_step(lines), **vars(sums))
+            sums.update(code.apply(DEFECT, **inputs, **vars(sums)))
+    found = code.apply(FAILS, signed=work.signed[0], **_of_step(code), **vars(sums))
     fails = found.pop("fails") > 0.0
     with text.when(fails.any(), likely=False):
-        lines.keep(line, found, fails)
+        code.keep(line, found, fails)
         work.accepted.choose(fails, 0, 0.0)
 
 
-def _between(lines, weights, i):
+def _between(code, weights, i):
     """Return a component of the polynomial with these weights, less x."""
-    work, inputs = lines.work, {}
+    work, inputs = code.work, {}
     for k in range(3):
-        node = work.nodes.after(2 * k * lines.D)
-        inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(lines.D)[i]}
+        node = work.nodes.after(2 * k * code.D)
+        inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(code.D)[i]}
     inputs |= {"x4": work.new[i], "f4": work.f_new[i], "signed": work.signed[0]}
-    return lines.apply(INTERPOLATED, i, **inputs, **weights)["value"]
+    return code.apply(INTERPOLATED, i, **inputs, **weights)["value"]
 
 
-def _put_between(lines, weights):
+def _put_between(code, weights):
     """Write the state inside the step with these weights to `start`."""
-    for i in lines.text.each(lines.D):
-        x = lines.line.x[i]
-        value = x + _between(lines, weights, i)
-        if lines.f.of_one_sign:
-            value = lines.apply(WITH_SIGN, i, value=value, x=x)["value"]
-        lines.work.start.put_chosen(i, value)
+    for i in code.text.each(code.D):
+        x = code.line.x[i]
+        value = x + _between(code, weights, i)
+        if code.f.of_one_sign:
+            value = code.apply(WITH_SIGN, i, value=value, x=x)["value"]
+        code.work.start.put_chosen(i, value)
 
 
-def save(lines, bits, states):
-    """Save the states in rows of `Work` of the lanes with these bits; go to their next time."""
-    text, of, rows = lines.text, lines.of, lines.half.rows
+def save(code, bits, states):
+    """Save the states in rows of `WorkRows` of the lanes with these bits; go to their next time."""
+    text, of, rows = code.text, code.of, code.integrator.rows
     one = text.lanes(1)
-    for offset in lines.lanes_with(bits):
-        line = one.arrays(lines.line.x.at() + offset, rows)
-        of_work = lines.work.line.at() + offset
+    for offset in code.lanes_with(bits):
+        line = one.arrays(code.line.x.at() + offset, rows)
+        of_work = code.work.line.at() + offset
         place_at = Integers(text, line.place.at())
         place = place_at[0]
         trajectory = Integers(text, line.trajectory.at())[0]
         to = of.states + place * of.state_bytes
-        to = to + trajectory * (8 * lines.D)
-        for i in text.each(lines.D):
+        to = to + trajectory * (8 * code.D)
+        for i in text.each(code.D):
             Shared(one, to)[i] = one.array(of_work, states.first)[i]
         text.prefetch(to + of.state_bytes * 2)
         following = place + 1
@@ -256,5 +256,5 @@ def save(lines, bits, states):
         times = Shared(one, of.times)
         line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0
-        if lines.of_changes:
-            one.arrays(line.of_changes.at(), OF_CHANGES).actions[0] = 0.0
+        if code.of_events:
+            one.arrays(line.of_events.at(), EVENT_ROWS).actions[0] = 0.0

@@ -14,15 +14,15 @@ from ..expressions.event_formulas import GAP, OF_SURFACE
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
-from .codegen import Lines
+from .codegen import StepCode
 from .event_records import record
-from .memory import OF_CHANGES, State
-from .scalar_kernels import AT_ONCE, NEARLY, TINY, rule
+from .memory import EVENT_ROWS, LaneState
+from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 
 # A trajectory ends where a change acts again at once so often in a row, or where so many act at
 # one instant beside one at each surface.
-CHANGES_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
+ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
 SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
 MOMENT = 2.0**-16  # part of the last step, after which rates tell how they change
@@ -48,10 +48,10 @@ def _side(value, rate, size, rate_size, near, sign):
     }
 
 
-SIDE = rule(_side)
+SIDE = scalar_kernel(_side)
 
 
-@rule
+@scalar_kernel
 def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
     """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above.
 
@@ -67,7 +67,7 @@ def _is_on(value, rate, last, jumps):
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
-@rule
+@scalar_kernel
 def CROSSED(
     value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
     at_surface,
@@ -104,7 +104,7 @@ def CROSSED(
     }
 
 
-@rule
+@scalar_kernel
 def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
@@ -127,7 +127,7 @@ def AGAIN(
     of_terms = LOW * (size + rate_size * now)  # which are those of a state within rounding of now
     is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
     is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
-    counts = is_at_once.select(comes_back.select(CHANGES_AT_ONCE, 1.0), 0.0)
+    counts = is_at_once.select(comes_back.select(ACTIONS_AT_ONCE, 1.0), 0.0)
     of_gaps = (pause > gap).select(gap * gap / (pause - gap), 0.0)
     of_rates = parabola / (1.0 - abs(rate / rate_before))
     return {
@@ -138,8 +138,8 @@ def AGAIN(
     }
 
 
-@rule
-def CHANGED_STATE(
+@scalar_kernel
+def AFTER_EVENT(
     size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
     stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
@@ -157,11 +157,11 @@ def CHANGED_STATE(
     least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
     guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
     often_now = (more > 0.0).select(often + more, 0.0)
-    piles_up = (often_now >= CHANGES_AT_ONCE) | (endless > 0.0)
-    too_many = (actions > most).select(float(State.TOO_MANY), state)
-    after = piles_up.select(float(State.ACCUMULATES), too_many)
-    after = (state < State.DONE).select(after, state)
-    after = (total < inf).select(after, float(State.ENDED))
+    piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
+    too_many = (actions > most).select(float(LaneState.TOO_MANY), state)
+    after = piles_up.select(float(LaneState.ACCUMULATES), too_many)
+    after = (state < LaneState.DONE).select(after, state)
+    after = (total < inf).select(after, float(LaneState.ENDED))
     end = (limit < inf).select(smaller(limit, last), t)
     return {
         "wanted": is_changed.select(guess, wanted),
@@ -170,259 +170,259 @@ def CHANGED_STATE(
         "stiff": is_changed.select(0.0, stiff),
         "easy": is_changed.select(0.0, easy),
         "tries": is_changed.select(0.0, tries),
-        "at": is_changed.select(after.equals(float(State.ACCUMULATES)).select(end, t), at),
+        "at": is_changed.select(after.equals(float(LaneState.ACCUMULATES)).select(end, t), at),
         "often": is_changed.select(often_now, often),
     }
 
 
-def add_change(text, half, name, for_each):
+def add_actions(text, integrator, name, for_each):
     """Add the function void change(arguments), which changes `new` and `f_new` of lanes.
 
     It acts in lanes with `accepted` 1 that are at the time of a change.
     """
     with text.function(f"{name}_change", ("arguments",)):
-        lines = Lines(text, half, name, for_each)
-        _change(lines)
+        code = StepCode(text, integrator, name, for_each)
+        _act_of_lanes(code)
 
 
-def change(lines):
+def act(code):
     """Let changes act on the next states of lanes whose step is taken."""
-    if lines.half.changes:
-        is_there = _is_there(lines)
-        if lines.half.changes.surfaces:  # a state that stays on a surface may leave it
-            is_there = is_there | (lines.of_changes.resting[0] * lines.work.accepted[0] > 0.0)
-        with lines.text.when(is_there.any(), likely=False):
-            lines.text.invoke(f"{lines.name}_change", lines.arguments)
+    if code.integrator.events:
+        is_there = _is_there(code)
+        if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
+            is_there = is_there | (code.of_events.resting[0] * code.work.accepted[0] > 0.0)
+        with code.text.when(is_there.any(), likely=False):
+            code.text.invoke(f"{code.name}_change", code.arguments)
 
 
-def find_sides(lines, begins):
+def find_sides(code, begins):
     """Find on which sides of surfaces the trajectories of these lanes begin."""
-    if not lines.half.changes.surfaces:
+    if not code.integrator.events.surfaces:
         return
-    side, resting = lines.line.side, Carried(resting=0.0)
-    _look(lines)
-    _look_a_moment_later(lines)
-    for k in lines.text.each(lines.half.changes.surfaces, resting):
-        found = lines.apply(SIDE, near=0.0, **_at_surface(lines, k))
-        found = _with_flat_side(lines, k, **found)
+    side, resting = code.line.side, Carried(resting=0.0)
+    _look(code)
+    _look_a_moment_later(code)
+    for k in code.text.each(code.integrator.events.surfaces, resting):
+        found = code.apply(SIDE, near=0.0, **_at_surface(code, k))
+        found = _with_flat_side(code, k, **found)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
-        lines.line.acted.choose(begins, k * 2, -inf)
+        code.line.acted.choose(begins, k * 2, -inf)
         resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
-    lines.of_changes.resting.choose(begins, 0, resting.resting)
+    code.of_events.resting.choose(begins, 0, resting.resting)
 
 
-def _is_at_stop(lines):
+def _is_at_stop(code):
     """Return which lanes have reached the next time of a change."""
-    accepted = lines.work.accepted[0] > 0.0
-    return accepted & (lines.line.t[0] >= lines.of_changes.stop[0])
+    accepted = code.work.accepted[0] > 0.0
+    return accepted & (code.line.t[0] >= code.of_events.stop[0])
 
 
-def _is_there(lines):
+def _is_there(code):
     """Return in which lanes changes may act."""
-    is_at_stop = _is_at_stop(lines)
-    if not lines.half.changes.surfaces:
+    is_at_stop = _is_at_stop(code)
+    if not code.integrator.events.surfaces:
         return is_at_stop
-    at_surface = lines.work.at_surface[0] > 0.0
-    return is_at_stop | ((lines.work.accepted[0] > 0.0) & at_surface)
+    at_surface = code.work.at_surface[0] > 0.0
+    return is_at_stop | ((code.work.accepted[0] > 0.0) & at_surface)
 
 
-def _look(lines):
+def _look(code):
     """Find `OF_SURFACE` of surfaces at the new state."""
-    _look_at(lines, lines.work.new, lines.work.f_new, lines.work.toward)
+    _look_at(code, code.work.new, code.work.f_new, code.work.toward)
 
 
-def _look_at(lines, x, f, to):
-    pair, D = lines.work.pair, lines.half.block.D
-    lines.text.copy(x, pair, D)
-    lines.text.copy(f, pair.after(D), D)
-    lines.call("toward", pair, lines.table, to)
+def _look_at(code, x, f, to):
+    pair, D = code.work.pair, code.integrator.block.D
+    code.text.copy(x, pair, D)
+    code.text.copy(f, pair.after(D), D)
+    code.call("toward", pair, code.table, to)
 
 
-def _at_surface(lines, k):
+def _at_surface(code, k):
     """Return what `_look` has found of surface k, by name, but for its slopes."""
     names = enumerate(("value", "rate", "size", "rate_size"))
-    return {name: lines.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
+    return {name: code.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
 
 
-def _change(lines):
-    text, work, changes = lines.text, lines.work, lines.half.changes
-    is_there, is_at_stop = _is_there(lines), _is_at_stop(lines)
+def _act_of_lanes(code):
+    text, work, events = code.text, code.work, code.integrator.events
+    is_there, is_at_stop = _is_there(code), _is_at_stop(code)
     work.noted[0] = 0.0
-    _keep_largest(lines, is_there)
-    if lines.half.block is not lines.f:
-        for c in text.each(lines.f.columns):
+    _keep_largest(code, is_there)
+    if code.integrator.block is not code.f:
+        for c in text.each(code.f.columns):
             work.tau[c] = 0.0
-    if changes.at_times:
+    if events.at_times:
         with text.when(is_at_stop.any()):
-            _act_at_times(lines)
+            _act_at_times(code)
     again = Carried(more=0.0, limit=inf)
-    if changes.surfaces:
+    if events.surfaces:
         by_motion = is_there & ~is_at_stop
-        _act_at_surfaces(lines, is_there, by_motion, again)
-    _go_on(lines, is_at_stop, again)
+        _act_at_surfaces(code, is_there, by_motion, again)
+    _go_on(code, is_at_stop, again)
 
 
-def _act_at_times(lines):
+def _act_at_times(code):
     """Let changes act whose times have come, in the order of the list."""
-    text, changes = lines.text, lines.half.changes
+    text, events = code.text, code.integrator.events
     for now in text.rounds(Carried()):
-        acts = _is_at_stop(lines)
-        for k in range(changes.surfaces, changes.count):
-            own = acts & lines.of_changes.stop_which[0].equals(float(k))
+        acts = _is_at_stop(code)
+        for k in range(events.surfaces, events.count):
+            own = acts & code.of_events.stop_which[0].equals(float(k))
             with text.when(own.any()):
-                _act(lines, k, own)
-        _next_stop(lines, acts.bits())
-        now.goes_on = _is_at_stop(lines).any()
+                _act(code, k, own)
+        _next_stop(code, acts.bits())
+        now.goes_on = _is_at_stop(code).any()
 
 
-def _most(changes):
+def _most(events):
     """Return how many changes at surfaces may act at one instant."""
-    return MOST_AT_ONCE + changes.surfaces
+    return MOST_AT_ONCE + events.surfaces
 
 
-def _act_at_surfaces(lines, is_there, by_motion, again):
+def _act_at_surfaces(code, is_there, by_motion, again):
     """Let changes act at the surfaces that a state has crossed, again and again until none does.
 
     `by_motion` are the lanes whose step has crossed one; another change may have crossed others.
     `again` is what `AGAIN` finds.
     """
-    text, work, changes = lines.text, lines.work, lines.half.changes
-    for k in text.each(changes.surfaces):
+    text, work, events = code.text, code.work, code.integrator.events
+    for k in text.each(events.surfaces):
         work.fired[k * 3] = 0.0
-    _look(lines)
-    if changes.count == 1:
-        _cross(lines, 0, is_there, by_motion)
+    _look(code)
+    if events.count == 1:
+        _cross(code, 0, is_there, by_motion)
     else:
         for now in text.rounds(Carried()):
             noted = work.noted[0]
-            few = is_there & (noted < _most(changes))
-            for k in range(changes.surfaces):
-                _cross(lines, k, few, by_motion & work.noted[0].equals(0.0))
+            few = is_there & (noted < _most(events))
+            for k in range(events.surfaces):
+                _cross(code, k, few, by_motion & work.noted[0].equals(0.0))
             now.goes_on = (work.noted[0] > noted).any()
     again.resting = 0.0
-    _look_a_moment_later(lines)
-    for k in text.each(changes.surfaces, again):
-        side, acted, place, fired = lines.line.side, lines.line.acted, k * 2, work.fired[k * 3]
+    _look_a_moment_later(code)
+    for k in text.each(events.surfaces, again):
+        side, acted, place, fired = code.line.side, code.line.acted, k * 2, work.fired[k * 3]
         level = side.after(1)
-        found = _with_flat_side(lines, k, side[place], level[place])
+        found = _with_flat_side(code, k, side[place], level[place])
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
         level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
-        own |= _at_surface(lines, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
-        found = lines.apply(AGAIN, **own, more=again.more, limit=again.limit)
+        own |= _at_surface(code, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
+        found = code.apply(AGAIN, **own, more=again.more, limit=again.limit)
         acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
-    lines.of_changes.resting[0] = vars(again).pop("resting")
+    code.of_events.resting[0] = vars(again).pop("resting")
 
 
-def _with_flat_side(lines, k, side, level):
+def _with_flat_side(code, k, side, level):
     """Return the side and the level of surface k after `FLAT_SIDE`."""
-    value, slopes = (lines.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
-    later = lines.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
-    may = lines.text.constants([*map(float, lines.half.changes.flats)])[k]
+    value, slopes = (code.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
+    later = code.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
+    may = code.text.constants([*map(float, code.integrator.events.flats)])[k]
     own = {"value": value, "slopes": slopes, "slopes_later": later, "may": may}
-    return lines.apply(FLAT_SIDE, side=side, level=level, **own)
+    return code.apply(FLAT_SIDE, side=side, level=level, **own)
 
 
-def _look_a_moment_later(lines):
+def _look_a_moment_later(code):
     """Find `OF_SURFACE` of surfaces MOMENT after the new state, in `ahead`."""
-    work = lines.work
-    signed = lines.number("sign") * (MOMENT * work.taken[0])
-    for i in lines.text.each(lines.D):
+    work = code.work
+    signed = code.number("sign") * (MOMENT * work.taken[0])
+    for i in code.text.each(code.D):
         work.start[i] = work.new[i] + signed * work.f_new[i]
-    lines.call("f", work.start, lines.table, work.f)
-    _look_at(lines, work.start, work.f, work.ahead)
+    code.call("f", work.start, code.table, work.f)
+    _look_at(code, work.start, work.f, work.ahead)
 
 
-def _cross(lines, k, is_there, by_motion):
+def _cross(code, k, is_there, by_motion):
     """Let the change at surface k act in lanes whose state is on another side of it now."""
-    text, work, line, half = lines.text, lines.work, lines.line, lines.half
-    place, own = 2 * k, _at_surface(lines, k)
+    text, work, line, integrator = code.text, code.work, code.line, code.integrator
+    place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
-    given["jumps"] = text.value(float(half.changes.jumps[k]))
+    given["jumps"] = text.value(float(integrator.events.jumps[k]))
     inputs = {"side": line.side[place], "level": line.side[place + 1]} | own | given
-    found = lines.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
+    found = code.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
-    up, direction = found["up"], half.changes.directions[k]
+    up, direction = found["up"], integrator.events.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
-    if half.changes.only_records(k):
-        _note(lines, k, fires, up | found["down"], by_motion)
+    if integrator.events.only_records(k):
+        _note(code, k, fires, up | found["down"], by_motion)
         return
     with text.when(fires.any()):
         for n, value in enumerate((up.select(1.0, -1.0), found["near"], own["rate"])):
             work.fired.choose(fires, 3 * k + n, value)
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
-        _act(lines, k, fires, by_motion)
-        if half.changes.components[k]:
-            _look(lines)
-            after = _at_surface(lines, k) | {"near": found["near"]}
+        _act(code, k, fires, by_motion)
+        if integrator.events.components[k]:
+            _look(code)
+            after = _at_surface(code, k) | {"near": found["near"]}
             after["rate_size"] = after["rate_size"] + abs(own["rate"])
-            found = lines.apply(SIDE, **after)
+            found = code.apply(SIDE, **after)
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
 
 
-def _note(lines, k, truth, crosses, by_motion):
+def _note(code, k, truth, crosses, by_motion):
     """Record a crossing where nothing changes; a trajectory with enough of them stops."""
-    line, work, of = lines.line, lines.work, lines.of_changes
+    line, work, of = code.line, code.work, code.of_events
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
-    counts = truth & (t > lines.number("since")) & ~slides
+    counts = truth & (t > code.number("since")) & ~slides
     line.acted.choose(crosses, 2 * k, t)
-    with lines.text.when(counts.any()):
-        _take_columns(lines, k, counts, by_motion, work.new, work.f_new, False)
-        record(lines, counts, k, line.t, work.new, work.new, *_of_columns(lines, work.f_new))
+    with code.text.when(counts.any()):
+        _take_columns(code, k, counts, by_motion, work.new, work.f_new, False)
+        record(code, counts, k, line.t, work.new, work.new, *_of_columns(code, work.f_new))
         of.recorded[0] = recorded = of.recorded[0] + counts.select(1.0, 0.0)
         line.tries.choose(counts, 0, 0.0)
-        line.state.choose(counts & (recorded >= lines.number("enough")), 0, float(State.STOPPED))
+        line.state.choose(counts & (recorded >= code.number("enough")), 0, float(LaneState.STOPPED))
 
 
-def _act(lines, k, truth, by_motion=None):
+def _act(code, k, truth, by_motion=None):
     """Let change k act in these lanes, in some because of the motion."""
-    text, work, half = lines.text, lines.work, lines.half
-    own, D = half.changes.components[k], half.block.D
-    text.copy(work.new, work.before, lines.D)
+    text, work, integrator = code.text, code.work, code.integrator
+    own, D = integrator.events.components[k], integrator.block.D
+    text.copy(work.new, work.before, code.D)
     text.copy(work.f_new, work.f_before, D)
     if own:
-        lines.call(f"to{k}", work.new, lines.table, work.changed)
+        code.call(f"to{k}", work.new, code.table, work.changed)
         if own == tuple(range(D)):
             for i in text.each(D):
                 work.new.choose(truth, i, work.changed[i])
         else:
             for n, i in enumerate(own):
                 work.new.choose(truth, i, work.changed[n])
-        if half.f.conditions:
-            branch_choice.choose_all(lines, truth)
-        lines.call("f", work.new, lines.table, work.f_new)
-    _take_columns(lines, k, truth, by_motion, work.before, work.f_before, bool(own))
-    if own and half.block is not half.f:
-        lines.call("f", work.new, lines.table, work.f_new)
-    counts = lines.line.counts[k] + truth.select(1.0, 0.0)
-    lines.line.counts[k] = counts
-    actions = lines.of_changes.actions
+        if integrator.f.conditions:
+            branch_choice.update_branches(code, truth)
+        code.call("f", work.new, code.table, work.f_new)
+    _take_columns(code, k, truth, by_motion, work.before, work.f_before, bool(own))
+    if own and integrator.block is not integrator.f:
+        code.call("f", work.new, code.table, work.f_new)
+    counts = code.line.counts[k] + truth.select(1.0, 0.0)
+    code.line.counts[k] = counts
+    actions = code.of_events.actions
     actions[0] = actions[0] + truth.select(1.0, 0.0)
-    if half.changes.most[k] < np.inf:
-        is_over = truth & (counts >= float(half.changes.most[k]))
-        lines.line.state.choose(is_over, 0, float(State.STOPPED))
-    record(lines, truth, k, lines.line.t, work.before, work.new, *_of_columns(lines, work.f_before))
+    if integrator.events.most[k] < np.inf:
+        is_over = truth & (counts >= float(integrator.events.most[k]))
+        code.line.state.choose(is_over, 0, float(LaneState.STOPPED))
+    record(code, truth, k, code.line.t, work.before, work.new, *_of_columns(code, work.f_before))
 
 
-def _of_columns(lines, f_before):
+def _of_columns(code, f_before):
     """Return what a record of a `Variational` has: tau of each column, f before and after."""
-    if lines.half.block is lines.f:
+    if code.integrator.block is code.f:
         return ()
-    work, D = lines.work, lines.half.block.D
-    return (work.tau, lines.f.columns), (f_before, D), (work.f_new, D)
+    work, D = code.work, code.integrator.block.D
+    return (work.tau, code.f.columns), (f_before, D), (work.f_new, D)
 
 
-def _take_columns(lines, k, truth, by_motion, before, f_before, is_changed):
+def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
     """Find tau of the columns of a `Variational`, and change them if the state is changed."""
-    text, work, f, D = lines.text, lines.work, lines.f, lines.half.block.D
-    if lines.half.block is f:
+    text, work, f, D = code.text, code.work, code.f, code.integrator.block.D
+    if code.integrator.block is f:
         return
     for c in range(f.columns):
         q, column = c - (f.columns - f.q), D * (1 + c)
@@ -430,22 +430,22 @@ def _take_columns(lines, k, truth, by_motion, before, f_before, is_changed):
         for n, part in enumerate(parts):
             text.copy(part, work.pair.after(n * D), D)
         if by_motion is not None:
-            lines.call(f"tau{k}{end}", work.pair, lines.table, work.changed)
+            code.call(f"tau{k}{end}", work.pair, code.table, work.changed)
             work.tau.choose(truth & by_motion, c, work.changed[0])
         if is_changed:
             work.pair[4 * D] = work.tau[c]
-            lines.call(f"column{k}{end}", work.pair, lines.table, work.changed)
+            code.call(f"column{k}{end}", work.pair, code.table, work.changed)
             for i in text.each(D):
                 work.new.after(column).choose(truth, i, work.changed[i])
 
 
-def _next_stop(lines, bits):
+def _next_stop(code, bits):
     """Go to the next time of a change in lanes with these bits."""
-    text, of = lines.text, lines.of
+    text, of = code.text, code.of
     one = text.lanes(1)
-    for offset in lines.lanes_with(bits):
-        own = one.arrays(lines.line.of_changes.at() + offset, OF_CHANGES)
-        trajectory = Integers(text, lines.line.trajectory.at() + offset)[0]
+    for offset in code.lanes_with(bits):
+        own = one.arrays(code.line.of_events.at() + offset, EVENT_ROWS)
+        trajectory = Integers(text, code.line.trajectory.at() + offset)[0]
         place_at = Integers(text, own.stop_place.at())
         place = place_at[0] + 1
         place_at[0] = place
@@ -453,32 +453,32 @@ def _next_stop(lines, bits):
         own.stop[0], own.stop_which[0] = numbers[0], numbers[1]
 
 
-def _keep_largest(lines, truth):
+def _keep_largest(code, truth):
     """Let the largest moduli of components include those before a change; forget which are low."""
-    for i in lines.text.each(lines.half.block.D):
-        low = lines.line.low[i]
-        lines.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
-    for i in lines.text.each(lines.D):
-        lines.keep_largest(truth, i, lines.work.new[i])
+    for i in code.text.each(code.integrator.block.D):
+        low = code.line.low[i]
+        code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
+    for i in code.text.each(code.D):
+        code.keep_largest(truth, i, code.work.new[i])
 
 
-def _go_on(lines, is_at_stop, again):
+def _go_on(code, is_at_stop, again):
     """Choose the next length in lanes with changes, as that of a first step."""
-    work, conditions = lines.work, lines.f.conditions
+    work, conditions = code.work, code.f.conditions
     sums = Carried(size=0.0, rate=0.0, total=0.0)
-    for i in lines.text.each(lines.D, sums):
+    for i in code.text.each(code.D, sums):
         inputs = {"x": work.new[i], "f": work.f_new[i]}
-        sums.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(sums)))
+        sums.update(code.apply(BEGIN_COMPONENT, i, **inputs, **vars(sums)))
     before = Carried(size=0.0, rate=0.0, total=0.0)  # largest states, f where the step began
-    for i in lines.text.each(lines.D, before):
-        inputs = {"x": lines.line.largest[i], "f": lines.line.f[i]}
-        before.update(lines.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
-    endless = (work.noted[0] >= _most(lines.half.changes)).select(1.0, 0.0)
+    for i in code.text.each(code.D, before):
+        inputs = {"x": code.line.largest[i], "f": code.line.f[i]}
+        before.update(code.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
+    endless = (work.noted[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
     inputs |= {"largest": before.size, "rate_before": before.rate}
     if conditions and conditions.jumps:
-        is_changed = (inputs["number"] > 0.0) & lines.line.state[0].equals(lines.mode)
+        is_changed = (inputs["number"] > 0.0) & code.line.state[0].equals(code.mode)
         work.jumped.choose(is_changed, 0, 1.0)
-    for name, value in lines.apply(CHANGED_STATE, **inputs, **vars(sums)).items():
-        rows = lines.of_changes if hasattr(lines.of_changes, name) else lines.line
+    for name, value in code.apply(AFTER_EVENT, **inputs, **vars(sums)).items():
+        rows = code.of_events if hasattr(code.of_events, name) else code.line
         getattr(rows, name).put_chosen(0, value)

@@ -4,7 +4,7 @@ A step looks for surfaces at POINTS of its length, where the state is (`POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
-and `watch` of the half compares both ends of each part. A step that may hide two
+and `watch` of the integrator compares both ends of each part. A step that may hide two
 crossings between points, see `double_crossings`, is taken again, shorter. Then states there are
 better known, by f at one of them. In an implicit step they lie on the polynomial of degree 4
 through the states at its quarters.
@@ -27,8 +27,8 @@ import numpy as np
 
 from ..expressions.double_crossings import MIDDLE, POINTS
 from ..expressions.values import larger, smaller
-from .memory import State
-from .scalar_kernels import NEARLY, rule
+from .memory import LaneState
+from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
@@ -59,10 +59,10 @@ def _point(x, new, f, f_new, signed, u, quartic=0.0):
     return {"point": x + u * change + (bend + product * quartic) * product}
 
 
-POINT, POINT_WITH_QUARTIC = rule(_point), rule(_point, "quartic")
+POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quartic")
 
 
-@rule
+@scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
     """The part to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is f's.
 
@@ -78,7 +78,7 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
     return {"quartic": (abs(own) < inf).select(own, 0.0)}
 
 
-@rule
+@scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
     """A component at a part u of an implicit step, by states at its quarters.
 
@@ -92,7 +92,7 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
     return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
 
 
-@rule
+@scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """The place in a step where a surface is crossed first, as `watch` finds it up to u."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
@@ -123,7 +123,7 @@ def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
     return guess, of_inner, of_outer
 
 
-@rule
+@scalar_kernel
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
     crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
@@ -176,8 +176,8 @@ def CUT(
     after_this = (moved & is_near).select(after_surface, wanted)
     after_this = (moved & is_long).select(smaller(after_this, told), after_this)
     of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
-    running = (tries > most).select(float(State.TOO_MANY), mode)
-    stopped = (state >= State.DONE).select(running, state)
+    running = (tries > most).select(float(LaneState.TOO_MANY), mode)
+    stopped = (state >= LaneState.DONE).select(running, state)
     jumped = moved & seen & (jumps > 0.0) & (t < last)
     after = jumped.select(running, state)
     return {
@@ -199,169 +199,173 @@ def CUT(
     }
 
 
-@rule
+@scalar_kernel
 def BACK(found, taken, end):
     """The part of a step where a motion comes back to a surface, see `step_to_surface`."""
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 
 
-def cut(lines, before, total):
+def cut(code, before, total):
     """Take a step again that crosses a surface, or is on the way to one, with a better length."""
-    text, line, work, watched = lines.text, lines.line, lines.work, lines.half.watched
-    taken, count, pair, points = work.taken[0], lines.half.surfaces, work.between, work.points
+    text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
+    taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
     far = line.far
-    if lines.half.changes and lines.half.changes.surfaces:
-        text.copy(line.side, work.sides, 2 * lines.half.changes.surfaces)
-    is_far, from_start, of = ~(line.outer[0] < np.inf), ~(line.inner[0] > 0.0), lines.half.hidden
-    parts, middle = _look_at_points(lines, taken, from_start)
+    if code.integrator.events and code.integrator.events.surfaces:
+        text.copy(line.side, work.sides, 2 * code.integrator.events.surfaces)
+    is_far, from_start, of = (
+        ~(line.outer[0] < np.inf),
+        ~(line.inner[0] > 0.0),
+        code.integrator.hidden,
+    )
+    parts, middle = _look_at_points(code, taken, from_start)
     inputs = {"total": total, "before": before, "taken": taken}
-    inputs |= parts | {"mode": lines.mode, "goal": lines.goal().get("last", lines.number("last"))}
+    inputs |= parts | {"mode": code.mode, "goal": code.goal().get("last", code.number("last"))}
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
-    lines.call("surfaces", far, lines.table, pair.after(count))
-    inputs |= _watch(lines, "part")
+    code.call("surfaces", far, code.table, pair.after(count))
+    inputs |= _watch(code, "part")
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
-    inputs |= _watch(lines, "whole_part", "crosses", "jumps")
+    inputs |= _watch(code, "whole_part", "crosses", "jumps")
     inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
     inputs |= {"known": np.inf, "waves": 0.0}
     if of.told:
-        middle[watched] = lines.number("rtol")
-        lines.call("hidden", points, lines.table, work.told)
+        middle[watched] = code.number("rtol")
+        code.call("hidden", points, code.table, work.told)
         inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
         if of.of_clocks:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
         if of.of_states:  # points that differ by their errors are not crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
-    found = lines.apply(CUT, **inputs | _aim(lines, inputs, is_far, from_start))
-    _keep_far(lines, found.pop("beyond") > 0.0, work.new)
+    found = code.apply(CUT, **inputs | _aim(code, inputs, is_far, from_start))
+    _keep_far(code, found.pop("beyond") > 0.0, work.new)
     own = "at_surface", "jumped", "accepted", "served"
-    lines.keep(work, {name: found.pop(name) for name in own})
-    lines.keep(line, found)
+    code.keep(work, {name: found.pop(name) for name in own})
+    code.keep(line, found)
 
 
-def _look_at_points(lines, taken, from_start):
+def _look_at_points(code, taken, from_start):
     """Return the place where a surface is crossed first, and the row of the state at the middle."""
-    text, line, work, of = lines.text, lines.line, lines.work, lines.half.hidden
-    count, pair, point, points = lines.half.surfaces, work.between, work.point, work.points
-    lines.call("surfaces", line.x, lines.table, points)
+    text, line, work, of = code.text, code.line, code.work, code.integrator.hidden
+    count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
+    code.call("surfaces", line.x, code.table, points)
     parts, quartic = dict.fromkeys(("crossed", "place", "end"), text.value(0.0)), None
     phases = points.after((1 + len(POINTS)) * count)
     rates = phases.after((1 + len(POINTS)) * of.inside[0])
     middle = rates.after((1 + len(POINTS)) * of.inside[1])
-    if of.of_states and not lines.half.is_implicit:
+    if of.of_states and not code.integrator.is_implicit:
         quartic = work.quartic
-        find_quartic(lines)
-    _look_inside(lines, 0.0, line.x, phases, rates, quartic)
+        find_quartic(code)
+    _look_inside(code, 0.0, line.x, phases, rates, quartic)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else work.new
         if end < 1.0:
-            put_point(lines, text.value(end), point, quartic=quartic)
-        lines.call("surfaces", state, lines.table, points.after(k * count))
+            put_point(code, text.value(end), point, quartic=quartic)
+        code.call("surfaces", state, code.table, points.after(k * count))
         own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
-        _look_inside(lines, end, state, *own, quartic)
+        _look_inside(code, end, state, *own, quartic)
         if of.told and k == MIDDLE:
-            text.copy(point, middle, lines.half.watched)
+            text.copy(point, middle, code.integrator.watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
-        inputs = _watch(lines, "part", "crosses") | parts | {"u": end, "width": end - begin}
-        parts = lines.apply(LOOK, taken=taken, **inputs)
-        _keep_far(lines, (parts.pop("is_first") > 0.0) & from_start, state)
+        inputs = _watch(code, "part", "crosses") | parts | {"u": end, "width": end - begin}
+        parts = code.apply(LOOK, taken=taken, **inputs)
+        _keep_far(code, (parts.pop("is_first") > 0.0) & from_start, state)
     return parts, middle
 
 
-def _watch(lines, *names):
+def _watch(code, *names):
     """Return the first results of `watch` for the pair of points in `between`, by these names."""
-    lines.call("watch", lines.work.between, lines.table, lines.work.seen)
-    return {name: lines.work.seen[k] for k, name in enumerate(names)}
+    code.call("watch", code.work.between, code.table, code.work.seen)
+    return {name: code.work.seen[k] for k, name in enumerate(names)}
 
 
-def _keep_far(lines, truth, state):
+def _keep_far(code, truth, state):
     """Keep a state beyond a surface in some lanes."""
-    far = lines.line.far
-    for i in _read(lines):
+    far = code.line.far
+    for i in _read(code):
         far.put_chosen(i, truth.select(state[i], far[i]))
 
 
-def _look_inside(lines, u, x, phases, rates, quartic):
+def _look_inside(code, u, x, phases, rates, quartic):
     """Find phases of waves, and rates of surfaces, at the state x at a part u of the step."""
-    work, moving, D = lines.work, lines.work.moving, lines.half.watched
-    if lines.half.hidden.phases:
-        lines.call("phases", x, lines.table, phases)
-    if lines.half.hidden.rates:
+    work, moving, D = code.work, code.work.moving, code.integrator.watched
+    if code.integrator.hidden.phases:
+        code.call("phases", x, code.table, phases)
+    if code.integrator.hidden.rates:
         beside = u - BESIDE if u == 1.0 else u + BESIDE
-        put_point(lines, lines.text.value(beside), work.start, quartic=quartic)
-        for i in _read(lines):
+        put_point(code, code.text.value(beside), work.start, quartic=quartic)
+        for i in _read(code):
             moving[i] = x[i]
             moving.after(D)[i] = (work.start[i] - x[i]) * (1.0 / (beside - u))
-        moving[2 * D] = lines.number("rtol")
-        lines.call("rates", moving, lines.table, rates)
+        moving[2 * D] = code.number("rtol")
+        code.call("rates", moving, code.table, rates)
 
 
-def _aim(lines, inputs, is_far, from_start):
+def _aim(code, inputs, is_far, from_start):
     """Return `aim`, `since` and `left` of `CUT`, and `place`, also that of `BACK`.
 
     `is_far` is true in lanes that were not looking for a surface before this step, and
     `from_start` in those that know of no part of it that crosses none.
     """
-    text, line, work, D = lines.text, lines.line, lines.work, lines.half.block.D
-    changes, found = lines.half.changes, work.aim.after(3)
+    text, line, work, D = code.text, code.line, code.work, code.integrator.block.D
+    events, found = code.integrator.events, work.aim.after(3)
     for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
         work.aim.put_chosen(k, value)
     comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
     comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
     looks = ~is_far | comes_back
-    if changes and changes.surfaces:
+    if events and events.surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
         is_asked = is_asked | (work.served[0] > 0.0)
         looks = looks | is_asked
     with text.when(looks.any(), likely=False):
-        sign = lines.number("sign")
+        sign = code.number("sign")
         text.copy(work.new, work.end, D)
         for i in text.each(D):
             work.end.after(D)[i] = sign * work.f_new[i]
-        if changes and changes.surfaces:
-            text.copy(line.side, work.end.after(2 * D), 2 * changes.surfaces)
-        lines.call("aim", work.end, lines.table, found)
+        if events and events.surfaces:
+            text.copy(line.side, work.end.after(2 * D), 2 * events.surfaces)
+        code.call("aim", work.end, code.table, found)
         work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
         work.aim.choose(~is_far, 1, found[1])
         own = {name: inputs[name] for name in ("taken", "end")}
-        place = lines.apply(BACK, found=found[0], **own)["place"]
+        place = code.apply(BACK, found=found[0], **own)["place"]
         work.aim.choose(comes_back, 2, place)
     found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
-    has_left = changes and changes.surfaces
+    has_left = events and events.surfaces
     return found | {"left": is_asked.select(work.aim[3], np.inf) if has_left else np.inf}
 
 
-def put_point(lines, u, to, quartic=None):
+def put_point(code, u, to, quartic=None):
     """Write the components that surfaces read at a part u of the step to a state.
 
     `quartic` of them may be known.
     """
     of_point = POINT if quartic is None else POINT_WITH_QUARTIC
-    signed, is_implicit, inputs = lines.work.signed[0], lines.half.is_implicit, {}
+    signed, is_implicit, inputs = code.work.signed[0], code.integrator.is_implicit, {}
     if is_implicit:
         of_point = POINT_IMPLICIT
-    quarters = [lines.work.nodes.after(k * lines.D) for k in range(3)]
-    for i in _read(lines):
+    quarters = [code.work.nodes.after(k * code.D) for k in range(3)]
+    for i in _read(code):
         if is_implicit:
             inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
-        to[i] = lines.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
+        to[i] = code.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
 
 
-def _read(lines):
-    """Add a loop over the components that surfaces read, see `Half.read`."""
-    return lines.text.listed(lines.half.read)()
+def _read(code):
+    """Add a loop over the components that surfaces read, see `Integrator.read`."""
+    return code.text.listed(code.integrator.read)()
 
 
-def find_quartic(lines):
+def find_quartic(code):
     """Find what polynomials of degree 4 have in an explicit step beside cubics."""
-    text, work = lines.text, lines.work
+    text, work = code.text, code.work
     signed, u = work.signed[0], text.value(POINTS[0])
-    for i in text.each(lines.D):
-        work.start[i] = lines.apply(POINT, i, signed=signed, u=u)["point"]
-    lines.call("f", work.start, lines.table, work.f)
-    for i in _read(lines):
+    for i in text.each(code.D):
+        work.start[i] = code.apply(POINT, i, signed=signed, u=u)["point"]
+    code.call("f", work.start, code.table, work.f)
+    for i in _read(code):
         of_point = {"f_point": work.f[i], "signed": signed}
-        work.quartic[i] = lines.apply(QUARTIC, i, **of_point)["quartic"]
+        work.quartic[i] = code.apply(QUARTIC, i, **of_point)["quartic"]

@@ -11,19 +11,19 @@ def size_of(f):
     return 3 + 2 * f.D + of_columns
 
 
-def record(lines, truth, k, time, before, after, *of_columns):
+def record(code, truth, k, time, before, after, *of_columns):
     """Write a record in these lanes: trajectory, number of the change, time, and both states.
 
     `time`, `before` and `after` are rows; `of_columns` are pairs of rows and their number.
     """
-    text, of, work, D = lines.text, lines.of, lines.work, lines.D
+    text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)
-    for offset in lines.lanes_with(truth.bits()):
+    for offset in code.lanes_with(truth.bits()):
         base = work.line.at() + offset
-        number = lines.arguments[SLOT.recorded]
-        to = of.records + number * (8 * size_of(lines.f))
+        number = code.arguments[SLOT.recorded]
+        to = of.records + number * (8 * size_of(code.f))
         integers, numbers = Integers(text, to), Shared(one, to)
-        integers[0] = Integers(text, lines.line.trajectory.at() + offset)[0]
+        integers[0] = Integers(text, code.line.trajectory.at() + offset)[0]
         integers[1] = k
         numbers[2] = one.array(time.at() + offset)[0]
         place = 3
@@ -32,4 +32,4 @@ def record(lines, truth, k, time, before, after, *of_columns):
             for i in text.each(count):
                 target[i] = source[i]
             place += count
-        lines.arguments[SLOT.recorded] = number + 1
+        code.arguments[SLOT.recorded] = number + 1

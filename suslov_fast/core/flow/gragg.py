@@ -18,15 +18,15 @@ The forms have the same bits. Columns are carried out
 - in turn: a loop over pairs of sub-steps, one column after the other;
 - side by side: straight-line code of all columns, where f is short.
 
-Ends less x stand in the row `ends` of `Work`, a - b in `apart`, y_N of the last column and f there
-in `a` and `f_last`. `stormer` has half of this rule.
+Ends less x stand in the row `ends` of `WorkRows`, a - b in `apart`, y_N of the last column and f
+there in `a` and `f_last`. `stormer` has half of this rule.
 """
 
 from contextlib import contextmanager
 
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Index, Shared, Value
-from .codegen import Scope
+from .codegen import FunctionCode
 from .vector_functions import INLINED
 from .weights import EXPLICIT, pairs_of
 
@@ -34,10 +34,10 @@ ARGUMENTS = "x", "f", "table", "work", "count"
 # Operations of f, and three for each component, up to which all sub-steps are written out: that
 # spares branches, but more of them would leave the cache for code.
 SHORT = 25
-OF_SETS = "f_a", "f_b"  # names of functions, if there are `Half.sets`
+OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
 
-class ExplicitColumns(Scope):
+class ExplicitColumns(FunctionCode):
     """The function void columns(x, f, table, work, count): the ends y_c - x of first columns.
 
     `x` and `f` are the addresses of the rows of a state and of f there. The length of the step is
@@ -47,9 +47,9 @@ class ExplicitColumns(Scope):
     names = "f", "f"  # functions for the rates of what `a` and `b` hold
     function = "columns"
 
-    def __init__(self, text, half, name, for_each):
-        super().__init__(text, half, name, for_each)
-        self.functions = {name: half.functions[name] for name in self.names}
+    def __init__(self, text, integrator, name, for_each):
+        super().__init__(text, integrator, name, for_each)
+        self.functions = {name: integrator.functions[name] for name in self.names}
         self.length = sum(function.length for function in self.functions.values())
         self.is_inlined = self.length <= INLINED
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
@@ -106,7 +106,7 @@ class ExplicitColumns(Scope):
     # ------------------------------------------------------------------------------------- in turn
     def in_turn(self, inner):
         """Add the first `count` columns, pair by pair of sub-steps."""
-        text, work, D = self.text, self.half.work, self.D
+        text, work, D = self.text, self.integrator.work, self.D
         pairs = pairs_of(EXPLICIT)
         columns = text.constants([EXPLICIT.index(pair.N) for pair in pairs])
         inverses = text.constants([1.0 / pair.N for pair in pairs])
@@ -131,7 +131,7 @@ class ExplicitColumns(Scope):
                         self.end(of_work, of_work.a, of_work.b, x, ends, apart, *self.loops())
                         for i, value in of_b.items():
                             of_work.f_last[i] = value
-        if self.half.sets:
+        if self.integrator.sets:
             with text.when(Index(text, "%count").equals(len(EXPLICIT))):
                 for _, _, lanes, table in self.parts(inner):
                     of_work = inner.arrays(lanes, work)
@@ -203,7 +203,7 @@ class ExplicitColumns(Scope):
         """Return the rates by components at a state, with f within the code."""
         text = x.text if isinstance(x, Array) else next(iter(x.values())).text
         for_each = self.for_each and self.text.W > 1
-        values = self.half.functions[name].values(text, lambda k: x[k], table, for_each)
+        values = self.integrator.functions[name].values(text, lambda k: x[k], table, for_each)
         return {i: Value(text, value) for i, value in values.items() if i < self.D}
 
     # --------------------------------------------------------------------------------- side by side
@@ -213,7 +213,7 @@ class ExplicitColumns(Scope):
         of_a, of_b = self.names
         for x, f, lanes, table in self.parts(inner):
             x, f = ({i: rows[i] for i in range(D)} for rows in (x, f))
-            work = inner.arrays(lanes, self.half.work)
+            work = inner.arrays(lanes, self.integrator.work)
             h, states = work.signed[0], {}
             for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
                 s = h * (1.0 / N)

@@ -21,7 +21,7 @@ from math import inf
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
-from .scalar_kernels import rule
+from .scalar_kernels import scalar_kernel
 
 GROWN, STAYS = 1000.0, 0.125
 FEW = 8.0  # allowed errors, below which a component has few digits
@@ -41,7 +41,7 @@ def _changes_sign(x, new, inverse):
     return changes & _is_below(x, inverse) & _is_below(new, inverse)
 
 
-@rule
+@scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
     """1 where a component below its allowed error grows at an end of the step, or changes sign."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
@@ -49,14 +49,14 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
 
 
-@rule
+@scalar_kernel
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
     """A component of L that decays keeps its sign where none takes from another."""
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
 
 
-@rule
+@scalar_kernel
 def LARGE_ALONE(x, inverse, times):
     """The state without components below so many allowed errors."""
     return {"alone": _is_below(x, inverse, times).select(0.0, x)}
@@ -67,13 +67,13 @@ def _remembers(x, fed, inverse, taken, times=1.0):
     return _is_below(x, inverse, times) & (abs(x) > 0.0) & (abs(taken * fed) * inverse < 1.0)
 
 
-@rule
+@scalar_kernel
 def REMEMBERS(x, fed, inverse, taken):
     """1 for components of L, else 0."""
     return {"remembers": _remembers(x, fed, inverse, taken).select(1.0, 0.0)}
 
 
-@rule
+@scalar_kernel
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
     """An entry of J for two components of L, else 0.
 
@@ -88,7 +88,7 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
     }
 
 
-@rule
+@scalar_kernel
 def PIVOT(pivot, taken, length, sign):
     """The longest step by the inverse of a pivot, and the sign of the determinant so far."""
     growth = 1.0 - 1.0 / pivot
@@ -98,7 +98,7 @@ def PIVOT(pivot, taken, length, sign):
     }
 
 
-@rule
+@scalar_kernel
 def LONGEST(length, sign, feeds, least):
     """The longest step of both ends."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
@@ -115,7 +115,7 @@ def _bounds(rtol, keeps):
     return few, (keeps > 0.0).select(4.0 * few, _grown(rtol))
 
 
-@rule
+@scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
     """1 where a component may be low."""
     few, grown = _bounds(rtol, keeps)
@@ -123,7 +123,7 @@ def FALLEN(new, largest, inverse, rtol, keeps, fallen):
     return {"fallen": has_fallen.select(1.0, fallen)}
 
 
-@rule
+@scalar_kernel
 def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watches):
     """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
     few, grown = _bounds(rtol, keeps)
@@ -137,86 +137,86 @@ def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watche
     return {"low": now, "watches": larger((now < 3.0).select(now, 0.0), watches)}
 
 
-def longest_step(lines):
+def longest_step(code):
     """Return the length of the longest step that damps no growth, infinity if there is none."""
-    text, line, work, sums = lines.text, lines.line, lines.work, Carried(grows=0.0)
-    for i in text.each(lines.half.block.D, sums):
+    text, line, work, sums = code.text, code.line, code.work, Carried(grows=0.0)
+    for i in text.each(code.integrator.block.D, sums):
         inputs = {"x": line.x[i], "f": line.f[i], "new": work.new[i], "f_new": work.f_new[i]}
         inputs |= {"inverse": work.error[i]}
-        sums.update(lines.apply(GROWS, **inputs, **vars(sums)))
+        sums.update(code.apply(GROWS, **inputs, **vars(sums)))
 
     def longest():
-        feeds, least = _growth(lines, line.x, text.value(inf))
-        for i in text.each(lines.half.block.D):
+        feeds, least = _growth(code, line.x, text.value(inf))
+        for i in text.each(code.integrator.block.D):
             inputs = {"x": line.x[i], "inverse": work.error[i], "remembers": work.start[i]}
-            work.new.put_chosen(i, lines.apply(KEEPS_SIGN, i, feeds=feeds, **inputs)["new"])
-        lines.call("f", work.new, lines.table, work.f_new)
-        _, least = _growth(lines, work.new, least)
+            work.new.put_chosen(i, code.apply(KEEPS_SIGN, i, feeds=feeds, **inputs)["new"])
+        code.call("f", work.new, code.table, work.f_new)
+        _, least = _growth(code, work.new, least)
         return [(sums.grows > 0.0).select(least, inf)]  # as if each lane were alone
 
-    if not lines.f.entries:
+    if not code.f.entries:
         return text.value(inf)
     (least,) = text.otherwise(~(sums.grows > 0.0).any(), [inf], longest)
     return least
 
 
-def _growth(lines, x, least):
+def _growth(code, x, least):
     """Return whether no component of L takes from another, and the longest step at a state."""
-    text, work = lines.text, lines.work
-    feeds, found = _factor_alone(lines, x), Carried(length=inf, sign=1.0)
-    for i in text.each(lines.half.pivots, found):
-        found.update(lines.apply(PIVOT, pivot=work.factors[i], **vars(found)))
-    found = lines.apply(LONGEST, feeds=feeds, least=least, **vars(found))
+    text, work = code.text, code.work
+    feeds, found = _factor_alone(code, x), Carried(length=inf, sign=1.0)
+    for i in text.each(code.integrator.pivots, found):
+        found.update(code.apply(PIVOT, pivot=work.factors[i], **vars(found)))
+    found = code.apply(LONGEST, feeds=feeds, least=least, **vars(found))
     return feeds, found["least"]
 
 
-def _factor_alone(lines, x):
+def _factor_alone(code, x):
     """Factorise 1 - h J for components that remember; return 1 where none takes from another."""
-    text, work, f = lines.text, lines.work, lines.f
-    _find_fed(lines, x, 1.0)
-    text.fill(work.start, lines.D, lambda: 0.0)
-    for i in text.each(lines.half.block.D):
+    text, work, f = code.text, code.work, code.f
+    _find_fed(code, x, 1.0)
+    text.fill(work.start, code.D, lambda: 0.0)
+    for i in text.each(code.integrator.block.D):
         inputs = {"x": x[i], "fed": work.f[i], "inverse": work.error[i]}
-        work.start[i] = lines.apply(REMEMBERS, **inputs)["remembers"]
-    lines.call("j", x, lines.table, work.alone)
+        work.start[i] = code.apply(REMEMBERS, **inputs)["remembers"]
+    code.call("j", x, code.table, work.alone)
     places = [(i, j, float(i == j)) for i, j in f.pattern]
     rows, columns, diagonal = map(text.constants, zip(*places, strict=True))
     sums = Carried(feeds=1.0)
     for k in text.each(f.entries, sums):
         inputs = {"entry": work.alone[k], "is_diagonal": diagonal[k]}
         inputs |= {"of_row": work.start[rows[k]], "of_column": work.start[columns[k]]}
-        found = lines.apply(ENTRY, **inputs, **vars(sums))
+        found = code.apply(ENTRY, **inputs, **vars(sums))
         work.alone.put_chosen(k, found.pop("entry"))
         work.start.put_chosen(rows[k], found.pop("of_row"))
         sums.update(found)
     work.alone[f.entries] = work.signed[0]
-    lines.call("factor", work.alone, lines.table, work.factors)
+    code.call("factor", work.alone, code.table, work.factors)
     return sums.feeds
 
 
-def _find_fed(lines, x, times):
+def _find_fed(code, x, times):
     """Write f at a state without components below so many allowed errors to the row `f`."""
-    text, work = lines.text, lines.work
-    text.copy(x, work.start, lines.D)
-    for i in text.each(lines.half.block.D):
-        alone = lines.apply(LARGE_ALONE, x=x[i], inverse=work.error[i], times=times)["alone"]
+    text, work = code.text, code.work
+    text.copy(x, work.start, code.D)
+    for i in text.each(code.integrator.block.D):
+        alone = code.apply(LARGE_ALONE, x=x[i], inverse=work.error[i], times=times)["alone"]
         work.start.put_chosen(i, alone)
-    lines.call("f", work.start, lines.table, work.f)
+    code.call("f", work.start, code.table, work.f)
 
 
-def watch_small(lines, fallen):
+def watch_small(code, fallen):
     """Note which components have fallen below what is allowed, and grown again.
 
     `fallen` is 1 in lanes where one has.
     """
-    text, line, work = lines.text, lines.line, lines.work
+    text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):
-        _find_fed(lines, work.new, FEW)
+        _find_fed(code, work.new, FEW)
         largest = Carried(watches=0.0)
-        for i in text.each(lines.half.block.D, largest):
+        for i in text.each(code.integrator.block.D, largest):
             inputs = {"inverse": work.error[i], "watches": largest.watches, "fed": work.f[i]}
-            found = lines.apply(LOW, i, taken=work.taken[0], **inputs)
+            found = code.apply(LOW, i, taken=work.taken[0], **inputs)
             line.low.choose(looks, i, found["low"])
             largest.watches = found["watches"]
         line.watches.choose(looks, 0, largest.watches)

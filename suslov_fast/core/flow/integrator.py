@@ -1,379 +1,207 @@
-"""The motion of trajectories at given times: blocks of lines, and which code takes them."""
+"""The explicit and the implicit integrator of a right-hand side: their functions and rows."""
 
 import functools
-from array import array
-from math import inf
-from threading import get_ident
-from typing import NamedTuple
 
-import numpy as np
-
+from ..expressions.double_crossings import POINTS, DoubleCrossings
+from ..expressions.event_formulas import OF_SURFACE, read_by
+from ..expressions.partitioned import part_of, sets_of
+from ..expressions.programs import Program, Values, dot
+from ..expressions.sparse_elimination import Sparse
+from ..expressions.stage_elimination import Elimination, operations_of
+from ..expressions.symbolic_elimination import elimination_order, filled
 from ..expressions.variational import Variational
-from ..llvm.compiler import address_of, compiled
-from ..maps.packs import zeros
-from ..numba.threads import in_parts
-from .code_arguments import COMPONENT, NUMBER, SLOT, Arguments, Numbers
-from .event_actions import MOST_AT_ONCE
-from .event_records import size_of
-from .integrator_parts import Half
-from .memory import BEGINS, OF_CHANGES, Cause, State
-from .step_length import MOST_STEPS, first_part, limit_of
-from .step_loop import text_of_half
-
-# Parts of the time: within which f has no value where a solution ends, and in which one that goes
-# to infinity doubles.
-_AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
-WIDTH = 8  # lanes of a line
-BLOCK = 1024  # trajectories that one thread takes at a time
-BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
-NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
-
-half_of = functools.lru_cache(64)(Half)
+from ..llvm.sparse_solver import add_factors, add_solution
+from . import tolerance
+from .memory import EVENT_ROWS, TrajectoryRows, WorkRows, firsts_of
+from .vector_functions import LONGEST, DenseProduct, DenseQuadratic, OfList, SparseLoops
+from .weights import EXPLICIT, IMPLICIT
 
 
-class Settings(NamedTuple):
-    """Settings that all trajectories of a motion share: keywords of `flow`, under their names."""
+class Integrator:
+    """The explicit or the implicit integrator of a right-hand side.
 
-    rtol: float
-    atol: float | tuple | None = None  # one for all components, or one for each
-    max_step: float | None = None
-    stiff: bool | None = None  # whether all steps are implicit, None to choose
-
-
-@functools.lru_cache(64)
-def components_of(f, atol):
-    """Return `Arguments.components` (5, D)."""
-    is_clock = np.zeros(f.D, bool)
-    is_clock[[*f.clocks]] = True
-    found = np.zeros((len(COMPONENT), f.D))
-    found[COMPONENT.extra] = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
-    found[COMPONENT.counts] = ~is_clock
-    found[COMPONENT.steady, [*f.steady]] = 1.0
-    found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
-    found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
-    return found
-
-
-@functools.lru_cache(256)
-def numbers_of(settings, sign):
-    """Return an array of `Numbers` whose times are not set."""
-    return array("d", Numbers(
-        settings.rtol,
-        inf,
-        sign,
-        first_part(settings.rtol),
-        inf,
-        limit_of(settings.rtol),
-        float(settings.stiff is None),
-        inf,
-        inf,
-        float(State.IMPLICIT if settings.stiff else State.EXPLICIT),
-        MOST_STEPS,
-    ))  # fmt: skip
-
-
-def set_times(numbers, half, settings, times):
-    """Set the first two times, the last one, and the longest step; NO_TIMES follow the times."""
-    numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
-    numbers[NUMBER.last], longest = last, settings.max_step or inf
-    numbers[NUMBER.longest] = min(longest, last / 32.0) if half.is_bounded else longest
-
-
-def code_of_half(half, W, for_each):
-    """Return the `Address` of the code of a half."""
-    # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
-    if (W, for_each) not in half.codes:
-        key = "motion", half.key, W, for_each
-        text_of = functools.partial(text_of_half, half, W=W, for_each=for_each)
-        half.codes[W, for_each] = compiled(key, text_of, 1)
-    return half.codes[W, for_each]
-
-
-def prepare(f, settings, B, for_each):
-    """Make the code of the halves that B trajectories may need.
-
-    `for_each` says whether each trajectory has numbers of its own.
-    """
-    for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
-        half, W = half_of(f, is_implicit, settings.atol is not None), 1 if B == 1 else WIDTH
-        code_of_half(half, W, for_each or f.conditions is not None)
-
-
-def records_at_once(changes, equal):
-    """Return how many records a trajectory may add to the buffer before there is a pause.
-
-    `equal` is how many times of changes are equal at most.
-    """
-    return 2 * (equal + 2 * changes.surfaces + int(MOST_AT_ONCE))
-
-
-class Stops:
-    """The times of changes of the state, ascending, in a row for all trajectories or for each.
-
-    times   moduli (1 or B, n), infinity for none
-    which   numbers of the changes (1 or B, n)
+    functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
+                 end on surfaces; in the implicit integrator also `j`, the entries of f'; `factor`,
+                 from these and s; `solve`; and `power`, f' times a vector after the entries and s
+    sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
+                 then `f_a` and `f_b` are the rates of each
+    largest      the rule for the size of all components
+    allowed      the rule for the error that one may have
+    parts        the first components and the numbers of those that have a size together: what
+                 columns are large by must not loosen the tolerance of x
+    watched      how many components surfaces are functions of, `surfaces` how many there are
+    read         the components that `surfaces` read
+    hidden       what tells whether a step hides crossings, see `DoubleCrossings`
+    events       `EventPrograms`, or None
+    kinks        the kinds of the surfaces where f has a kink, see `Conditions`
+    pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
+    rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`
+    is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
+    codes        addresses of its code, see `batch_solver.code_of`
     """
 
-    def __init__(self, times, which):
-        self.times, self.which = times, which
+    def __init__(self, f, is_implicit, has_atol):
+        self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
+        D = f.D
+        if has_atol:
+            self.largest, self.allowed = tolerance.NO_SIZE, tolerance.ALLOWED_WITH_ATOL
+        elif f.clocks:
+            self.largest, self.allowed = (
+                tolerance.LARGEST_WITH_CLOCKS,
+                tolerance.ALLOWED_WITH_CLOCKS,
+            )
+        else:
+            self.largest, self.allowed = tolerance.LARGEST, tolerance.ALLOWED
+        # What the derivative has a block of for x, and the same for each column beside it.
+        self.block = f.of if isinstance(f, Variational) else f
+        self.parts = [(0, self.block.D)]
+        if self.block is not f:
+            self.parts.append((self.block.D, D - self.block.D))
+        self.watched = self.block.D if f.watch else 0
+        self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
+        self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
+        self.events = f.events
+        self.sets = None if is_implicit else sets_of(f)
+        if f.is_dense:
+            self.functions = {"f": DenseQuadratic(D, False)}
+        else:
+            self.functions = {
+                "f": OfList(Program(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+            }
+        if self.sets:
+            for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
+                self.functions[name] = OfList(part_of(f.f, components), D, f.places)
+        self.surfaces = len(f.watched.results) if self.watched else 0
+        self.read = _read(f.watched, self.watched) if self.watched else []
+        self.hidden = f.hidden or DoubleCrossings()
+        if self.watched:
+            self._add_surfaces()
+        if f.events:
+            self._add_changes()
+        if f.conditions:
+            self._add_choices()
+        factors = self._add_implicit() if is_implicit else 0
+        self._set_rows(factors)
 
-    def of(self, trajectories):
-        """Return the times of some trajectories."""
-        if len(self.times) == 1:
-            return self
-        return Stops(self.times[trajectories], self.which[trajectories])
+    def _set_rows(self, factors):
+        """Set `rows` and `work`, for so many factors of 1 - s f'."""
+        f, D, block, c, watched = self.f, self.f.D, self.block, self.events, self.watched
+        extended, chooses, events = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
+        surfaces, count = (c.surfaces, c.count) if c else (0, 0)
+        of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
+        self.rows = firsts_of(TrajectoryRows, of_f | {
+            "x": D, "largest": D, "mode": D, "low": self.block.D, "far": watched,
+            "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
+            "counts": count, "acted": 2 * surfaces,
+            "of_events": events * len(EVENT_ROWS),
+        })  # fmt: skip
+        columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
+        jumps = bool(chooses and f.conditions.jumps and f is not block)
+        self.work = firsts_of(WorkRows, of_f | {
+            "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
+            "apart": D if self.is_implicit else columns, "nodes": 6 * D,
+            "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
+            "jacobian": f.entries + 1 + D if self.is_implicit else 0,
+            "alone": f.entries + 1 if self.is_implicit else 0,
+            "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
+            "point": watched, "quartic": block.D if watched else 0, "told": 3,
+            "moving": 2 * watched + 1,
+            "end": 2 * (watched + surfaces), "aim": 5,
+            "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
+            "changed": events * D, "before": events * D, "f_before": events * D,
+            "pair": events * (4 * block.D + 1), "toward": OF_SURFACE * surfaces,
+            "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": events,
+            "chooses": chooses,
+            "chosen": len(block.branches.results) if chooses else 0,
+            "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
+            "slopes": len(block.slope_places) if jumps else 0,
+            "gradient": block.D + f.q if jumps else 0,
+            "tau": events * D // block.D,
+            "scratch": max(function.scratch for function in self.functions.values()),
+        })  # fmt: skip
+
+    def _add_surfaces(self):
+        """Add the functions of surfaces whose crossings end steps."""
+        f, D = self.f, self.block.D
+        sides = 2 * (f.events.surfaces if f.events else 0)
+        for name, program in (("surfaces", f.watched), ("phases", self.hidden.phases)):
+            if program:
+                self.functions[name] = OfList(program, D, self.block.places)
+        of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
+        for name, program, first in (
+            ("watch", f.watch, 2 * self.surfaces + sides),
+            ("aim", f.aim[self.is_implicit], 2 * D + sides),
+            ("hidden", self.hidden.told, of_points + D + 1),
+            ("rates", self.hidden.rates, 2 * D + 1),
+        ):
+            if program:
+                places = {first + k: k for k in range(len(self.block.table))}
+                self.functions[name] = OfList(program, first, places)
+
+    def _add_changes(self):
+        """Add the functions of changes."""
+        P, block = self.events.P, self.block
+        for name, (program, rows) in self.events.parts.items():
+            if self.f is block and name.startswith(("tau", "column")):
+                continue  # there are no columns
+            places = {rows + p: p for p in range(P)}
+            if self.f is not block:  # whose scales follow the table of f
+                places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
+            self.functions[name] = OfList(program, rows, places)
+
+    def _add_choices(self):
+        """Add the functions of choices."""
+        f, conditions = self.block, self.f.conditions
+        given = conditions.P + conditions.jumps + conditions.kinks
+        places = {f.D + p: p for p in range(given)}
+        self.functions["branches"] = OfList(f.branches, f.D, places)
+        if f.derived.results:
+            self.functions["derived"] = OfList(f.derived, 0, places)
+        if f is not self.f and conditions.jumps:
+            self.functions["slopes"] = OfList(f.slopes, f.D, f.places)
+
+    def _add_implicit(self):
+        """Add the functions of the implicit integrator; return the number of factors."""
+        f, D, functions = self.f, self.f.D, self.functions
+        if f.is_dense:
+            functions["j"] = DenseQuadratic(D, True)
+            functions["power"] = DenseProduct(D)
+        else:
+            functions["j"] = OfList(f.derivative, D, f.places)
+            functions["power"] = OfList(_product(f), f.entries + 1 + D)
+        order = elimination_order(f.pattern, D)
+        fill = filled(f.pattern, order)
+        if operations_of(fill) > LONGEST:
+            plan = Sparse(f.pattern, order, fill)
+            functions["factor"] = SparseLoops(plan, add_factors)
+            functions["solve"] = SparseLoops(plan, add_solution)
+            count, self.pivots = D + plan.size, D
+        else:
+            elimination = Elimination(f.pattern, order, fill)
+            count, self.pivots = len(elimination.factors.results), elimination.pivots
+            functions["factor"] = OfList(elimination.factors, f.entries + 1)
+            functions["solve"] = OfList(elimination.solution, count + D)
+        return count
+
+    @property
+    def looks_inside(self):
+        """Return whether some surface reads states within steps."""
+        return bool(self.read)
 
     @functools.cached_property
-    def array(self):
-        """`Arguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
-        rows, n = self.times.shape
-        if not n:
-            return np.array([[[inf, 0.0]]]), 1
-        found = np.full((rows, n + 1, 2), np.inf)
-        found[:, :-1, 0], found[..., 1] = self.times, 0.0
-        found[:, :-1, 1] = self.which
-        number = np.arange(n)  # of a time, and of the first one that equals it
-        is_same = np.isfinite(self.times)
-        is_same[:, :1] = False
-        is_same[:, 1:] &= self.times[:, 1:] == self.times[:, :-1]
-        first = np.maximum.accumulate(np.where(is_same, 0, number), axis=1)
-        most = 1 + int((number - first).max())
-        return found, most
+    def key(self):
+        """A tuple that tells the code of this integrator from others."""
+        return self.f.key, self.is_implicit, self.has_atol, self.sets is None
 
 
-NO_STOPS = Stops(np.empty((1, 0)), np.empty((1, 0)))
+def _read(program, D):
+    """Return the numbers of the components that a list reads."""
+    return sorted(read_by(program, program.results).intersection(range(D)))
 
 
-def counted_from_start(f, table, x0):
-    """Return the table, states x0 (B, D) with clocks at 0, and their starts, None if they are 0."""
-    if not f.offsets:
-        return table, x0, None
-    starts = x0[:, [*f.offsets]]
-    if not np.count_nonzero(starts):
-        return table, x0, None
-    of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
-    own = f.of if isinstance(f, Variational) else f
-    count = own.P if f.conditions is None else f.conditions.P  # after them there are choices
-    inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
-    inputs[..., :count] = table[..., :count]
-    inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
-    table = np.broadcast_to(table, (*inputs.shape[:-1], table.shape[-1]))
-    x0 = x0.copy()
-    x0[:, [*f.offsets]] = 0.0
-    return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
-
-
-def add_starts(f, starts, states, records):
-    """Add the starts (B, clocks) of clocks to states (count, B, D), and to those in records."""
-    clocks = np.array([*f.offsets])
-    states[..., clocks] += starts
-    for rows in records:
-        own = starts[rows[:, 0].view(np.int64)]
-        for first in (3, 3 + f.D):
-            rows[:, first + clocks] += own
-
-
-class Motion:
-    """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
-
-    table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
-    sign     1 or -1, forward or backward in time
-    states   (count, B, D), to which the states are written; where a solution has ended they stay
-    t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
-             steps, and its `State`
-    grown    pairs: numbers of trajectories of which a component fell and grew, see
-    `growing_components.LOW`,
-             and that component of each
-    causes   pairs: numbers of trajectories that ended, and why, a `Cause` of each
-    stops    `Stops` of changes, if f has them; times may then begin with 0
-    records  arrays of what changes did, see `event_records`: the trajectory and the number of the
-             change, two integers, the modulus of the time, and the states before and after
-    """
-
-    def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
-        self.f, self.states = f, states
-        self.table, self.x0, self.starts = counted_from_start(f, table, x0)
-        self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
-        self.components = components_of(f, settings.atol)
-        self.numbers = numbers_of(settings, sign)[:]
-        self.has_atol = settings.atol is not None
-        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
-        self.state = np.zeros(len(x0), np.int8)
-        self.grown, self.causes, self.is_stopped = [], [], False
-        half = half_of(f, False, self.has_atol)
-        self.rows = half.rows
-        set_times(self.numbers, half, settings, self.times)
-        self.records, self.stops = [], None
-        if f.changes:
-            self.stops, self.equal_stops = (stops or NO_STOPS).array
-        if f.conditions:  # trajectories have choices of their own, which the code makes
-            shape = len(x0), self.table.shape[-1]
-            self.table = np.broadcast_to(self.table, shape).copy()
-
-    def run(self, threads=1, report=None, begun=None):
-        """Take all steps of all trajectories, or those that are left: `begun` is of `take_few`.
-
-        `report` takes the number of states that are done, in this thread, now and then; if it
-        returns False, the steps end, and `is_stopped` is true.
-        """
-        B = len(self.x0)
-        self.report, self.caller = report, get_ident()
-        self.places = None if report is None else np.zeros(B, np.int64)
-        size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
-        rows, abandoned = None, []
-        if begun is not None:
-            size, (rows, table, self.records) = B, begun
-            self.table = self.table if table is None else table
-        blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
-        if threads == 1 or len(blocks) == 1:
-            for block in blocks:
-                self._take(block, abandoned, rows)
-        else:
-            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
-        if self.starts is not None:
-            add_starts(self.f, self.starts, self.states, self.records)
-
-    def _rows(self, block):
-        """Return the rows of a block of trajectories before the first step."""
-        rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
-        found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
-        found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        if self.stops is not None:
-            first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
-            of_changes = found[:, rows.of_changes :]
-            of_changes[:, OF_CHANGES.stop], of_changes[:, OF_CHANGES.stop_which] = first.T
-        return found
-
-    def _take(self, block, abandoned, flat=None):
-        """Take all steps of a block of trajectories, with these rows if they have begun."""
-        rows, B, mode = self.rows, block.stop - block.start, int(bool(self.settings.stiff))
-        flat = self._rows(block) if flat is None else flat
-        numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
-        while not abandoned and np.count_nonzero((state := flat[:, rows.state]) < State.DONE):
-            (which,) = np.nonzero((state == mode) | (state == BEGINS))
-            if which.size:
-                half = half_of(self.f, mode == State.IMPLICIT, self.has_atol)
-                own = flat if which.size == B else flat[which]
-                self._steps(half, own, numbers[which], W, abandoned)
-                if own is not flat:
-                    flat[which] = own
-            mode = 1 - mode  # of those that turned to the other half
-        state, t = flat[:, rows.state], flat[:, rows.t]
-        self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
-        low = flat[:, rows.low : rows.far] >= 3.0
-        if np.count_nonzero(low):
-            (k,) = np.nonzero(low.any(axis=1))
-            self.grown.append((numbers[k], low[k].argmax(axis=1)))
-        if not np.count_nonzero(state != State.DONE):
-            return
-        (k,) = np.nonzero(state == State.ENDED)
-        if k.size:
-            self.causes.append((numbers[k], self._causes_of_end(flat[k], numbers[k])))
-        if self.stops is not None:
-            limit = flat[:, rows.of_changes + OF_CHANGES.at]
-            self.t[block] = np.where(state == State.ACCUMULATES, limit, t)
-
-    def _causes_of_end(self, flat, which):
-        """Return a `Cause` for each of these rows of trajectories `which`."""
-        rows, whole = self.rows, self.f.D
-        f = self.f.of if isinstance(self.f, Variational) else self.f
-        table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
-        x, t, rates = flat[:, : f.D].T, flat[:, rows.t], flat[:, rows.f : rows.f + f.D].T
-        denominators = flat[:, rows.f + whole : rows.f + whole + len(f.denominators)].T
-        has_none = has_pole = np.zeros(len(flat), bool)
-        with np.errstate(all="ignore"):
-            for part in _AHEAD:
-                ahead = x + self.numbers[NUMBER.sign] * part * t * rates
-                found = f.value_and_denominators(ahead, table.T)
-                has_none = has_none | np.isnan(found[: f.D]).any(axis=0)
-                has_pole = has_pole | (found[f.D :] * denominators < 0.0).any(axis=0)
-            growth = self.numbers[NUMBER.sign] * x * rates
-            doubles = (growth * (_AT_ONCE * t) >= x**2) & (growth > 0.0)
-        escapes = doubles.any(axis=0) | ~np.isfinite(rates).all(axis=0)
-        of_others = np.where(escapes, Cause.ESCAPE, Cause.POLE)
-        of_f = np.where(has_pole, Cause.POLE, np.where(has_none, Cause.NO_VALUE, of_others))
-        return np.where(np.isnan(x).any(axis=0), Cause.NO_STATE, of_f)
-
-    def _table(self, which):
-        """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
-        if self.table.ndim == 1:
-            return self.table.copy()
-        return np.ascontiguousarray(self.table[which])
-
-    def _steps(self, half, rows, which, W, abandoned):
-        """Take steps of one half of trajectories (K, rows), until none is in it.
-
-        `which` are their numbers; `places` count the times that they have reached.
-        """
-        table = self._table(which)
-        take = self._taker(half, rows, table, W)
-        while not abandoned:
-            is_done = take()
-            if self.report is not None:
-                reached = rows[:, half.rows.place].view(np.int64)
-                self.places[which] = reached
-                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
-                    self.is_stopped = True
-                    abandoned.append(True)
-            if is_done:
-                break
-        self.keep_choices(which, table)
-
-    def keep_choices(self, which, table):
-        """Keep the choices that the code has written to the tables of trajectories."""
-        if self.f.conditions:
-            self.table[which] = table
-
-    def _taker(self, half, rows, table, W):
-        """Return the function that takes steps of trajectories, and returns whether it is done."""
-        taker = Taker(half, W, rows, table, self.numbers, self.components)
-        taker.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
-        if self.stops is not None:
-            taker.point_to_changes(self.stops, self.equal_stops, self.records)
-        return taker.take
-
-
-class Taker:
-    """The arguments of the code of a half, and the memory in which it takes trajectories.
-
-    They have these `rows`, and a table for all or one for each.
-    """
-
-    def __init__(self, half, W, rows, table, numbers, components):
-        self.half, self.W, self.for_each = half, W, table.ndim > 1
-        work = zeros(half.work.size, W)
-        self.arguments = array("q", Arguments(
-            rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
-            table_bytes=table.strides[0], work=address_of(work),
-            numbers=numbers.buffer_info()[0], components=address_of(components),
-        ))  # fmt: skip
-        self.kept = rows, table, work, numbers, components  # the arguments point there
-        self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // half.f.work, 1)
-        self.code = code_of_half(half, W, self.for_each)
-
-    def point_to(self, times, states, state_bytes):
-        """Let the arguments point to times and states at these addresses."""
-        self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
-        self.arguments[SLOT.state_bytes] = state_bytes
-
-    def point_to_changes(self, stops, equal, records):
-        """Let them point to the times of changes; `records` is the list that arrays come to."""
-        f, arguments, self.records = self.half.f, self.arguments, records
-        at_once, count = records_at_once(f.changes, equal) * self.W, arguments[SLOT.count]
-        self.buffer = np.empty((4 * (at_once + count), size_of(f)))
-        arguments[SLOT.stops] = address_of(stops)
-        arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
-        arguments[SLOT.records] = address_of(self.buffer)
-        arguments[SLOT.full] = len(self.buffer) - at_once
-
-    def take(self):
-        """Take steps until the budget is spent; return whether none of them is left in the half."""
-        arguments = self.arguments
-        arguments[SLOT.budget] = self.budget
-        is_done = self.code.call(self.at)
-        if is_done:  # the next ones begin
-            arguments[SLOT.following] = 0
-        if count := arguments[SLOT.recorded]:
-            self.records.append(self.buffer[:count].copy())
-            arguments[SLOT.recorded] = 0
-        return is_done
+def _product(f):
+    """Return the `Program` of f' times a vector."""
+    values, totals = Values(f.entries + 1 + f.D, ()), {}
+    for k, (i, j) in enumerate(f.pattern):
+        totals[i] = dot(values.emit, [(k, f.entries + 1 + j)], totals.get(i))
+    return Program(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

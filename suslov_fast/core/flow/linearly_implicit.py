@@ -28,46 +28,46 @@ from operator import add, mul
 
 from ..expressions.values import larger
 from ..llvm.text import Carried, Index
-from .codegen import Scope
-from .scalar_kernels import TINY, rule
+from .codegen import FunctionCode
+from .scalar_kernels import TINY, scalar_kernel
 from .weights import IMPLICIT, QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
 
 
-@rule
+@scalar_kernel
 def FINITE(entry):
     """An entry of f' that is not finite counts as 0: J may be any matrix."""
     return {"entry": (abs(entry) < inf).select(entry, 0.0)}
 
 
-@rule
+@scalar_kernel
 def SIZE(modulus, top):
     return {"top": larger(modulus, top)}
 
 
-@rule
+@scalar_kernel
 def SCALE(largest, top, mode):
     scale = larger(largest, SMALLEST_SCALE * top) + TINY
     return {"scale": scale, "scaled": scale * mode}
 
 
-@rule
+@scalar_kernel
 def RATE(product, scale, size):
     own = product / scale
     return {"product": own, "size": larger(abs(own), size)}
 
 
-@rule
+@scalar_kernel
 def MODE(product, size, seed, mode):
     """The next vector; `seed` keeps it from staying in a part of the space."""
     return {"mode": (size > 0.0).select(product / size + seed, mode)}
 
 
-class ImplicitColumns(Scope):
+class ImplicitColumns(FunctionCode):
     """The function void columns(x, f, table, work, count), see `gragg.ExplicitColumns`.
 
-    The entries of J stand in the row `jacobian` of `Work`, as those of f' come from `derive`.
+    The entries of J stand in the row `jacobian` of `WorkRows`, as those of f' come from `derive`.
     """
 
     def add(self):
@@ -78,7 +78,7 @@ class ImplicitColumns(Scope):
             inverses = text.constants([1.0 / N for N in IMPLICIT])
             of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
             of_rates = text.constants(of_rates)
-            if self.half.looks_inside:
+            if self.integrator.looks_inside:
                 self.begin_quarters()
             text.fill(work.apart, self.D, lambda: 0.0)
             for c in text.each(Index(text, "%count")):
@@ -97,7 +97,7 @@ class ImplicitColumns(Scope):
         self.call("solve", work.factors, "%table", right)
         text.copy(right, ends, D)
         for m in text.each(N - 1):
-            if self.half.looks_inside:
+            if self.integrator.looks_inside:
                 self.add_to_quarter(c, m, ends)
             text.fill(a, D, add, x, ends)
             self.call("f", a, "%table", b)
@@ -138,37 +138,37 @@ def _plus_change(a, part, after, before):
     return a + part * (after - before)
 
 
-def find_apart(lines):
+def find_apart(code):
     """Write what shows false steps to `right`, after f at the next state."""
-    text, work = lines.text, lines.work
+    text, work = code.text, code.work
     half = work.signed[0] * -0.5
-    text.fill(work.right, lines.D, _plus_part, work.apart, half, work.f_new)
-    lines.call("solve", work.factors, lines.table, work.right)
+    text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)
+    code.call("solve", work.factors, code.table, work.right)
 
 
-def derive(lines):
+def derive(code):
     """Write the entries of f'; return its rate by a step of the power iteration."""
-    text, line, work = lines.text, lines.line, lines.work
-    entries = lines.f.entries
+    text, line, work = code.text, code.line, code.work
+    entries = code.f.entries
     jacobian, right, scale = work.jacobian, work.right, work.start
     scaled = jacobian.after(entries + 1)
-    lines.call("j", line.x, lines.table, jacobian)
+    code.call("j", line.x, code.table, jacobian)
     text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
     largest = Carried(top=0.0)
-    for i in text.each(lines.D, largest):
+    for i in text.each(code.D, largest):
         largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]
-    for i in text.each(lines.D):
-        found = lines.apply(SCALE, i, top=largest.top)
+    for i in text.each(code.D):
+        found = code.apply(SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
-    lines.call("power", jacobian, lines.table, right)
+    code.call("power", jacobian, code.table, right)
     size = Carried(size=0.0)
-    for i in text.each(lines.D, size):
+    for i in text.each(code.D, size):
         found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)
         right[i], size.size = found["product"], found["size"]
-    for i in text.each(lines.D):
+    for i in text.each(code.D):
         found = text.apply(
             MODE, product=right[i], size=size.size, mode=line.mode[i],
-            seed=lines.component("seeds", i),
+            seed=code.component("seeds", i),
         )  # fmt: skip
         line.mode.put_chosen(i, found["mode"])
     return size.size

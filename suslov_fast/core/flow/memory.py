@@ -1,7 +1,7 @@
 """The rows of a line of lanes along a motion, by name.
 
 A row has one number of each lane: in memory a line is (rows, W). What a step needs for a moment
-stands in rows of its own, which all lines share (`Work`).
+stands in rows of its own, which all lines share (`WorkRows`).
 """
 
 import itertools
@@ -9,8 +9,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 
-class State:
-    """The next action of a lane; the numbers stand in `Rows.state`.
+class LaneState:
+    """The next action of a lane; the numbers stand in `TrajectoryRows.state`.
 
     They are plain numbers, because NumPy compares with those of an enum ten times as slowly.
     """
@@ -26,7 +26,7 @@ class State:
     ACCUMULATES = 8  # changes follow one another at once, without end
 
 
-class Cause(IntEnum):
+class EndCause(IntEnum):
     """The cause of the end of a solution."""
 
     UNKNOWN = 0
@@ -36,10 +36,10 @@ class Cause(IntEnum):
     NO_STATE = 4  # the new state of a change has none
 
 
-BEGINS = -1.0  # in place of a `State` before the first step
+BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
-class Rows(NamedTuple):
+class TrajectoryRows(NamedTuple):
     """The first rows of the parts of a trajectory; a part has one row unless a comment tells."""
 
     x: int  # the state (D)
@@ -56,13 +56,13 @@ class Rows(NamedTuple):
     counts: int  # how often each change has acted (changes)
     acted: int  # when each change at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
-    of_changes: int  # numbers of `OfChanges`, if there are changes
+    of_events: int  # numbers of `EventRows`, if there are changes
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
     next: int  # modulus of the next time that is asked for, infinity after the last
     second: int  # of the one after it
-    state: int  # a `State`
+    state: int  # a `LaneState`
     rough: int  # see `stormer`; refusals, less a part of the steps since then
     stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
     easy: int  # steps in a row that do not look stiff
@@ -81,7 +81,7 @@ class Rows(NamedTuple):
     size: int  # number of all rows
 
 
-class OfChanges(NamedTuple):
+class EventRows(NamedTuple):
     """The rows of a trajectory that has changes of its state."""
 
     stop: int  # modulus of the next time of a change, infinity after the last
@@ -94,19 +94,19 @@ class OfChanges(NamedTuple):
     actions: int  # of changes since the last time that was asked for
 
 
-OF_CHANGES = OfChanges(*range(len(OfChanges._fields)))
+EVENT_ROWS = EventRows(*range(len(EventRows._fields)))
 
 
 def firsts_of(kind, sizes):
-    """Return the first rows of the parts of `Rows` or `Work`; those without a size have one row."""
+    """Return the first row of each part of `kind`; parts without a size have one row."""
     counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
     return kind(*itertools.accumulate(counts, initial=0))
 
 
-class Work(NamedTuple):
+class WorkRows(NamedTuple):
     """The rows of a line of lanes, and those that a step needs for a moment."""
 
-    line: int  # `Rows` of the trajectories
+    line: int  # `TrajectoryRows` of the trajectories
     own: int  # their numbers, integers
     table: int  # their tables, if each has one
 
@@ -135,15 +135,15 @@ class Work(NamedTuple):
     t: int  # time before the step
     at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
-    points: int  # surfaces at the beginning of a step and at POINTS of it, and what `Hidden` needs
+    points: int  # surfaces at the beginning of a step and at POINTS of it, and inputs of `hidden`
     point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
     moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
-    told: int  # what `Hidden` tells of them (3)
+    told: int  # what `DoubleCrossings` tells of them (3)
     end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
     aim: int  # when surfaces are crossed, see `event_location` (5)
     between: int  # surfaces at two points, between which they are crossed or not
-    sides: int  # what `Rows.side` holds (2 surfaces)
+    sides: int  # what `TrajectoryRows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (4 + kinks)
     changed: int  # what functions of changes return (D)
     before: int  # the state before a change (D)

@@ -15,7 +15,7 @@ AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
 NEARLY = 2.0**-45  # part of the time, before which what happens does so at this time
 
 
-class Rule(NamedTuple):
+class ScalarKernel(NamedTuple):
     """A list of operations with names for its inputs, which are its first values, and results."""
 
     inputs: list
@@ -23,11 +23,11 @@ class Rule(NamedTuple):
     results: dict
 
 
-def rule(function, *others):
+def scalar_kernel(function, *others):
     """Return the rule that a function of `Number` describes, with others of its inputs."""
     parameters = inspect.signature(function).parameters.values()
     inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
     values = Values(len(inputs), ())
     found = function(**{name: values.number(k) for k, name in enumerate(inputs)})
     results = {name: operand_of(a) for name, a in found.items()}
-    return Rule(inputs, values.operations, results)
+    return ScalarKernel(inputs, values.operations, results)

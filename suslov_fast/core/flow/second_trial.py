@@ -18,11 +18,11 @@ from math import inf
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
 from .codegen import weighted
-from .scalar_kernels import rule
+from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 
-OF_SEED = 2.0**-41  # of `Component.seeds`, which are below 2**-10
+OF_SEED = 2.0**-41  # of `ComponentNumbers.seeds`, which are below 2**-10
 # f is looked at beside these points of a step, by these parts of `OF_SEED`. There are many, because
 # at one of them noise may be the same by chance. ENDS is 1 at the ends of the step, which come
 # first, and FIRST at the first part: steps whose error cannot be noise look there alone.
@@ -36,7 +36,7 @@ SHORTENS = 0.05  # a ratio above it makes the next step shorter
 TINY_STEP = 2.0**-40  # part of the time
 
 
-@rule
+@scalar_kernel
 def IS_NOISY(ratio, large, steps, longer):
     """1 where rounding may decide on a step: looked for at each eighth one, and after one such."""
     eighth = steps * 0.125
@@ -44,19 +44,19 @@ def IS_NOISY(ratio, large, steps, longer):
     return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
 
 
-@rule
+@scalar_kernel
 def TOP(x, largest, counts, top):
     """The largest modulus of all components but clocks before a step."""
     return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
 
 
-@rule
+@scalar_kernel
 def ON_LINE(x, new, u):
     """A state on the straight line along the step."""
     return {"point": x + u * (new - x)}
 
 
-@rule
+@scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, part, is_end):
     """A component beside its value, within some units in its last place; a clock is later.
 
@@ -67,13 +67,13 @@ def BESIDE(t, state, x, new, f, counts, seeds, part, is_end):
     return {"beside": (counts > 0.0).select(state + OF_SEED * part * seeds * size, later)}
 
 
-@rule
+@scalar_kernel
 def MOST(change, most):
     """The largest change of f at states beside one, where f has a value."""
     return {"most": larger(abs(change), most)}
 
 
-@rule
+@scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
     """The least of these numbers at both ends of a step, and the two largest at all its points."""
     return {
@@ -83,7 +83,7 @@ def BESIDE_POINTS(most, least, largest, second, is_end):
     }
 
 
-@rule
+@scalar_kernel
 def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
@@ -113,39 +113,41 @@ def SECOND(
     }
 
 
-def try_again(lines, own, of_error, sums):
+def try_again(code, own, of_error, sums):
     """Return ratios, those of a second trial where there is one, and 1 there."""
-    text, line, work, half = lines.text, lines.line, lines.work, lines.half
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)
     is_finite = sums["total"] < inf
     refused = tried = refused & is_finite & again
-    if not half.has_atol:
-        is_noisy = lines.apply(IS_NOISY, **sums)["is_noisy"]
+    if not integrator.has_atol:
+        is_noisy = code.apply(IS_NOISY, **sums)["is_noisy"]
         tried = refused | (is_noisy > 0.0) & is_finite
-    names = ["ratio", "of_length", "apart", "on_trial"] + ([] if half.is_implicit else ["rates"])
+    names = ["ratio", "of_length", "apart", "on_trial"] + (
+        [] if integrator.is_implicit else ["rates"]
+    )
 
     def trial():
-        if half.is_implicit:
-            text.copy(work.right, work.b, lines.D)
+        if integrator.is_implicit:
+            text.copy(work.right, work.b, code.D)
         top = Carried(top=0.0)
-        for i in text.each(lines.D, top):
-            top.top = lines.apply(TOP, i, top=top.top)["top"]
+        for i in text.each(code.D, top):
+            top.top = code.apply(TOP, i, top=top.top)["top"]
         others = Carried(large=0.0)
-        for i in text.each(lines.D, others):
-            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i))}
+        for i in text.each(code.D, others):
+            inputs = {"error": weighted(of_error, code.of_columns(work.ends, i))}
             inputs |= {"inverse": work.error[i], "noisy": NOISY * top.top}
-            others.large = lines.apply(LARGE, i, large=others.large, **inputs)["large"]
-        least, largest, second = _changes_beside(lines, tried & (others.large < sums["ratio"]))
+            others.large = code.apply(LARGE, i, large=others.large, **inputs)["large"]
+        least, largest, second = _changes_beside(code, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
-        for i in text.each(lines.D, found):
-            apart = work.b[i] if half.is_implicit else apart_in(lines, own, i)
-            inputs = {"error": weighted(of_error, lines.of_columns(work.ends, i)), "apart": apart}
+        for i in text.each(code.D, found):
+            apart = work.b[i] if integrator.is_implicit else apart_in(code, own, i)
+            inputs = {"error": weighted(of_error, code.of_columns(work.ends, i)), "apart": apart}
             inputs |= {"inverse": work.error[i], "least": least[i], "largest": largest[i]}
             inputs |= {"second": second[i], "top": top.top}
             inputs |= {"t": line.t[0], "taken": work.taken[0]}
-            inputs["grows"] = GROWS[half.is_implicit]
-            now = lines.apply(SECOND, i, **inputs, **vars(found))
+            inputs["grows"] = GROWS[integrator.is_implicit]
+            now = code.apply(SECOND, i, **inputs, **vars(found))
             work.error.choose(tried, i, now.pop("inverse"))
             found.update(now)
         # Rounding, if it decides, does not make equations stiff: rates are 0.
@@ -158,43 +160,43 @@ def try_again(lines, own, of_error, sums):
     return dict(zip(names, found, strict=True))
 
 
-def _changes_beside(lines, is_noise):
+def _changes_beside(code, is_noise):
     """Return arrays of changes of f beside points of the step, see `BESIDE_POINTS`.
 
     Lanes whose error may be noise look at all points and states beside them, others at one state
     beside each end.
     """
-    text, line, work, half = lines.text, lines.line, lines.work, lines.half
-    change = work.right if half.is_implicit else work.f
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
+    change = work.right if integrator.is_implicit else work.f
     parts, firsts = map(text.constants, (BESIDES, FIRST))
     along, ends = map(text.constants, (ALONG, ENDS))
-    base, state, most, *found = (work.beside.after(k * lines.extended) for k in range(6))
+    base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
     least, largest, second = found
-    for i in text.each(lines.D):
+    for i in text.each(code.D):
         least[i], largest[i], second[i] = inf, 0.0, 0.0
     points = is_noise.any().select(text.value(len(ALONG)), text.value(2))
     samples = is_noise.any().select(text.value(len(BESIDES)), text.value(1))
     for point in text.each(points):
-        for i in text.each(lines.D):
-            on_line = lines.apply(ON_LINE, i, x=line.x[i], u=along[point])
+        for i in text.each(code.D):
+            on_line = code.apply(ON_LINE, i, x=line.x[i], u=along[point])
             state.put_chosen(i, on_line["point"])
             most[i] = 0.0
-        lines.call("f", state, lines.table, base)
+        code.call("f", state, code.table, base)
         for k in text.each(samples):
             counts = is_noise | (ends[point] * firsts[k] > 0.0)
-            for i in text.each(lines.D):
+            for i in text.each(code.D):
                 of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
                 of_line |= {"part": parts[k], "is_end": ends[point]}
-                work.start.put_chosen(i, lines.apply(BESIDE, i, **of_line)["beside"])
-            lines.call("f", work.start, lines.table, work.f)
-            for i in text.each(lines.D):
+                work.start.put_chosen(i, code.apply(BESIDE, i, **of_line)["beside"])
+            code.call("f", work.start, code.table, work.f)
+            for i in text.each(code.D):
                 change.put_chosen(i, work.f[i] - base[i])
-            if half.is_implicit:
-                lines.call("solve", work.factors, lines.table, change)
-            for i in text.each(lines.D):
+            if integrator.is_implicit:
+                code.call("solve", work.factors, code.table, change)
+            for i in text.each(code.D):
                 of_lane = {"change": counts.select(change[i], 0.0), "most": most[i]}
                 most.put_chosen(i, text.apply(MOST, **of_lane)["most"])
-        for i in text.each(lines.D):
+        for i in text.each(code.D):
             of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
             of_point |= {"second": second[i], "is_end": ends[point]}
             now = text.apply(BESIDE_POINTS, **of_point)

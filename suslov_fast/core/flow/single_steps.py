@@ -2,34 +2,34 @@
 
 import numpy as np
 
+from .batch_solver import BatchSolver, integrator_of
 from .code_arguments import NUMBER
-from .integrator import Motion, half_of
-from .memory import BEGINS, State
+from .memory import BEGINS, LaneState
 
 
 def attempts(f, table, x, last, settings):
     """Yield t, the number of steps and x (D,): at first, and after each step that is tried.
 
-    The steps are those of `Motion` to the time `last`.
+    The steps are those of `BatchSolver` to the time `last`.
     """
-    motion = Motion(f, table, x[np.newaxis], [last], 1, settings, np.empty((1, 1, f.D)))
+    motion = BatchSolver(f, table, x[np.newaxis], [last], 1, settings, np.empty((1, 1, f.D)))
     motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
-    rows, which, mode = np.zeros((1, places.size)), np.zeros(1, np.int64), State.EXPLICIT
+    rows, which, mode = np.zeros((1, places.size)), np.zeros(1, np.int64), LaneState.EXPLICIT
     rows[0, : f.D], rows[0, places.state] = motion.x0[0], BEGINS
     while True:
         state, own = rows[0, places.state], rows[0, : f.D].copy()
         if motion.starts is not None:
             own[[*f.offsets]] += motion.starts[0]
         yield rows[0, places.t], rows[0, places.steps], own
-        if state > State.IMPLICIT:
+        if state > LaneState.IMPLICIT:
             return
-        if state in (BEGINS, 1 - mode):  # the first half, or the other one
-            mode = int(max(state, State.EXPLICIT))
-            half = half_of(f, mode == State.IMPLICIT, motion.has_atol)
+        if state in (BEGINS, 1 - mode):  # the first integrator, or the other one
+            mode = int(max(state, LaneState.EXPLICIT))
+            integrator = integrator_of(f, mode == LaneState.IMPLICIT, motion.has_atol)
             of_half = motion._table(which)
-            take = motion._taker(half, rows, of_half, 1)
+            take = motion._taker(integrator, rows, of_half, 1)
         while not take():
             pass
-        if rows[0, places.state] == State.TOO_MANY:  # it has made its one attempt
+        if rows[0, places.state] == LaneState.TOO_MANY:  # it has made its one attempt
             rows[0, places.state] = mode
-        motion.keep_choices(which, of_half)
+        motion.keep_branches(which, of_half)

@@ -1,7 +1,7 @@
-"""The first half of the motion of a few trajectories, in memory that is kept from call to call.
+"""Small batches of trajectories, in memory that is kept from call to call.
 
-To make it anew would take longer than the steps. Steps and bits are those of `integrator.Motion`,
-which goes on where a trajectory turns to the other half, or ends.
+New memory would take longer than the steps. Steps and bits are those of `BatchSolver`, which
+continues where a trajectory changes to the other integrator, or ends.
 """
 
 import functools
@@ -10,20 +10,20 @@ from array import array
 
 import numpy as np
 
-from .code_arguments import NUMBER, SLOT
-from .integrator import (
-    NO_STOPS,
+from .batch_solver import (
+    NO_EVENT_TIMES,
     NO_TIMES,
     WIDTH,
-    Taker,
+    StepRunner,
     add_starts,
     components_of,
     counted_from_start,
-    half_of,
+    integrator_of,
     numbers_of,
     set_times,
 )
-from .memory import BEGINS, OF_CHANGES, State
+from .code_arguments import NUMBER, SLOT
+from .memory import BEGINS, EVENT_ROWS, LaneState
 
 _KEPT = 1024  # times that memory is kept of
 _NAN = array("d", [math.nan])
@@ -34,8 +34,10 @@ class _Memory:
     """The memory of B trajectories of f, with a table for all of them or one for each."""
 
     def __init__(self, f, settings, sign, B, for_each):
-        half = self.half = half_of(f, bool(settings.stiff), settings.atol is not None)
-        places, count = half.rows, B * half.rows.size
+        integrator = self.integrator = integrator_of(
+            f, bool(settings.stiff), settings.atol is not None
+        )
+        places, count = integrator.rows, B * integrator.rows.size
         shape = (B, len(f.table)) if for_each else (len(f.table),)
         self.all = np.zeros(count + math.prod(shape))
         self.rows, self.table = self.all[:count].reshape(B, -1), self.all[count:].reshape(shape)
@@ -48,14 +50,14 @@ class _Memory:
         self.first_table = first[count:].reshape(shape)
         self.now, self.first = self.all.data, first.data  # Python copies them sooner than NumPy
         given = rows, self.table, self.numbers, components_of(f, settings.atol)
-        self.taker, self.moduli = Taker(half, 1 if B == 1 else WIDTH, *given), None
+        self.runner, self.moduli = StepRunner(integrator, 1 if B == 1 else WIDTH, *given), None
 
     def set_times(self, moduli, settings):
         """Set the times, whose moduli are these bytes."""
         self.moduli, self.times = moduli, array("d", moduli)
         self.times.extend(NO_TIMES)
-        set_times(self.numbers, self.half, settings, self.times)
-        self.taker.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
+        set_times(self.numbers, self.integrator, settings, self.times)
+        self.runner.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
 
 
 @functools.lru_cache(64)
@@ -64,13 +66,13 @@ def memories(f, settings, sign, B, for_each):
     return []
 
 
-def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, since=-1.0):
-    """Take trajectories x0 (B, D) to ascending moduli of times, as far as they are in one half.
+def solve_small_batch(f, table, x0, times, sign, settings, stops=None, enough=math.inf, since=-1.0):
+    """Take trajectories x0 (B, D) to ascending moduli of times, as far as one integrator does.
 
     Return their states (count, B, D), NaN where there are none; numbers of steps, and records as
-    those of `integrator.Motion`, if all have reached the last time and no component fell and grew;
-    and else, with None in their place, what `integrator.Motion` goes on from. `table` (n,) or (B,
-    n) is that of f; `enough` and `since` are those of `Numbers`, with `stops`.
+    those of `BatchSolver`, if all have reached the last time and no component fell and grew; and
+    else, with None in their place, what `BatchSolver` goes on from. `table` (n,) or (B, n) is that
+    of f; `enough` and `since` are those of `SharedNumbers`, with `stops`.
     """
     B, starts, records = len(x0), None, []
     if f.offsets:
@@ -81,7 +83,7 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
         memory = free.pop()
     except IndexError:
         memory = _Memory(*key)
-    half, taker = memory.half, memory.taker
+    integrator, runner = memory.integrator, memory.runner
     if (source := table.tobytes()) != memory.source:
         memory.first_table[:], memory.source = table, source
     if (moduli := times.tobytes()) != memory.moduli:
@@ -89,17 +91,17 @@ def take_few(f, table, x0, times, sign, settings, stops=None, enough=math.inf, s
     memory.now[:] = memory.first
     memory.x[:] = x0
     states = _NAN * (len(times) * B * f.D)
-    taker.arguments[SLOT.states] = states.buffer_info()[0]
-    if f.changes:
-        of_stops, equal = (stops or NO_STOPS).array
+    runner.arguments[SLOT.states] = states.buffer_info()[0]
+    if f.events:
+        of_stops, equal = (stops or NO_EVENT_TIMES).array
         memory.numbers[NUMBER.enough], memory.numbers[NUMBER.since] = enough, since
-        first = half.rows.of_changes + OF_CHANGES.stop
+        first = integrator.rows.of_events + EVENT_ROWS.stop
         memory.rows[:, first : first + 2] = of_stops[:, 0]
-        taker.point_to_changes(of_stops, equal, records)
-    while not taker.take():
+        runner.point_to_events(of_stops, equal, records)
+    while not runner.take():
         pass
     states = np.ndarray((len(times), B, f.D), np.float64, states)
-    if memory.state.tolist().count(State.DONE) < B or _GREW in memory.low.tobytes():
+    if memory.state.tolist().count(LaneState.DONE) < B or _GREW in memory.low.tobytes():
         own = memory.table.copy() if f.conditions else None
         found = states, None, None, (memory.rows.copy(), own, records)
     else:

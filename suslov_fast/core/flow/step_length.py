@@ -1,31 +1,33 @@
-"""The length of the next step, and which half takes it.
+"""The length of the next step, and which integrator takes it.
 
 The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
 the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
 step after that is not longer.
 
 All columns may agree on a false end, because f changes between their sub-steps within a layer that
-is thinner than they are. Each half has sums over its columns that vanish on true steps, to the
-order of the method, and stay on false ones (`weights`): a step is refused where these exceed
+is thinner than they are. Each integrator has sums over its columns that vanish on true steps, to
+the order of the method, and stay on false ones (`weights`): a step is refused where these exceed
 MOST_APART times what is allowed.
 
 A time that was asked for, and that the next step would pass alone, is reached first by a step aside
 from the same state: it is tested as every step, and its end is saved, but the trajectory stays. In
-the implicit half each time is. Where an explicit step passes several, they lie on a polynomial.
+the implicit integrator each time is. Where an explicit step passes several, they lie on a
+polynomial.
 
-The explicit half is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The difference
-quotient of f between the next state and the end of the last column shows the largest |mu| for
-nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit, and false steps
-count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves this
-half if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
+The explicit integrator is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The
+difference quotient of f between the next state and the end of the last column shows the largest
+|mu| for nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit, and
+false steps count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves
+this integrator if h |mu| stays below twice the limit for EASY steps, with |mu| by the power
+iteration on f'.
 """
 
 from math import inf, sqrt
 
 from ..expressions.elementary import from_bits
 from ..expressions.values import larger, smaller
-from .memory import State
-from .scalar_kernels import TINY, rule
+from .memory import LaneState
+from .scalar_kernels import TINY, scalar_kernel
 
 # Factors; AFTER_TRIAL is less than LONGER, so that it tells, and OF_NAN has many digits: steps that
 # met a time without a value of f should not meet it again.
@@ -65,7 +67,7 @@ def _root8(a):
     return sqrt(sqrt(sqrt(a)))
 
 
-@rule
+@scalar_kernel
 def BEGIN_COMPONENT(x, f, counts, size, rate, total):
     size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
@@ -77,7 +79,7 @@ def first_length(size, rate, part, last):
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
-@rule
+@scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
     """The first step; other rows are 0, as they were made."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
@@ -87,26 +89,26 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
         "longer": AT_FIRST,
         "next": first_next,
         "second": second_next,
-        "state": has_value.select(first_state, float(State.NO_VALUE)),
+        "state": has_value.select(first_state, float(LaneState.NO_VALUE)),
         "patience": PATIENCE,
         "outer": inf,
     }
 
 
-@rule
+@scalar_kernel
 def NEAR(outer):
     """Near a surface a step may end just before the last time, and be short."""
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
 
-@rule
+@scalar_kernel
 def GOAL(last, stop):
     """The time beyond which no step goes."""
     return {"last": smaller(last, stop)}
 
 
-@rule
+@scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     """Of this step, 0 in lanes that do not take it, and whether it is a step aside.
 
@@ -136,7 +138,7 @@ def _is_false(ratio, apart):
     return (apart > MOST_APART) & (ratio <= 1.0)
 
 
-@rule
+@scalar_kernel
 def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
@@ -162,13 +164,13 @@ def AFTER(
         "t": after,
         "wanted": changes.select(smaller(factor * taken, longest), wanted),
         "longer": changes.select(after_this, longer),
-        "state": (is_active & (after >= last)).select(float(State.DONE), state),
+        "state": (is_active & (after >= last)).select(float(LaneState.DONE), state),
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),
     }
 
 
-@rule
+@scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
     """After `AFTER`, where a step ends at a time of a change, which shortens no step after it."""
     is_there = (accepted > 0.0) & (t >= stop)
@@ -178,7 +180,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
     }
 
 
-@rule
+@scalar_kernel
 def REFUSALS(rough, ratio, taken, accepted, served):
     """The roughness of the way of a lane: refusals, less a part of the steps since then.
 
@@ -192,17 +194,17 @@ def REFUSALS(rough, ratio, taken, accepted, served):
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
     """Return the state of lanes whose steps become too short, and which have taken too many."""
-    runs = (taken > 0.0) & (state < State.DONE)
+    runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
-    state = is_short.select(float(State.ENDED), state)
-    return runs, state, runs & (tries > most) & (state < State.DONE)
+    state = is_short.select(float(LaneState.ENDED), state)
+    return runs, state, runs & (tries > most) & (state < LaneState.DONE)
 
 
 def _is_stiff(rates, states, limit):
     return (rates > limit * limit * states) & (states > 0.0)
 
 
-@rule
+@scalar_kernel
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
     """Return whether `TURN_EXPLICIT` changes anything."""
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
@@ -210,7 +212,7 @@ def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest,
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
 
 
-@rule
+@scalar_kernel
 def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
@@ -224,17 +226,19 @@ def TURN_EXPLICIT(
     easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
     is_false = (taken > 0.0) & _is_false(ratio, apart)
     stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
-    turns = (stiff >= patience) & (switches > 0.0) & (state < State.IMPLICIT)
+    turns = (stiff >= patience) & (switches > 0.0) & (state < LaneState.IMPLICIT)
     return {
         "longer": turns.select(AT_FIRST, longer),
-        "state": turns.select(float(State.IMPLICIT), stops.select(float(State.TOO_MANY), state)),
+        "state": turns.select(
+            float(LaneState.IMPLICIT), stops.select(float(LaneState.TOO_MANY), state)
+        ),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "trial": turns.select(TRIAL, trial),
     }
 
 
-@rule
+@scalar_kernel
 def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
@@ -249,22 +253,24 @@ def TURN_IMPLICIT(
     easy_now = is_easy.select(easy + 1.0, 0.0)
     patient = (is_easy | is_trial).select(patience, PATIENCE)
     easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
-    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < State.DONE)
+    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
     after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
     explicit = smaller(wanted, limit / larger(rate, TINY))
     return {
         "wanted": turns.select(explicit, wanted),
-        "state": turns.select(float(State.EXPLICIT), stops.select(float(State.TOO_MANY), state)),
+        "state": turns.select(
+            float(LaneState.EXPLICIT), stops.select(float(LaneState.TOO_MANY), state)
+        ),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
         "trial": accepted.select(left, trial),
     }
 
 
-def choose_length(lines):
+def choose_length(code):
     """Choose the length of the next step in each lane."""
     # An implicit step aside goes to each time, because a fast mode may decay within a step.
-    second = inf if lines.half.is_implicit else lines.line.second[0]
-    inputs = lines.near() | lines.goal()
-    found = lines.apply(LENGTH, mode=lines.mode, second=second, **inputs)
-    lines.keep(lines.work, found)
+    second = inf if code.integrator.is_implicit else code.line.second[0]
+    inputs = code.near() | code.goal()
+    found = code.apply(LENGTH, mode=code.mode, second=second, **inputs)
+    code.keep(code.work, found)

@@ -22,22 +22,22 @@ from .step_length import ROUGH
 
 
 class StormerColumns(ExplicitColumns):
-    """The function `columns` where there are `Half.sets`, see `ExplicitColumns`."""
+    """The function `columns` where there are `Integrator.sets`, see `ExplicitColumns`."""
 
     names = OF_SETS
 
-    def __init__(self, text, half, name, for_each):
-        super().__init__(text, half, name, for_each)
-        self.rows = half.sets
+    def __init__(self, text, integrator, name, for_each):
+        super().__init__(text, integrator, name, for_each)
+        self.rows = integrator.sets
 
     def add(self):
         """Add the function, after that for lines with rough lanes."""
-        _Both(self.text, self.half, self.name, self.for_each).add()
+        _Both(self.text, self.integrator, self.name, self.for_each).add()
         super().add()
 
     def leave_to_others(self):
         """Leave the function where some lane is rough."""
-        with self.text.when(is_rough(self.work, self.half).any(), likely=False):
+        with self.text.when(is_rough(self.work, self.integrator).any(), likely=False):
             self.text.invoke(f"{self.name}_both", *(Index(self.text, f"%{a}") for a in ARGUMENTS))
             self.text.leave("void")
 
@@ -77,7 +77,7 @@ class _Both(ExplicitColumns):
         """Add the function."""
         self.is_inlined = False
         with self.body():
-            self.in_sets = [*map(self.text.listed, self.half.sets)]
+            self.in_sets = [*map(self.text.listed, self.integrator.sets)]
             self.in_turn(self.text)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
@@ -86,13 +86,13 @@ class _Both(ExplicitColumns):
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
         """Write the end of a column, less x, and how far the halves of Gragg's lie apart."""
-        others = ~is_rough(work, self.half)
+        others = ~is_rough(work, self.integrator)
         super().end(work, a, b, x, ends, apart, of_a, of_b)
         for own, components in zip((a, b), self.in_sets, strict=True):
             for i in components():
                 ends.choose(others, i, own[i] - x[i])
 
 
-def is_rough(work, half):
+def is_rough(work, integrator):
     """Return which lanes are rough."""
-    return work.line.after(half.rows.rough)[0] >= ROUGH
+    return work.line.after(integrator.rows.rough)[0] >= ROUGH

@@ -7,8 +7,8 @@ x_next = x + sum_c w_c (y_c - x),     w_c = prod_b N_c**p / (N_c**p - N_b**p),
 
 where b runs over the other columns (Aitken and Neville).
 
-The explicit half has p = 2; its five columns have order 10 (`gragg`). The implicit half has
-p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
+The explicit integrator has p = 2; its five columns have order 10 (`gragg`). The implicit integrator
+has p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
 (`linearly_implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and
 lose as many digits.
 """

@@ -1,0 +1,382 @@
+"""The motion of trajectories at given times: blocks of lines, and which code takes them."""
+
+import functools
+from array import array
+from math import inf
+from threading import get_ident
+from typing import NamedTuple
+
+import numpy as np
+
+from ..expressions.variational import Variational
+from ..llvm.compiler import address_of, compiled
+from ..maps.packs import zeros
+from ..numba.threads import in_parts
+from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
+from .event_actions import MOST_AT_ONCE
+from .event_records import size_of
+from .integrator import Integrator
+from .memory import BEGINS, EVENT_ROWS, EndCause, LaneState
+from .step_length import MOST_STEPS, first_part, limit_of
+from .step_loop import text_of_integrator
+
+# Parts of the time: within which f has no value where a solution ends, and in which one that goes
+# to infinity doubles.
+_AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
+WIDTH = 8  # lanes of a line
+BLOCK = 1024  # trajectories that one thread takes at a time
+BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
+
+integrator_of = functools.lru_cache(64)(Integrator)
+
+
+class Settings(NamedTuple):
+    """Settings that all trajectories of a motion share: keywords of `flow`, under their names."""
+
+    rtol: float
+    atol: float | tuple | None = None  # one for all components, or one for each
+    max_step: float | None = None
+    stiff: bool | None = None  # whether all steps are implicit, None to choose
+
+
+@functools.lru_cache(64)
+def components_of(f, atol):
+    """Return `CodeArguments.components` (5, D)."""
+    is_clock = np.zeros(f.D, bool)
+    is_clock[[*f.clocks]] = True
+    found = np.zeros((len(COMPONENT), f.D))
+    found[COMPONENT.extra] = np.where(is_clock, np.inf, 0.0 if atol is None else atol)
+    found[COMPONENT.counts] = ~is_clock
+    found[COMPONENT.steady, [*f.steady]] = 1.0
+    found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
+    found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
+    return found
+
+
+@functools.lru_cache(256)
+def numbers_of(settings, sign):
+    """Return an array of `SharedNumbers` whose times are not set."""
+    return array("d", SharedNumbers(
+        settings.rtol,
+        inf,
+        sign,
+        first_part(settings.rtol),
+        inf,
+        limit_of(settings.rtol),
+        float(settings.stiff is None),
+        inf,
+        inf,
+        float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
+        MOST_STEPS,
+    ))  # fmt: skip
+
+
+def set_times(numbers, integrator, settings, times):
+    """Set the first two times, the last one, and the longest step; NO_TIMES follow the times."""
+    numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
+    numbers[NUMBER.last], longest = last, settings.max_step or inf
+    numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
+
+
+def code_of(integrator, W, for_each):
+    """Return the `Address` of the machine code of an integrator."""
+    # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
+    if (W, for_each) not in integrator.codes:
+        key = "motion", integrator.key, W, for_each
+        text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
+        integrator.codes[W, for_each] = compiled(key, text_of, 1)
+    return integrator.codes[W, for_each]
+
+
+def prepare(f, settings, B, for_each):
+    """Compile the integrators that B trajectories may need.
+
+    `for_each` says whether each trajectory has numbers of its own.
+    """
+    for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
+        integrator, W = (
+            integrator_of(f, is_implicit, settings.atol is not None),
+            1 if B == 1 else WIDTH,
+        )
+        code_of(integrator, W, for_each or f.conditions is not None)
+
+
+def records_at_once(events, equal):
+    """Return how many records a trajectory may add to the buffer before there is a pause.
+
+    `equal` is how many times of changes are equal at most.
+    """
+    return 2 * (equal + 2 * events.surfaces + int(MOST_AT_ONCE))
+
+
+class EventTimes:
+    """The times of changes of the state, ascending, in a row for all trajectories or for each.
+
+    times   moduli (1 or B, n), infinity for none
+    which   numbers of the changes (1 or B, n)
+    """
+
+    def __init__(self, times, which):
+        self.times, self.which = times, which
+
+    def of(self, trajectories):
+        """Return the times of some trajectories."""
+        if len(self.times) == 1:
+            return self
+        return EventTimes(self.times[trajectories], self.which[trajectories])
+
+    @functools.cached_property
+    def array(self):
+        """`CodeArguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
+        rows, n = self.times.shape
+        if not n:
+            return np.array([[[inf, 0.0]]]), 1
+        found = np.full((rows, n + 1, 2), np.inf)
+        found[:, :-1, 0], found[..., 1] = self.times, 0.0
+        found[:, :-1, 1] = self.which
+        number = np.arange(n)  # of a time, and of the first one that equals it
+        is_same = np.isfinite(self.times)
+        is_same[:, :1] = False
+        is_same[:, 1:] &= self.times[:, 1:] == self.times[:, :-1]
+        first = np.maximum.accumulate(np.where(is_same, 0, number), axis=1)
+        most = 1 + int((number - first).max())
+        return found, most
+
+
+NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
+
+
+def counted_from_start(f, table, x0):
+    """Return the table, states x0 (B, D) with clocks at 0, and their starts, None if they are 0."""
+    if not f.offsets:
+        return table, x0, None
+    starts = x0[:, [*f.offsets]]
+    if not np.count_nonzero(starts):
+        return table, x0, None
+    of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
+    own = f.of if isinstance(f, Variational) else f
+    count = own.P if f.conditions is None else f.conditions.P  # after them there are choices
+    inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
+    inputs[..., :count] = table[..., :count]
+    inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
+    table = np.broadcast_to(table, (*inputs.shape[:-1], table.shape[-1]))
+    x0 = x0.copy()
+    x0[:, [*f.offsets]] = 0.0
+    return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
+
+
+def add_starts(f, starts, states, records):
+    """Add the starts (B, clocks) of clocks to states (count, B, D), and to those in records."""
+    clocks = np.array([*f.offsets])
+    states[..., clocks] += starts
+    for rows in records:
+        own = starts[rows[:, 0].view(np.int64)]
+        for first in (3, 3 + f.D):
+            rows[:, first + clocks] += own
+
+
+class BatchSolver:
+    """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
+
+    table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
+    sign     1 or -1, forward or backward in time
+    states   (count, B, D), to which the states are written; where a solution has ended they stay
+    t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
+             steps, and its `LaneState`
+    grown    pairs: numbers of trajectories of which a component fell and grew, see
+    `growing_components.LOW`,
+             and that component of each
+    causes   pairs: numbers of trajectories that ended, and why, a `EndCause` of each
+    stops    `EventTimes` of changes, if f has them; times may then begin with 0
+    records  arrays of what changes did, see `event_records`: the trajectory and the number of the
+             change, two integers, the modulus of the time, and the states before and after
+    """
+
+    def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
+        self.f, self.states = f, states
+        self.table, self.x0, self.starts = counted_from_start(f, table, x0)
+        self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
+        self.components = components_of(f, settings.atol)
+        self.numbers = numbers_of(settings, sign)[:]
+        self.has_atol = settings.atol is not None
+        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
+        self.state = np.zeros(len(x0), np.int8)
+        self.grown, self.causes, self.is_stopped = [], [], False
+        integrator = integrator_of(f, False, self.has_atol)
+        self.rows = integrator.rows
+        set_times(self.numbers, integrator, settings, self.times)
+        self.records, self.stops = [], None
+        if f.events:
+            self.stops, self.equal_stops = (stops or NO_EVENT_TIMES).array
+        if f.conditions:  # trajectories have choices of their own, which the code makes
+            shape = len(x0), self.table.shape[-1]
+            self.table = np.broadcast_to(self.table, shape).copy()
+
+    def run(self, threads=1, report=None, begun=None):
+        """Take all steps of all trajectories, or those left by `solve_small_batch` in `begun`.
+
+        `report` takes the number of states that are done, in this thread, now and then; if it
+        returns False, the steps end, and `is_stopped` is true.
+        """
+        B = len(self.x0)
+        self.report, self.caller = report, get_ident()
+        self.places = None if report is None else np.zeros(B, np.int64)
+        size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
+        rows, abandoned = None, []
+        if begun is not None:
+            size, (rows, table, self.records) = B, begun
+            self.table = self.table if table is None else table
+        blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
+        if threads == 1 or len(blocks) == 1:
+            for block in blocks:
+                self._take(block, abandoned, rows)
+        else:
+            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
+        if self.starts is not None:
+            add_starts(self.f, self.starts, self.states, self.records)
+
+    def _rows(self, block):
+        """Return the rows of a block of trajectories before the first step."""
+        rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
+        found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
+        found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
+        if self.stops is not None:
+            first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
+            of_events = found[:, rows.of_events :]
+            of_events[:, EVENT_ROWS.stop], of_events[:, EVENT_ROWS.stop_which] = first.T
+        return found
+
+    def _take(self, block, abandoned, flat=None):
+        """Take all steps of a block of trajectories, with these rows if they have begun."""
+        rows, B, mode = self.rows, block.stop - block.start, int(bool(self.settings.stiff))
+        flat = self._rows(block) if flat is None else flat
+        numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
+        while not abandoned and np.count_nonzero((state := flat[:, rows.state]) < LaneState.DONE):
+            (which,) = np.nonzero((state == mode) | (state == BEGINS))
+            if which.size:
+                integrator = integrator_of(self.f, mode == LaneState.IMPLICIT, self.has_atol)
+                own = flat if which.size == B else flat[which]
+                self._steps(integrator, own, numbers[which], W, abandoned)
+                if own is not flat:
+                    flat[which] = own
+            mode = 1 - mode  # of those that turned to the other integrator
+        state, t = flat[:, rows.state], flat[:, rows.t]
+        self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
+        low = flat[:, rows.low : rows.far] >= 3.0
+        if np.count_nonzero(low):
+            (k,) = np.nonzero(low.any(axis=1))
+            self.grown.append((numbers[k], low[k].argmax(axis=1)))
+        if not np.count_nonzero(state != LaneState.DONE):
+            return
+        (k,) = np.nonzero(state == LaneState.ENDED)
+        if k.size:
+            self.causes.append((numbers[k], self._causes_of_end(flat[k], numbers[k])))
+        if self.stops is not None:
+            limit = flat[:, rows.of_events + EVENT_ROWS.at]
+            self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
+
+    def _causes_of_end(self, flat, which):
+        """Return a `EndCause` for each of these rows of trajectories `which`."""
+        rows, whole = self.rows, self.f.D
+        f = self.f.of if isinstance(self.f, Variational) else self.f
+        table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
+        x, t, rates = flat[:, : f.D].T, flat[:, rows.t], flat[:, rows.f : rows.f + f.D].T
+        denominators = flat[:, rows.f + whole : rows.f + whole + len(f.denominators)].T
+        has_none = has_pole = np.zeros(len(flat), bool)
+        with np.errstate(all="ignore"):
+            for part in _AHEAD:
+                ahead = x + self.numbers[NUMBER.sign] * part * t * rates
+                found = f.value_and_denominators(ahead, table.T)
+                has_none = has_none | np.isnan(found[: f.D]).any(axis=0)
+                has_pole = has_pole | (found[f.D :] * denominators < 0.0).any(axis=0)
+            growth = self.numbers[NUMBER.sign] * x * rates
+            doubles = (growth * (_AT_ONCE * t) >= x**2) & (growth > 0.0)
+        escapes = doubles.any(axis=0) | ~np.isfinite(rates).all(axis=0)
+        of_others = np.where(escapes, EndCause.ESCAPE, EndCause.POLE)
+        of_f = np.where(has_pole, EndCause.POLE, np.where(has_none, EndCause.NO_VALUE, of_others))
+        return np.where(np.isnan(x).any(axis=0), EndCause.NO_STATE, of_f)
+
+    def _table(self, which):
+        """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
+        if self.table.ndim == 1:
+            return self.table.copy()
+        return np.ascontiguousarray(self.table[which])
+
+    def _steps(self, integrator, rows, which, W, abandoned):
+        """Take steps of trajectories (K, rows) with one integrator, until none is in it.
+
+        `which` are their numbers; `places` count the times that they have reached.
+        """
+        table = self._table(which)
+        take = self._taker(integrator, rows, table, W)
+        while not abandoned:
+            is_done = take()
+            if self.report is not None:
+                reached = rows[:, integrator.rows.place].view(np.int64)
+                self.places[which] = reached
+                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
+                    self.is_stopped = True
+                    abandoned.append(True)
+            if is_done:
+                break
+        self.keep_branches(which, table)
+
+    def keep_branches(self, which, table):
+        """Keep the choices that the code has written to the tables of trajectories."""
+        if self.f.conditions:
+            self.table[which] = table
+
+    def _taker(self, integrator, rows, table, W):
+        """Return the function that takes steps of trajectories, and returns whether it is done."""
+        runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
+        runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
+        if self.stops is not None:
+            runner.point_to_events(self.stops, self.equal_stops, self.records)
+        return runner.take
+
+
+class StepRunner:
+    """The arguments of the code of an integrator, and the memory in which it takes trajectories.
+
+    They have these `rows`, and a table for all or one for each.
+    """
+
+    def __init__(self, integrator, W, rows, table, numbers, components):
+        self.integrator, self.W, self.for_each = integrator, W, table.ndim > 1
+        work = zeros(integrator.work.size, W)
+        self.arguments = array("q", CodeArguments(
+            rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
+            table_bytes=table.strides[0], work=address_of(work),
+            numbers=numbers.buffer_info()[0], components=address_of(components),
+        ))  # fmt: skip
+        self.kept = rows, table, work, numbers, components  # the arguments point there
+        self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // integrator.f.work, 1)
+        self.code = code_of(integrator, W, self.for_each)
+
+    def point_to(self, times, states, state_bytes):
+        """Let the arguments point to times and states at these addresses."""
+        self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
+        self.arguments[SLOT.state_bytes] = state_bytes
+
+    def point_to_events(self, stops, equal, records):
+        """Let them point to the times of changes; `records` is the list that arrays come to."""
+        f, arguments, self.records = self.integrator.f, self.arguments, records
+        at_once, count = records_at_once(f.events, equal) * self.W, arguments[SLOT.count]
+        self.buffer = np.empty((4 * (at_once + count), size_of(f)))
+        arguments[SLOT.stops] = address_of(stops)
+        arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
+        arguments[SLOT.records] = address_of(self.buffer)
+        arguments[SLOT.full] = len(self.buffer) - at_once
+
+    def take(self):
+        """Take steps until the budget is spent; return whether none is left."""
+        arguments = self.arguments
+        arguments[SLOT.budget] = self.budget
+        is_done = self.code.call(self.at)
+        if is_done:  # the next ones begin
+            arguments[SLOT.following] = 0
+        if count := arguments[SLOT.recorded]:
+            self.records.append(self.buffer[:count].copy())
+            arguments[SLOT.recorded] = 0
+        return is_done

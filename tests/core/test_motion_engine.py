@@ -432,7 +432,7 @@ def test_code_is_made_before_there_are_states(monkeypatch, count, derivatives, c
         monkeypatch.setattr(module, attribute, noted)
 
     noting("code", compiler, "_compile")
-    noting("states", integration, "nothing_found")
+    noting("states", integration, "empty_result")
     x0 = np.random.default_rng(1).normal(size=(count, 2))
     assert flow(field, x0, time=np.linspace(0.0, 1.0, 90), derivatives=derivatives).ok.all()
     assert order[0] == "code"

@@ -55,7 +55,7 @@ def of_equations(
     """Return the right-hand side of all members, whose choices are fixed within a step.
 
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
-    differentiate f by, `twice` asks for second derivatives, and `acts` are events.
+    differentiate f by, `twice` asks for second derivatives, and `actions` are events.
     """
     actions, constants = with_parameters(actions, len(equations.names) + len(parameters))
     f = _of_list(equations, names, twice, actions, len(constants))

@@ -251,9 +251,9 @@ _latest: list[tuple[Any, Any, EventTimes]] = [(None, None, NO_EVENT_TIMES)]
 
 def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
     """Return the times of events; calls one after the other for the same objects share them."""
-    asked, known = ([*map(id, events)], sign, batch), _latest[0]
-    if known[0] != asked:
-        known = _latest[0] = asked, events, _new_stops(events, sign, batch)
+    key, known = ([*map(id, events)], sign, batch), _latest[0]
+    if known[0] != key:
+        known = _latest[0] = key, events, _new_stops(events, sign, batch)
     return known[2]
 
 

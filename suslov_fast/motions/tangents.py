@@ -62,7 +62,7 @@ def exponents_of(
     """Return exponents (B, n) over the time that is asked, the largest first, and ends.
 
     n counts the components whose rate is not constant in some member, or that a change sets.
-    `acts` are events, in the order of code.
+    `actions` are events, in the order of code.
     """
     (time,), report, stops = request.times.tolist(), request.report, request.stops
     found = empty_result(starts, 0)

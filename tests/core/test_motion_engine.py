@@ -121,7 +121,7 @@ import suslov_fast as sf
 from suslov_fast.core.flow import batch_solver, step_loop
 field = sf.Field(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
 for is_implicit in (False, True):
-    integrator = batch_solver.integrator_of(field.right_hand_sides[0].f, is_implicit, True)
+    integrator = batch_solver.integrator_of(field._right_hand_sides[0].f, is_implicit, True)
     text = step_loop.text_of_integrator(integrator, "f", 8, True)
     print(hashlib.sha256(text.encode()).hexdigest())
 """

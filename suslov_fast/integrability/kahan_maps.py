@@ -23,7 +23,7 @@ from ..fields.field import Field
 from ..fields.names import labels
 from ..fields.terms import Terms, collected
 from ..keywords import public
-from .arithmetic import Values, as_written, constant, matrix
+from .arithmetic import Values, as_written, constant, moduli
 from .birational_maps import LONGEST, TERMS, TERMS_IN_LETTERS, RationalMap
 from .polynomials import coprime, cramer, degree_of, letters_in, primitive
 from .rational_functions import (
@@ -175,20 +175,27 @@ class KahanMap(RationalMap):
         zero = 0 * x[-1]
         return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms]
 
-    def _left(self, x: Sequence[Any]) -> Any:
-        """Return A at a point of numbers."""
-        return matrix([row[:-1] for row in self._system(x)])
+    def _matrices(self, x: Sequence[Any]) -> tuple[Any, Any]:
+        """Return the matrices A (D, D) and b (D, 1) at a point of numbers."""
+        D, modulus = self.dimension, moduli(x[0])
+        new = flint.nmod_mat if modulus else flint.fmpq_mat
+        if self._latest[0] != modulus:
+            forms = [dict(form) for row in self._forms for form in row[:-1]]
+            forms += [dict(row[-1]) for row in self._forms]
+            coefficients = [form.get(j, 0) for form in forms for j in range(D + 1)]
+            self._latest = modulus, new(len(forms), D + 1, coefficients, *modulus)
+        values = (self._latest[1] * new(D + 1, 1, [*x], *modulus)).entries()
+        return new(D, D, values[: D * D], *modulus), new(D, 1, values[D * D :], *modulus)
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        system = self._system(x)
         if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
-            return cramer(system)
-        A, b = matrix([row[:-1] for row in system]), matrix([row[-1:] for row in system])
+            return cramer(self._system(x))
+        A, b = self._matrices(x)
         return [*A.solve(b).entries(), x[-1]]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # A(x; eps) DPhi(x) = A(Phi(x); -eps)
-        return self._left(x).solve(self.inverse._left(self.image(x)))
+        return self._matrices(x)[0].solve(self.inverse._matrices(self.image(x))[0])
 
     @cached_property
     def _solution(self) -> list[Any]:

@@ -43,13 +43,13 @@ class _Equations:
         self._lower = [self._ring.from_dict({e: 1}) for e in exponents_up_to(degree - 1, 2)]
         self._exponents = exponents_up_to(2 * degree - 2, 2)
 
-    def equations(self, P: Any, eps: Values) -> Any:
-        """Return the matrix of the equations for f = P, without its first column.
+    def equations(self, P: Any) -> Any:
+        """Return the matrix of the equations for f = P modulo p, without its first column.
 
         The columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for g, then h, a monomial.
         Without the first one, the gradient of f, which always solves the equations, does not.
         """
-        f = modulo(P, self._p, eps).compose(*self._points, ctx=self._ring)
+        f = P.compose(*self._points, ctx=self._ring)
         columns = []
         for variable, sign in ((1, 1), (0, -1)):
             slope = f.derivative(variable)
@@ -64,7 +64,8 @@ def count_factors(P: Any) -> int:
     degree, n = degree_of(P), variables_of(P)
     if degree < 1 or n < 2:
         return degree
-    matrix = _Equations(n, degree, prime_of([P]), random.Random(0)).equations(P, EPS)
+    p = prime_of([P])
+    matrix = _Equations(n, degree, p, random.Random(0)).equations(modulo(P, p, EPS))
     return 1 + int(matrix.ncols() - matrix.rank())
 
 
@@ -80,11 +81,11 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         return
 
     def search(p: int, eps: Values) -> Residues:
-        rng = random.Random(p)
+        rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # roots that depend on the plane are left out
             on_plane = _Equations(n, degree, p, rng)
-            A, B = (on_plane.equations(P, eps) for P in (first, second))
+            A, B = map(on_plane.equations, residues)
             if A.rank() < A.ncols():  # all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))

@@ -52,7 +52,7 @@ TERMS = 300_000  # of the largest polynomial that is factored
 TERMS_IN_LETTERS = 20_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _POINTS = 3  # random points: their common roots in eps are those of all points
-_FEW = 100  # monomials times the degree of a map
+FEW = 100  # products of polynomials times the degree of a map, of an image on a line
 
 
 class RationalMap(WithLetters):
@@ -306,7 +306,7 @@ class RationalMap(WithLetters):
     def length(self) -> float:
         """The cost of an image on a line, at least 1: the cost for a map of few monomials."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
-        return max(1.0, len(monomials) * self.degree / _FEW)
+        return max(1.0, len(monomials) * self.degree / FEW)
 
     def cost_of_pullback(self, P: Any, degree: int) -> float:
         """Return an estimate of the seconds that the pullback of P and its factors take.

@@ -51,9 +51,7 @@ from .symmetries import DEGREES, Reversor, reversors
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
 _ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
-# The latest degree times the length of the map: for the next one of 12,000 the zoo and QRT maps take
-# from 1 to 8 s on a busy AMD EPYC.
-_TOO_LONG = 12_000
+_TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
@@ -273,7 +271,7 @@ class Search:
         count, expected = len(self.degrees), self._expected_degree()
         if self._next_degree_is_too_long or count == _MOST:
             return True
-        may_end = (count >= _ENOUGH and self.degrees[-1] > _CHEAP)
+        may_end = count >= _ENOUGH and self.degrees[-1] > _CHEAP
         may_end = may_end or expected * self.map.length > _COSTLY
         by_degrees = growth(self.degrees, planar=self.map.is_planar)
         return may_end and not math.isnan(by_degrees.entropy)
@@ -527,8 +525,9 @@ class Search:
         """Yield what was searched, in words."""
         degrees = self.queue.finished()
         if self.degrees:
-            is_last = self._next_degree_is_too_long
-            yield f"degrees of {len(self.degrees)} iterates" + ", the next takes long" * is_last
+            is_unclear = math.isnan(growth(self.degrees, planar=self.map.is_planar).entropy)
+            ended = ", the next takes long" * (is_unclear and self._next_degree_is_too_long)
+            yield f"degrees of {len(self.degrees)} iterates{ended}"
         if not self.map.is_invertible:
             yield "nothing else: the map has no inverse, since det DPhi = 0"
         for kind, text in _TEXTS.items():

@@ -241,7 +241,9 @@ class Invariants:
     def _quotients_by_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
         """Yield quotients by a polynomial of least degree, which is not 0 at 0 if possible."""
         lowest = [f for f in functions if f.degree == functions[0].degree]
-        denominator = next((f for f in lowest if has_constant_term(f.numerator)), functions[0])
+        denominator = next(
+            (f for f in lowest if has_constant_term(f.as_quotient()[0])), functions[0]
+        )
         others = (f for f in functions if f is not denominator)
         yield from (_with_varying_limit(f / denominator) for f in others)
 
@@ -288,14 +290,15 @@ def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
 
 def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
     """Return the key of densities: a zero of the denominator at 0 is of low order."""
-    return f.degree, min(map(sum, exponents_in_x(f.denominator))), *_sort_key(f)
+    return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
     """Return f or 1 / f: the one whose numerator has the higher degree, or is 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
-        return degree_of(f.numerator), has_constant_term(f.denominator)
+        P, Q = f.as_quotient()
+        return degree_of(P), has_constant_term(Q)
 
     return max((f, f**-1), key=order)
 
@@ -313,7 +316,7 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
     """Return a polynomial without its constant term; powers and quotients are unchanged."""
     if any(e != 1 for P, e in f.factors if degree_of(P)):
         return f
-    P = f.numerator
+    P = f.as_quotient()[0]
     if (constant := coefficient_of(P, (0,) * variables_of(P))) == 0:
         return f
     return quotient_of(without_content(P - constant), P.context().constant(1), f.basis)

@@ -25,7 +25,7 @@ from ..fields.terms import Terms, collected
 from ..keywords import public
 from .arithmetic import Values, as_written, constant, moduli
 from .birational_maps import FEW, LONGEST, TERMS, TERMS_IN_LETTERS, RationalMap
-from .polynomials import coprime, cramer, degree_of, letters_in, primitive
+from .polynomials import coprime, cramer, degree_of, exponents_in_x, letters_in, primitive
 from .rational_functions import (
     MODULAR,
     RationalFunction,
@@ -253,12 +253,10 @@ class KahanMap(RationalMap):
     @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
-        if self.in_letters:
-            if not (energy := self.in_letters.energy):
-                return None
+        if self.in_letters and (energy := self.in_letters.energy):
             *values, _ = over_common_denominator(energy.values(), self.ring)
             terms = [*zip(energy, values, strict=True)]
-        elif not self.field._is_hamiltonian:
+        elif self.in_letters or not self.field._is_hamiltonian:
             return self._found_hamiltonian()
         else:
             exactly = as_written if self.decimals else Fraction
@@ -272,7 +270,7 @@ class KahanMap(RationalMap):
         if D % 2 or D > _LARGEST:
             return None
         f, pairs = [zero] * D, [*combinations(range(D), 2)]
-        for (i, j, k), v in _integers(self.terms)[0]:
+        for (i, j, k), v in self._rates[0]:
             f[i] += v * x[j] * x[k]
         conditions = []  # for L f to be a gradient, for each L with the entries 1 and -1
         for k, l in pairs:
@@ -292,7 +290,9 @@ class KahanMap(RationalMap):
             return None
         products = (int(L[i, k]) * x[i] * f[k] for i in range(D) for k in range(D))
         of_H = sum(products, zero)  # its part of degree d is d times the part of H
-        return primitive(zero.context().from_dict({e: 6 // sum(e) * c for e, c in of_H.terms()}))
+        degrees = map(sum, exponents_in_x(of_H))
+        terms = {e: 6 // d * c for d, (e, c) in zip(degrees, of_H.terms(), strict=True)}
+        return primitive(zero.context().from_dict(terms))
 
     @cached_property
     def modified_energy(self) -> RationalFunction | None:

@@ -40,6 +40,7 @@ from .polynomials import (
     sort_key,
     value_at,
     variables_of,
+    with_plain_letters,
     with_values,
 )
 
@@ -256,13 +257,13 @@ class RationalFunction(WithLetters):
 
     @property
     def numerator(self) -> Any:
-        """The numerator as one polynomial."""
-        return self.as_quotient()[0]
+        """The numerator as one polynomial of python-flint, in the letters and the variables."""
+        return with_plain_letters(self.as_quotient()[0])
 
     @property
     def denominator(self) -> Any:
-        """The denominator as one polynomial."""
-        return self.as_quotient()[1]
+        """The denominator, as :attr:`numerator`."""
+        return with_plain_letters(self.as_quotient()[1])
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials; a constant needs their ring."""

@@ -3,6 +3,7 @@
 import functools
 import random
 from fractions import Fraction
+from functools import partial
 
 import flint
 import numpy as np
@@ -137,6 +138,8 @@ def test_lemma_1_as_the_paper_prints_it():
     paper = (I1 * x**2 + I2 * y**2) / (4 * I1 * I2 + eps**2 * (I13 * x + I23 * y) ** 2)
     assert sympy.simplify(sympy.sympify(F) - paper) == 0
     assert F.letters == ("eps", "I1", "I2", "I13", "I23")
+    assert str(F.numerator) == "I1*Omega1^2 + I2*Omega2^2"
+    assert F.denominator.context().names() == (*F.letters, "Omega1", "Omega2")
     assert "I_{13}" in sympy.latex(F)
     assert sympy.simplify(sympy.sympify(F.subs(eps=0, I2=3)) - paper.subs({eps: 0, I2: 3})) == 0
     assert "letters eps, I1" in str(found)
@@ -169,10 +172,19 @@ def test_formulas_along_orbits():
         F.subs(J=1)
 
 
-def test_modified_hamiltonian_of_ten_coefficients():
+def cubic_field(x, a, b, c, d, e, f, g, h, i, j):
+    q, p = x
+    rate = b * q**2 + 2 * c * q * p + 3 * d * p**2 + f * q + 2 * g * p + i
+    return rate, -(3 * a * q**2 + 2 * b * q * p + c * p**2 + 2 * e * q + f * p + h)
+
+
+@pytest.mark.parametrize(
+    "make", [partial(Field.from_hamiltonian, cubic), partial(Field, cubic_field)]
+)
+def test_modified_hamiltonian_of_ten_coefficients(make):
     """H + grad H (x~ - x) / 3 for all planar cubic H (Celledoni and others, 2013)."""
     rng, names = random.Random(4), "abcdefghij"
-    field = Field.from_hamiltonian(cubic, "q p", **dict.fromkeys(names, 1))
+    field = make("q p", **dict.fromkeys(names, 1))
     (F,) = report(field, letters=" ".join(names), degree=2).integrals
     assert F.basis == "identity"
     numbers, eps = values_of(names, rng), Fraction(1, 8)

@@ -48,7 +48,7 @@ def reported(given, eps=None, degree=3):
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
 EPS = F(1, 4)
 J, I = [1.25, 2.125, 3.75, 5, 7], [0.5, -0.75, 0.25, 1, -0.5]
-field_of, of = Field, lambda body: body.field()
+field_of, of = Field, lambda body: body._field
 from_hamiltonian = Field.from_hamiltonian
 MAP = kahan(of(BODY), EPS)
 EULER = field_of(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3)

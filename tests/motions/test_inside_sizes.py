@@ -179,3 +179,63 @@ def test_a_rate_that_is_rounding_beside_a_relaxation(options):
     for k in range(8):
         alone = sf.flow(cycles[k], [2.0, 0.0, 0.0], time=30.0, **options)
         np.testing.assert_array_equal(alone.states, motion.states[:, k])
+
+
+# --------------------------------------------------------- symmetric states, which are rounded
+def ring(n):
+    """The second differences on a ring, which is negative, and one wave on it."""
+    matrix = 2 * np.eye(n) - np.roll(np.eye(n), 1, axis=0) - np.roll(np.eye(n), -1, axis=0)
+    return n**2 * matrix, np.cos(2 * np.pi * np.arange(n) / n)
+
+
+def network(seed):
+    """A random network of pairs, whose states are opposite, and of nodes between them, at 0."""
+    rng = np.random.default_rng(seed)
+    pairs, between = rng.integers(2, 9), rng.integers(1, 5)
+    D = 2 * pairs + between
+    other = np.r_[pairs : 2 * pairs, :pairs, 2 * pairs : D]
+    weights = np.zeros((D, D))
+    ends = [*rng.integers([pairs, D], size=(3 * pairs, 2))]
+    ends += [(rng.integers(pairs), node) for node in [*range(2 * pairs, D)] * 2]
+    for i, j in ends:
+        for a, b in ((i, j), (other[i], other[j])):
+            weights[a, b] = weights[b, a] = rng.uniform(0.5, 20.0)
+        weights[other[i], other[j]] = weights[other[j], other[i]] = weights[i, j]
+    np.fill_diagonal(weights, 0.0)
+    start = rng.standard_normal(pairs)
+    order = rng.permutation(D)
+    matrix = (np.diag(weights.sum(axis=1)) - weights)[np.ix_(order, order)]
+    return matrix, np.concatenate([start, -start, np.zeros(between)])[order]
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.parametrize("kind", ["heat", "waves", "Schroedinger"])
+@pytest.mark.parametrize("system", [8, 20, 36, 44, 64, *(f"network {k}" for k in range(8))])
+def test_components_that_are_0_by_symmetry(kind, system):
+    """Heat, waves and Schrödinger's equation where terms of some rates cancel up to rounding."""
+    of_network = isinstance(system, str)
+    matrix, x0 = network(int(system.split()[1])) if of_network else ring(system)
+    D, time = len(x0), 1.0 if kind != "Schroedinger" else 0.1
+
+    def turned(u):
+        return [sum(matrix[i, j] * u[j] for j in np.flatnonzero(matrix[i])) for i in range(D)]
+
+    def rates(u):
+        first = [-each for each in turned(u[:D])]
+        if kind == "heat":
+            return first
+        return [*u[D:], *first] if kind == "waves" else [*turned(u[D:]), *first]
+
+    squares, modes = np.linalg.eigh(matrix)
+    squares, a = abs(squares), modes.T @ x0
+    if kind == "heat":
+        right = modes @ (a * np.exp(-squares * time))
+    else:
+        rate = np.sqrt(squares) if kind == "waves" else squares
+        of_second = rate if kind == "waves" else 1.0
+        second = modes @ (-a * of_second * np.sin(rate * time))
+        right = np.concatenate([modes @ (a * np.cos(rate * time)), second])
+    start = x0 if kind == "heat" else np.concatenate([x0, 0 * x0])
+    motion = sf.flow(field(rates, len(start)), start, time=time)
+    np.testing.assert_allclose(motion.states[0], right, atol=3e-7)
+    assert motion.steps < 1500

@@ -22,11 +22,16 @@ from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 
-OF_SEED = 2.0**-41  # of `ComponentNumbers.seeds`, which are below 2**-10
-# f is looked at beside these points of a step, by these parts of `OF_SEED`. There are many, because
-# at one of them noise may be the same by chance. ENDS is 1 at the ends of the step, which come
-# first, and FIRST at the first part: steps whose error cannot be noise look there alone.
-BESIDES, ALONG = (4.0, -4.0, 3.0, -3.0, 2.0, -2.0, 1.0, -1.0), (0.0, 1.0, 0.2, 0.4, 0.6, 0.8)
+BESIDE_SIZE = 2.0**-48  # half of it is the largest relative distance of a state beside another
+# f is looked at beside these points of a step, in the directions that these multiples of
+# `ComponentNumbers.seeds` give. There are many, because in one changes may cancel by chance,
+# as the noise of a symmetric state. Every other state is MOVED by what the change before it adds
+# up to in the step: the noise of a force reaches the place. ENDS is 1 at the ends of the step,
+# which come first, and FIRST at the first direction: steps whose error cannot be noise look there
+# alone.
+BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
+MOVED = [0.0, 1.0] * 4
+ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
 FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)
 # What a change of f beside the ends allows, and one beside all points: the weights of columns make
@@ -57,14 +62,16 @@ def ON_LINE(x, new, u):
 
 
 @scalar_kernel
-def BESIDE(t, state, x, new, f, counts, seeds, part, is_end):
+def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """A component beside its value, within some units in its last place; a clock is later.
 
     Between the ends they are those of the larger end: a component may begin at 0.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
-    return {"beside": (counts > 0.0).select(state + OF_SEED * part * seeds * size, later)}
+    place = multiple * seeds
+    part = place - place.then("floor") - 0.5  # as if by chance
+    return {"beside": (counts > 0.0).select(state + BESIDE_SIZE * part * size + move, later)}
 
 
 @scalar_kernel
@@ -168,7 +175,7 @@ def _changes_beside(code, is_noise):
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     change = work.right if integrator.is_implicit else work.f
-    parts, firsts = map(text.constants, (BESIDES, FIRST))
+    multiples, firsts, moved = map(text.constants, (BESIDES, FIRST, MOVED))
     along, ends = map(text.constants, (ALONG, ENDS))
     base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
     least, largest, second = found
@@ -186,7 +193,9 @@ def _changes_beside(code, is_noise):
             counts = is_noise | (ends[point] * firsts[k] > 0.0)
             for i in text.each(code.D):
                 of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
-                of_line |= {"part": parts[k], "is_end": ends[point]}
+                of_line |= {"multiple": multiples[k], "is_end": ends[point]}
+                move = work.signed[0] * change[i]
+                of_line |= {"move": (moved[k] > 0.0).select(move, 0.0)}
                 work.start.put_chosen(i, code.apply(BESIDE, i, **of_line)["beside"])
             code.call("f", work.start, code.table, work.f)
             for i in text.each(code.D):

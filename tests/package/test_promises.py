@@ -115,7 +115,7 @@ def test_any_input(rng, name, kind):
 @cases()
 def test_bad_input(rng, name, kind):
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), (), name)
-    state = "x|x0" if RECORDS[kind].body in (sf.Field, sf.Map) else "omega0?|xy|x0"
+    state = "x|x0" if RECORDS[kind].body in (sf.Field, sf.Map) else "omega0?|xy|x0?"
     omega[1, 1] = -np.inf
     with pytest.raises(ValueError, match=rf"^({state}) must be .* -inf at index \(1, 1\)"):
         list(row.values(body, omega, eps))

@@ -50,7 +50,7 @@ def qrt(A, B):
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 40))]
+    "seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 12))]
 )
 def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     """It is a fractional linear function of A / B. What the search does later is left out."""
@@ -77,15 +77,6 @@ def test_a_report_of_a_qrt_map_ends():
     assert found.proved_entropy == 0
     assert found.degrees[:3] == [6, 19, 42]
     assert {f.basis for f in (*found.integrals, *found.measures)} == {IDENTITY}
-
-
-def test_an_inverse_that_is_none():
-    A, B = np.random.default_rng(1).integers(-3, 4, (2, 3, 3)).astype(object)
-    forward, backward = qrt(A, B)
-    with pytest.raises(ValueError, match="not the inverse"):
-        rational_map(forward, 2, inverse=lambda x: backward(x[::-1]))
-    with pytest.raises(ValueError, match="not the inverse"):  # its denominator is 0 everywhere
-        rational_map(lambda x: (x[0], 1 - x[0]), 2, inverse=lambda x: (1 / (x[0] + x[1] - 1), x[1]))
 
 
 # Three-dimensional QRT maps (Alonso, Suris and Wei 2023): each involution goes along a generator of

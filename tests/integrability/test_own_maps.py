@@ -47,23 +47,6 @@ def test_parameters_may_stay_letters():
     assert str(F.subs(a=3)) == "(x + 1)*(y + 1)*(x + y + 3)/(x*y)"
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_random_qrt_maps(seed):
-    """The integral of a symmetric QRT map (Quispel, Roberts and Thompson 1988) is found, proved."""
-    rng = np.random.default_rng(seed)
-    A, B = (M + M.T for M in rng.integers(-3, 4, (2, 3, 3)))
-
-    def qrt(x):
-        powers = np.array([x[1] ** 2, x[1], 1])
-        f = np.cross(A @ powers, B @ powers)
-        return x[1], (f[0] - x[0] * f[1]) / (f[1] - x[0] * f[2])
-
-    map = Map(qrt, "x y")
-    [F] = report(map, degree=4).integrals
-    x = [Fraction(3, 7), Fraction(2, 5)]
-    assert F(x) == F(rational_map(map)(x))
-
-
 def test_an_inverse_gives_the_entropy():
     back = Map(lambda x, a: ((x[0] + a) / x[1], x[0]), "x y", a=3)
     assert planar_entropy(rational_map(LYNESS, inverse=back)).entropy == 0

@@ -6,16 +6,13 @@ Right values are loops in Python and in NumPy, closed forms, and numbers that ot
 import math
 import pickle
 
-import children
 import numpy as np
 import pytest
-from children import TWO_THREADS
 from scipy.linalg import qr
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Map, Status, iterate, lyapunov_exponents
 from suslov_fast.core.maps import map_step
-from suslov_fast.maps import kernel_calls
 
 LN2 = math.log(2)
 
@@ -195,19 +192,6 @@ def test_choices_of_constants_do_not_hide_a_missing_state():
         iterate(map, [[1.0, 0.0], [3.0, 0.0]], 4)
 
 
-def test_threads_and_families(monkeypatch):
-    """The bits of a member are those of the map alone, on any number of threads."""
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
-    x, a = np.random.default_rng(1).uniform(-0.1, 0.1, (700, 2)), np.linspace(1.0, 1.4, 700)
-    family = HENON.with_parameters(a=a)
-    run = iterate(family, x, 100, threads=1)
-    assert run == iterate(family, x, 100, threads=TWO_THREADS)
-    exponents = lyapunov_exponents(family, x, 100, threads=TWO_THREADS)
-    for k in (0, 13, 699):
-        assert run.member(k) == iterate(family[k], x[k], 100)
-        assert np.array_equal(exponents[k], lyapunov_exponents(family[k], x[k], 100))
-
-
 def test_long_lists_have_the_same_bits(monkeypatch):
     """NumPy takes maps of more operations than LLVM compiles soon."""
     x = starts(MAPS["lattice"], 9)
@@ -278,14 +262,3 @@ def test_what_takes_no_map_says_what_does(case):
     }
     with pytest.raises(TypeError, match=names.get(case, "iterate")):
         REFUSED[case]()
-
-
-def test_a_first_call_in_a_process_of_its_own():
-    """The bits of its batch are those of this process, which has compiled much before."""
-    found = children.run(
-        "import numpy as np, suslov_fast as sf\n"
-        "f = lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0])\n"
-        "print(sf.iterate(sf.Map(f, 2), np.zeros((9, 2)), 40).final.sum().hex())\n"
-    )
-    expected = iterate(HENON, np.zeros((9, 2)), 40).final.sum()
-    assert float.fromhex(found.strip()) == expected

@@ -60,6 +60,7 @@ solid = sf.SuslovND(J=[1.3, 2.1, 3.7, 4.2], I=[0.4, -0.7, 0.5, 0.2])
 field, family = of(lorenz, 3, rho=28.0), of(lorenz, 3, rho=np.linspace(20, 30, 1500))
 henon = sf.Field.from_hamiltonian(
     lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3, 4)
+own = sf.Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), 2)
 kick = sf.Event(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
 """
 LOOP = """
@@ -110,7 +111,8 @@ run(field, 3, .01, 10), run(field, (2048, 3), .01, 300, save_every=50)
 sf.step(field, [1.0, 2.0, 20.0], .01)
 run(family, (1500, 3), .01, 300, save_every=None)
 sf.lyapunov_exponents(field, x(3), .01, 50), sf.lyapunov_exponents(field, x(1000, 3), .01, 300)
-of_a_field(system(field, .01), np.ones(3))""",
+of_a_field(system(field, .01), np.ones(3))
+run(own, 2, 40), run(own, (9000, 2), 40)""",
     "methods and sections": """
 run(henon, 4, .1, 10, method="order4"), run(henon, (1000, 4), .1, 200, method="order4")
 run(henon, (1000, 4), .1, 100, method="order8", save_every=None)

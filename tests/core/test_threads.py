@@ -52,92 +52,36 @@ thread.join()
 """
 
 
-FIELDS = """
-import atexit, os, threading, warnings
-import numpy as np, suslov_fast as sf
+# What is called: `run`, of which all results equal `expected`.
+IMPORTS = """
+import atexit, itertools, multiprocessing, os, sys, threading, warnings
+import numba, numpy as np, suslov_fast as sf
 warnings.simplefilter("ignore", DeprecationWarning)
+"""
+FIELDS = f"""{IMPORTS}
 x = np.random.default_rng(1).uniform(-1, 1, (9000, 3))
 def run(n=1, **options):
     field = sf.Field.from_terms(np.eye(3)[:, :, None] * np.ones(3) / 100, -n * np.eye(3))
     return sf.iterate(field, x, 0.01, 500, save_every=None, **options).final
 expected = run(1, threads=1)
 """
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("setup", "code", "layer"),
-    [
-        (children.SETUP, AT_ONCE, "tbb"),
-        (children.SETUP, AT_ONCE, "workqueue"),
-        (children.SETUP, FORKS, "tbb"),
-        (children.SETUP, FORKS, "omp"),
-        (FIELDS, FORKS, "omp"),  # of which Numba takes no part
-    ],
-)
-@pytest.mark.slow
-def test_threads_and_forks(setup, code, layer):
-    """Threads at once, and children forked while a thread computes, neither abort nor hang."""
-    if code is FORKS and not hasattr(os, "fork"):
-        pytest.skip("needs fork")
-    children.run(setup + code, 12, timeout=540, **children.layer(layer))
-
-
-COMPILES = """
-import itertools, os, signal, threading, warnings
-import suslov_fast as sf
-warnings.simplefilter("ignore", DeprecationWarning)
-numbers = itertools.count(1)
-def compute():
+COMPILES = f"""{IMPORTS}
+numbers, expected = itertools.count(1), np.ones(1)
+def run():
     c = float(next(numbers))
-    return sf.flow(sf.Field(lambda x: (-c * x[0],), 1), [1.0], time=1.0)
-compute()
-stop = threading.Event()
-def compute_on():
-    while not stop.is_set():
-        compute()
-thread = threading.Thread(target=compute_on)
-thread.start()
-for _ in range(4):
-    child = os.fork()
-    if child == 0:
-        signal.alarm(60)
-        compute()
-        os._exit(0)
-    assert os.waitpid(child, 0)[1] == 0
-stop.set()
-thread.join()
+    return sf.flow(sf.Field(lambda x: (-c * (x[0] - 1),), 1), [1.0], time=1.0).final
+run()
 """
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_forks_while_a_thread_compiles():
-    """The lock of the compiler, which the thread had, was held without end in the child."""
-    children.run(COMPILES)
-
-
-FIELDS_AT_EXIT = """
+AT_EXIT = """
 def compute():
-    print((run(1, threads=2) == expected).all())
+    assert (run(1, threads=2) == expected).all()
+    print("done")
 atexit.register(compute)
 thread = threading.Thread(target=lambda: (threading.main_thread().join(), compute()))
 thread.start()
 """
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-@pytest.mark.parametrize("before", ["", "run(1, threads=2)"])
-def test_fields_at_the_end_of_a_process(before):
-    """Threads of Python cannot be started any more: results are the same."""
-    code = f"{FIELDS}{before}{FIELDS_AT_EXIT}"
-    assert children.run(code, PYTHONWARNINGS="error").split() == ["True", "True"]
-
-
-# The parent imports the package, and starts threads of its own.
-PRANGE = """
-import numba
+# The parent starts threads of its own, and calls nothing of the package.
+PRANGE = f"""{IMPORTS}
 @numba.njit(parallel=True)
 def threads(x):
     t = 0.0
@@ -146,27 +90,40 @@ def threads(x):
     return t
 assert threads(np.ones(100)) == 100
 """
-CHILDREN = """
-import multiprocessing
+POOL = """
 def work(k):
     body = sf.Suslov3D(4, 1, -0.5, -0.3)
     starts = np.random.default_rng(3).uniform(-2, 2, (40000, 2))
     return sf.iterate(body, starts, 0.2, 60, save_every=None).final.sum()
 with multiprocessing.get_context("fork").Pool(2) as pool:
-    found = pool.map(work, range(4))
-print(len({*found}), work(0) == found[0])
+    assert {*pool.map(work, range(4))} == {work(0)}
+print("done")
 """
+# What is called, from where, by which threads of Numba, and what is printed.
+PROCESSES = {
+    "bodies at once, tbb": (children.SETUP, AT_ONCE, "tbb", ""),
+    "bodies at once, workqueue": (children.SETUP, AT_ONCE, "workqueue", ""),
+    "bodies in forks, tbb": (children.SETUP, FORKS, "tbb", ""),
+    "bodies in forks, omp": (children.SETUP, FORKS, "omp", ""),
+    "fields in forks, omp": (FIELDS, FORKS, "omp", ""),  # of which Numba takes no part
+    # The lock of the compiler, which the thread had, was held without end in the child.
+    "forks while a thread compiles": (COMPILES, FORKS, None, ""),
+    # Threads of Python cannot be started any more.
+    "fields at exit": (FIELDS, AT_EXIT, None, "done done"),
+    "fields at exit, after a call": (f"{FIELDS}run(1, threads=2)", AT_EXIT, None, "done done"),
+    "a parent with threads of others": (PRANGE, POOL, "omp", "done"),
+}
 
 
 @pytest.mark.compiled
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_children_of_a_parent_with_threads_of_others():
-    """They neither abort nor hang, though nothing of the package was called before the fork."""
-    code = f"import numpy as np, suslov_fast as sf\n{PRANGE}"
-    two = {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
-    lines = children.run(f"{code}\n{CHILDREN}", PYTHONWARNINGS="ignore", **two).splitlines()
-    assert lines == ["1 True"]
+@pytest.mark.parametrize("name", PROCESSES)
+def test_threads_forks_and_ends(name):
+    """None aborts or hangs, and all find the same bits."""
+    setup, code, layer, output = PROCESSES[name]
+    environment = children.layer(layer) if layer else {}
+    assert children.run(setup + code, 12, timeout=540, **environment).split() == output.split()
 
 
 class Work:

@@ -11,14 +11,6 @@ from suslov_fast import Suslov3D, SuslovND, equilibria, flow, iterate, kahan
 
 GYROSTAT = Suslov3D(2.3, 1.4, 0.5, -0.7, 0.9)
 SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), GYROSTAT]
-BATCHES = {
-    (2, 3): Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
-    (2,): Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]),
-    (3, 2): SuslovND(J=np.ones((2, 5)), I=np.full((3, 1, 5), 0.1)),
-    (2, 1): Suslov3D(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
-    (0,): Suslov3D(2.3, 1.4, 0.5, -0.7, []),
-}
-BODIES = [*SINGLE, *BATCHES.values()]
 
 
 def random_inertia(rng, shape=()):
@@ -38,8 +30,6 @@ def test_parameters_are_kept():
     assert body.I1.tolist() == [1, 2, 3]
     assert (body.I2, body.I13, body.I23, body.I3) == (1.0, -0.5, 0.25, None)
     assert type(body.I2) is float
-    assert [body.shape for body in SINGLE] == [()] * 3
-    assert [body.shape for body in BATCHES.values()] == [*BATCHES]
 
 
 def test_what_counts_as_equal():

@@ -285,16 +285,6 @@ def test_a_state_at_a_pole_has_no_next_one(name):
             assert np.isnan(function(body, pole, 1.0)).all()
 
 
-def test_three_dimensions_are_n_dimensions(rng):
-    body, omega, eps = sample(rng, "Suslov3D 0", (9,), (9,), (9,))
-    J, I = np.stack([body.I2, body.I1], axis=-1), np.stack([-body.I13, -body.I23], axis=-1)
-    turned = np.stack([omega[:, 1], -omega[:, 0]], axis=-1)
-    expected = body.exact(omega, eps, [1, 5])
-    found = sf.SuslovND(J=J, I=I).exact(turned, eps, [1, 5])
-    np.testing.assert_allclose(found[..., 0], expected[..., 1], rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(-found[..., 1], expected[..., 0], rtol=1e-11, atol=1e-12)
-
-
 PREY = sf.Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
 STILL = [
     (sf.Suslov3D(2, 3, 0, 0), [[0.3, -0.7], [0.0, 0.0]], 0.5),

@@ -17,7 +17,7 @@ RUNS = {
     "last": (BODY, STARTS, [0.1, 0.2, 0.3, 0.4, 0.5], 7, {"save_every": None, "attitude": True}),
     "turning": (BODY, STARTS, 0.2, 7, {"save_every": 5, "attitude": True}),
     "empty": (BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3, {}),
-    "failed": (sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0], [0.3, 0.1]], 1, 5, {}),
+    "failed": (sf.Suslov3D(1, 1, 1, 0), [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]], 1, 5, {}),
     "four": (FOUR, [0.3, 0.9, -0.6], 0.4, 6, {"method": "gauss", "attitude": True}),
     "gyrostat": (GYROSTAT, STARTS[:3], 0.35, 6, {"save_every": 4}),
     "field": (LOTKA, [0.5, 0.7], 0.125, 6, {}),

@@ -10,26 +10,6 @@ from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents
 from suslov_fast.core.llvm.compiler import known_codes
 
 
-def test_surfaces_that_differ_by_a_number_in_place_of_a_variable():
-    field = Field(lambda s: (-s[0], 0 * s[1], 0 * s[2]), "x y z")
-    for surface, time in (("x - y", math.log(4 / 3)), ("x - 1", math.log(2)), ("x - z", None)):
-        found = crossings(field, [2.0, 1.5, 0.3], surface, time=1.0).time
-        assert found.tolist() == ([] if time is None else pytest.approx([time], abs=1e-8))
-
-
-def test_new_states_that_differ_by_a_number_in_place_of_a_variable():
-    field = Field(lambda s: (1.5 - s[0], 0 * s[1]), "v n")
-    for to, count in (((0, "n + 1"), 9), (("v", "n + 1"), 1)):
-        events = flow(
-            field, [0.0, 0.0], time=10.0, events=Event("v - 1", to=to, direction="up")
-        ).events
-        assert len(events.time) == count
-    doubled = Event(times=[1.0], to=("2*v", "n"))
-    kept = Event(times=[1.0], to=("2*v", 1))
-    for change, n in ((doubled, 0.0), (kept, 1.0)):
-        assert flow(field, [0.0, 0.0], time=2.0, events=change).states[-1, 1] == n
-
-
 def test_zeros_keep_their_signs():
     field = Field(lambda s: (0 * s[0], 0 * s[1]), "x y")
     for zero in (0.0, -0.0):

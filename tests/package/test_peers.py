@@ -1,4 +1,4 @@
-"""The page of calls of other packages: each row gives what SciPy, heyoka or a number says."""
+"""The page of calls of other packages: each row gives what SciPy or a number says."""
 
 import re
 from pathlib import Path
@@ -52,7 +52,7 @@ OTHERS = {
 
 @pytest.fixture(scope="module")
 def names():
-    """What the page defines, events of SciPy, and what heyoka needs."""
+    """What the page defines, and events of SciPy."""
     names = {}
     for code in re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
         exec(code, names)
@@ -75,28 +75,3 @@ def test_row(here, names):
         found = np.asarray(eval(here, names))
         assert found.shape == np.shape(wanted)
         assert abs(found - wanted).max() <= error * max(1, abs(np.asarray(wanted)).max())
-
-
-@pytest.mark.compiled
-def test_rows_of_heyoka(names):
-    heyoka = pytest.importorskip("heyoka")
-    x, y, z = heyoka.make_vars("x", "y", "z")
-    times = []
-
-    def begin(integrator, k):
-        integrator.state[:] = names["starts"][k]
-        return integrator
-
-    own = {
-        **{name: getattr(heyoka, name) for name in ("taylor_adaptive", "nt_event")},
-        "ensemble_propagate_until": heyoka.ensemble_propagate_until,
-        "equations": list(zip((x, y, z), names["f"]((x, y, z)), strict=True)),
-        "begin": begin,
-        "z": z,
-        "record": lambda integrator, time, sign: times.append(time),
-    }
-    rows = [(there.strip("`"), here) for package, there, here in ROWS if package == "heyoka"]
-    assert len(rows) == 3
-    for there, here in rows:
-        there, here = (eval(each, {**names, **own}) for each in (there, here))
-        assert np.allclose(here, times or there, rtol=1e-6, atol=1e-6)

@@ -35,17 +35,6 @@ def test_a_file_holds_all_of_a_run(name, path):
         np.testing.assert_array_equal(data.states.values, run.states)
 
 
-def test_a_file_of_trajectories_that_fail_at_once(path):
-    """Or at their last step."""
-    starts = [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]]
-    body = sf.Suslov3D(1, 1, 1, 0)
-    for steps, failed_at in ((0, [0, -1, -1]), (1, [0, 1, -1])):
-        run = sf.iterate(body, starts, 1.0, steps, on_singular="ignore")
-        assert run.failed_at.tolist() == failed_at
-        run.save(path, overwrite=True)
-        assert sf.load(path) == run
-
-
 @pytest.mark.parametrize("code", [errno.ENOSPC, None])
 def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatch, code):
     """The error of a full disk has the file."""

@@ -44,7 +44,7 @@ def _value(name: str, system: Any, x: Any, eps: Any, method: str = "auto") -> An
 def jacobian(
     system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
-    """Derivative of the map: row i, column j holds d(x_next)_i / dx_j.
+    """Return the derivative of the map: row i, column j holds d(x_next)_i / dx_j.
 
     For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
     methods of order 4, 6 and 8 the product over all sub-steps.
@@ -78,7 +78,7 @@ def jacobian(
 
 @public
 def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
-    """Matrix A of the linear system that a step of Kahan's map solves.
+    """Return the matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the right-hand side. The
     map has a pole where det A = 0. For a body without a rotor A x_next = x: the matrices before
@@ -107,7 +107,7 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
 
 @public
 def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
-    """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
+    """Return the modified energy, which the map conserves, and which tends to the energy.
 
     For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
     and the :func:`matrix` A, and the map conserves it exactly. For a body it is
@@ -124,7 +124,7 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     Returns
     -------
     ndarray(float, shape=(...))
-        Unit: that of the energy. NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state
+        Unit: energy. NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state
         of a field on a pole of the map.
 
     Notes
@@ -145,12 +145,12 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
 
 @public
 def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
-    """Density rho of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
+    """Return the density of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
     dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k. In n
-    dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three of which
-    one has a coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
+    dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three coordinates with
+    one coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
     (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder w_E0 of k dimensions adds the factor
     ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. Where I = 0, rho =
     1. Methods of higher order do not have these measures.
@@ -164,7 +164,7 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
     -------
     ndarray(float, shape=(...))
         For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
-        1 / (omega * inertia**3); the sign is that of l, and the density is infinite where l = 0.
+        1 / (omega * inertia**3); it has the sign of l, and is infinite where l = 0.
         For n = 4 with three coordinates the unit is 1 / omega**2.
 
     Raises

@@ -163,7 +163,7 @@ class SuslovND(Suslov):
         The components of an eigenvalue a of diag(J), with the part I_E of I, of length l_E, become
         at most two: u = omega . I_E / l_E with the coupling l_E, unless I_E = 0; and r, the length
         of the remainder w_E0, with the coupling 0, unless there is none. Both have J = a. Map,
-        motion, energies and steady states of the reduced body are those of this one.
+        motion, energies and steady states of the reduced body are the same.
 
         Returns
         -------

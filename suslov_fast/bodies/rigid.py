@@ -154,7 +154,7 @@ class Suslov3D(Suslov):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval, unit: that of I1; NaN if no body has these parameters.
+            The ends of the open interval, in the unit of I1; NaN if no body has these parameters.
 
         Notes
         -----
@@ -336,7 +336,7 @@ class Suslov3D(Suslov):
         Notes
         -----
         h is the integral of equation (9) of Dragovic and Gajic, arXiv:0807.2966; k1 solves equation
-        (12), and k2 is that of Theorem 1 for positive x, with two corrections: the prefactor
+        (12), and k2 is the phase of Theorem 1 for positive x, with two corrections: the prefactor
         2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
 
         Examples
@@ -366,7 +366,7 @@ class Suslov3D(Suslov):
         eps : array_like(float, shape=(...))
             Step size in time.
         I3 : array_like(float, shape=(...)), optional
-            Third moment of inertia, positive; by default that of the body.
+            Third moment of inertia, positive; by default I3 of the body.
 
         Returns
         -------
@@ -404,7 +404,7 @@ class Suslov3D(Suslov):
         """Return the angle between the limits of the angular velocity in space.
 
         These are the limits at times -infinity and +infinity of the continuous motion. The angle
-        depends only on the body; that of the map converges to it with order 2 in eps. With
+        depends only on the body; the angle of the map converges to it with order 2. With
         D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
         alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
         kappa**2 = (alpha - i gamma)**2 - beta**2,

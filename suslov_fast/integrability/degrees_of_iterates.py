@@ -28,8 +28,8 @@ from .polynomials import random_line
 def degrees(map: RationalMap | Body, n: int) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
-    The degree is the largest of those of the numerators and their common denominator, without
-    common factors; it is found on random lines modulo primes, two of which must agree.
+    The degree is the largest degree of the numerators and their common denominator, without
+    common factors. It is found on random lines modulo primes; two primes must agree.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
 
     Without a recurrence the growth is called exponential if the last three quotients d_(k+1) / d_k
     are above 1.5 and differ by at most a tenth, and unclear otherwise. In the plane, linear growth
-    shows an invariant fibration, whose fibres the map may move.
+    shows an invariant fibration; the map may move its fibres.
 
     Parameters
     ----------

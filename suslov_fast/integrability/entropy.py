@@ -125,7 +125,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     Parameters
     ----------
     map : KahanMap or RationalMap
-        A birational map of two variables. If eps is symbolic, the entropy is that of a general eps.
+        A birational map of two variables. If eps is symbolic, the entropy holds for general eps.
 
     Returns
     -------

@@ -45,7 +45,7 @@ class Equilibria(NamedTuple):
         The equilibria, NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
         Eigenvalues of f', by decreasing real part; in conjugate pairs Im > 0 comes first. k is D
-        without the variables of a constant rate. Those of a `Map` are its multipliers.
+        without the variables of a constant rate. The eigenvalues of a `Map` are its multipliers.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
     stable : ndarray(bool, shape=(...))
@@ -68,8 +68,8 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
     f, such as the totals that a reaction conserves, keep the values that they have in `near`.
     Members of a family may go to different equilibria: to follow one, pass the last one found as
-    `near` of the next. A body without a rotor has a line of them, of which the nearest one is
-    returned. The fixed points of Kahan's map are the same for every step size, because
+    `near` of the next. A body without a rotor has a line of equilibria; the result is the nearest
+    one. The fixed points of Kahan's map are the same for every step size, because
     (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x). Orbits of period 2 of a map are fixed points of
     ``Map(lambda x: f(f(x)), names)``.
 
@@ -89,8 +89,8 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
         does not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its
         methods "hybr" and "lm"; what they find may be far. States are NaN, with a negative status,
         where no equilibrium is found. The status is `DEGENERATE` where f' is singular in floats: at
-        a multiple root, whose states have 7 digits, and on a family of equilibria, of which one
-        near the given state is returned.
+        a multiple root, where states have 7 digits, and on a family of equilibria, where the result
+        is a member near the given state.
 
     Raises
     ------

@@ -51,7 +51,7 @@ def lyapunov_exponents(
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
+    """Return Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
 
     Exponents of a :class:`Map` are mean logarithms per step. With `eps` and `steps` the exponents
     belong to orbits of Kahan's map: mean logarithms per step, divided by ``abs(eps)``. With `time`
@@ -79,7 +79,7 @@ def lyapunov_exponents(
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
     events : Event or sequence of Event
         With `time`, events, see :class:`Event`, without `terminal` and `most`. Tangent
-        vectors event with the state, and with the moment of an event at a surface.
+        vectors change with the state, and with the time of an event at a surface.
     method, threads, progress
         As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
         included, or thousandths of the time; if it returns False, the exponents are means over what
@@ -90,14 +90,14 @@ def lyapunov_exponents(
     ndarray(float, shape=(..., D))
         Exponents, the largest first. ``-inf`` if a step or an event is not invertible, as an event
         that sets a component to a number may be. NaN, with one :class:`IntegrationWarning`, if an
-        orbit of the map fails or a motion ends. If an orbit passed a pole, which the warning says,
-        they are those of the map, not of the motion. Exponents of a motion leave out the directions
-        of variables with a rate that is a number other than 0 or made of parameters alone, such as
-        time, whether others depend on them or not, unless an event sets them.
+        orbit of the map fails or a motion ends. If an orbit passed a pole, the warning
+        says so, and the exponents belong to the map, not to the motion. A motion has no
+        exponents for variables with a constant rate other than 0, such as time, unless an event
+        sets them.
 
     Examples
     --------
-    The Lorenz system, whose largest exponent is about 0.906 per unit time:
+    The largest exponent of the Lorenz system is about 0.906 per unit of time:
 
     >>> from suslov_fast import Field, lyapunov_exponents
     >>> lorenz = Field(

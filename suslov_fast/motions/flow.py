@@ -66,11 +66,11 @@ def flow(
 ) -> Motion:
     """Return the motion: the solution of the equations at given times, from x0 at time 0.
 
-    The times are those at which states are wanted: ``(0, 10)`` are two, and those before x0 are
-    negative. NaN in x0 gives NaN. Each trajectory takes steps of its own, by extrapolation of order
-    10, or of order 7 where the equations are stiff. Their lengths follow from its own estimate of
-    the error, and the times do not shorten them. The motion of a body whose closed form is known is
-    exact.
+    `time` lists the times at which states are wanted: ``(0, 10)`` is two times, no interval. Times
+    before x0 are negative. NaN in x0 gives NaN. Each trajectory takes steps of its own, by
+    extrapolation of order 10, or of order 7 where the equations are stiff. The step size follows
+    from the estimated error of the trajectory; the times do not shorten steps. If the closed form
+    of a body is known, its motion is exact.
 
     Parameters
     ----------
@@ -81,8 +81,8 @@ def flow(
         Initial states: states x of a field, or angular velocities.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
-        is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. Where equations depend on
-        time, x0 holds the initial one, of a variable t with the rate 1:
+        is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. If equations depend on
+        time, time is a variable t with the rate 1, and x0 contains its initial value:
         ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
@@ -94,7 +94,7 @@ def flow(
         below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
         that small components have digits of their own.
     max_step : float, optional
-        The longest step in time, for pulses that are short beside the steps.
+        The longest step in time, for pulses that are shorter than the steps.
     stiff : bool, optional
         True or False takes all steps by the method for stiff equations, or by the other one. By
         default each trajectory chooses, from step to step.

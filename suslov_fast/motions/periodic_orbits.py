@@ -72,8 +72,8 @@ def periodic_orbit(
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
 
-    A system with an integral, such as an energy, has families of periodic orbits, of which it finds
-    a member near `start`, not that of its energy: the farther `period` is off, the farther away.
+    A system with an integral, such as an energy, has families of periodic orbits. The result is a
+    member near `start`, usually with another energy. The nearer `period`, the nearer the member.
 
     Newton's method solves for the state and the period together, along the motion as :func:`flow`
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
@@ -90,8 +90,8 @@ def periodic_orbit(
         A state near the orbit.
     period : float, optional
         The approximate period; by default the time after which the motion from `start` returns to
-        it nearly. If the equations depend on time, a variable with a constant rate, the period is
-        that of the force, which has to be given, and is kept.
+        it nearly. If the equations depend on time, a variable with a constant rate, pass the
+        period of the force, which is kept.
     rtol : float
         The tolerance of :func:`flow`.
     events : Event or sequence of Event
@@ -112,19 +112,19 @@ def periodic_orbit(
         instead: an equilibrium, or a motion that ends.
     TypeError, ValueError
         If an argument is out of range, the system has no steps, or the equations depend on time and
-        `period` is left out, or is none of the force.
+        `period` is left out, or is no period of the force.
 
     Warns
     -----
     UserWarning
         If the period is a multiple of a shorter one, if period and orbit are far from the given
-        ones, or if the orbit is a member of a family: more multipliers are 1 than the one of the
-        flow and those of known integrals, the Hamiltonian of `Field.from_hamiltonian` and linear
-        ones. A force that is written as states has such a family, of all its amplitudes.
+        ones, or if the orbit is a member of a family: more multipliers are 1 than the flow
+        and known integrals explain: the Hamiltonian of `Field.from_hamiltonian`, and linear
+        integrals. A force that is written as states has such a family, of all its amplitudes.
 
     Examples
     --------
-    The shortest periodic orbit of Roessler's system, whose period is 5.8810884555:
+    The shortest periodic orbit of Roessler's system has the period 5.8810884555:
 
     >>> from suslov_fast import Field, periodic_orbit
     >>> roessler = Field(

@@ -361,7 +361,7 @@ def left_out(beside: str, **given: bool) -> None:
 
 
 def arguments_of(f: Any) -> list[str]:
-    """Return the names of the required arguments of a function; none if it does not tell them."""
+    """Return the names of the required arguments of a function; none without a signature."""
     try:
         parameters = inspect.signature(getattr(f, "py_func", f)).parameters.values()
     except (TypeError, ValueError):

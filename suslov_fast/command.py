@@ -32,7 +32,7 @@ _OF_TIMES = "points", "rtol", "atol"  # and of the motion
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line with the nearest option or command."""
+    """A parser with errors of one line, which names the nearest option or command."""
 
     def error(self, message: str) -> NoReturn:
         known = {}

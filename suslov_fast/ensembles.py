@@ -72,7 +72,7 @@ def ensemble(
         The largest number of chunks. By default their states take 8 MB each. A function x0 requires
         it, and is called for 0, 1, ..., chunks - 1.
     client : distributed.Client, optional
-        A Dask client, whose workers compute the chunks and write them to the store. By default
+        A Dask client. Its workers compute the chunks and write them to the store. By default
         chunks are computed here, one after the other.
     progress : bool or callable, optional
         As in :func:`iterate`; it counts trajectories.
@@ -251,7 +251,7 @@ def _prepared(store: Any, whole: Any, encoding: Any) -> Any:
 
 
 def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]:
-    """Compute chunks, here or by the workers of a client; yield the place of each that is done."""
+    """Compute chunks, here or by the workers of a client; yield the place of each chunk."""
     if client is None:
         yield from (_write(*call) for call in calls)
         return

@@ -218,7 +218,7 @@ def multipliers(
 
     Examples
     --------
-    A damped oscillator, whose equilibrium is stable:
+    The equilibrium of a damped oscillator is stable:
 
     >>> from suslov_fast import Field, kahan
     >>> field = Field(lambda x: (x[1], -x[0] - 0.1 * x[1]), "x v")
@@ -263,7 +263,7 @@ def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
 
 
 def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
-    """Return (...) whether f' d = f has a small solution d: what a solver of f = 0 returns."""
+    """Return (...) True if f' d = f has a small solution d, a step of a solver of f = 0."""
     known = np.isfinite(slopes).all(axis=(-2, -1)) & np.isfinite(f).all(axis=-1)
     slopes, f = np.where(known[..., np.newaxis, np.newaxis], slopes, 0.0), f[..., np.newaxis]
     f = np.where(known[..., np.newaxis, np.newaxis], f, 0.0)

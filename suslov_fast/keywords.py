@@ -1,4 +1,4 @@
-"""Errors of public functions and objects that lack an argument or an attribute: what to use."""
+"""Errors of public names that lack an argument or an attribute say which name to use."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ORDINALS = "first", "second", "third", "fourth", "fifth"
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
     """Return the error of an object, class or module without an attribute, for `__getattr__`.
 
-    `here` is what to use, if it is known; else it is looked for.
+    `here` is the name to use, if it is known; else the table of words is searched.
     """
     if isinstance(thing, ModuleType | type):
         kind = "module" if inspect.ismodule(thing) else "type object"
@@ -71,7 +71,7 @@ class Answering(type):
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function answer arguments that it does not have with those to use."""
+    """Let a function answer unknown arguments with the arguments to use."""
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -98,7 +98,7 @@ class IntegrationWarning(RuntimeWarning):
       motion. The absence of a warning proves nothing, because an even number of such eigenvalues
       goes undetected. These trajectories have the status `PASSED_POLE`, unless they failed later.
       `first_pole` of a run is the number of the first state after such a step, and `valid` is True
-      before it. Later states are those of the map; they approximate the motion only if the orbit
+      before it. Later states belong to the map; they approximate the motion only if the orbit
       does not move along the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for
       which a mode that decays fast looks like a pole.
     - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its

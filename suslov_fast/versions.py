@@ -1,4 +1,4 @@
-"""Versions of the package, of what it uses, and of the machine, for reports of problems."""
+"""Versions of the package and of its dependencies, and the machine, for reports of problems."""
 
 import os
 import platform

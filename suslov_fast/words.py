@@ -1,4 +1,4 @@
-"""Words of other packages, and what is used in their place here: one table."""
+"""Words of other packages, and the names to use in their place: one table."""
 
 from collections.abc import Collection
 from difflib import get_close_matches
@@ -302,7 +302,7 @@ _ROWS = {
 
 
 def answer(word: str, known: Collection[str] = ()) -> str:
-    """Return what to use for a word, or the nearest known name; "" if there is none."""
+    """Return the name to use for a word, or the nearest known name; "" if there is none."""
     plain = _plain(word)
     found = _ROWS.get(plain) or _ROWS.get(plain.removesuffix("s"), ([], "", False))
     names, how, is_of_steps = found

@@ -29,7 +29,7 @@ _CONVENTIONS = "it is about the fixed point, with minus the integrals of x y dm 
 
 
 def _refuse(name: str, bad: Any, what: str) -> None:
-    """Raise ValueError, which names the first member of a batch of which something is true."""
+    """Raise ValueError, which names the first member of a batch where a condition is true."""
     if bad.any():
         member = f": member {checks.spell(checks.first_index(bad))}" if np.ndim(bad) else ""
         raise ValueError(f"{name}{member} {what}")

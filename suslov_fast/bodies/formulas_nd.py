@@ -1,4 +1,4 @@
-"""Formulas of bodies in n dimensions, by those of the coordinates to which they reduce."""
+"""Formulas of bodies in n dimensions, by formulas of the reduced coordinates."""
 
 from collections.abc import Callable
 from functools import partial
@@ -77,7 +77,7 @@ def _reaction(problem: Problem) -> FloatArray:
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return `eigenvalues`: those of f' = (I.x) J**-1 P.
+    """Return the eigenvalues of f' = (I.x) J**-1 P.
 
     P projects onto the vectors orthogonal to I. The eigenvalues are I.x times the squares of the
     singular values of P J**-1/2, computed in this way because small singular values keep their

@@ -168,7 +168,7 @@ class SuslovND(Suslov):
         Returns
         -------
         body : SuslovND
-            The body of these coordinates: those of the J_i that appears first stand first, u before
+            The body of these coordinates, in the order in which the J_i appear, u before
             r. If no two J_i are equal it is equal to this one. Equal means equal as floats: J that
             differ in the last bit are different.
         to_reduced : callable

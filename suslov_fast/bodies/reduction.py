@@ -4,7 +4,7 @@ Let E be an eigenspace of diag(J), I_E the part of I in E, and E0 the vectors of
 The part of omega in E0 keeps its direction, along the map and along the motion: the proof is in
 docs/theory/dimensions.md. So E contributes one coordinate u = omega . I_E / |I_E| with the coupling
 |I_E| unless I_E = 0, and one coordinate r with the coupling 0, the signed length of the part in E0,
-unless E0 = 0. In them the equations are those of a body again.
+unless E0 = 0. In these coordinates the equations are again equations of a body.
 """
 
 from typing import Any
@@ -71,7 +71,7 @@ class Reduction:
         return self._chosen(0.0, self.rest - 1.0, size)
 
     def _directions(self, omega: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return u, r, and the unit vector in E0 of which r is the length, at each index."""
+        """Return u, r and the unit vector of r in E0 at each index."""
         with np.errstate(all="ignore"):
             u = self._in_each(np.add, self.unit * omega)
             across = np.where(self.rest > 1, omega - self.unit * u, 0.0)

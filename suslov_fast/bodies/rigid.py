@@ -48,7 +48,7 @@ class ClosedForm(NamedTuple):
     t: FloatArray
 
     def __repr__(self) -> str:
-        """Return the constants as text; those of one orbit as numbers, not as np.float64(...)."""
+        """Return the constants as text; of one orbit as numbers, not as np.float64(...)."""
         parts = [value if np.ndim(value) else float(value) for value in self]
         return f"ClosedForm(h={parts[0]}, k1={parts[1]}, k2={parts[2]}, t={parts[3]})"
 

@@ -52,11 +52,11 @@ class Body(Members, metaclass=Answering):
     _coordinates : tuple of str
         Parameters that are coordinates of datasets, and that ``==`` ignores.
     _meaning : str
-        What parameters are, for messages.
+        The meaning of the parameters, for messages.
     _steady_line : ndarray(float, shape=(..., D)) or None
         The direction of the line of steady states through 0; NaN for members, or None, without one.
     _called : str
-        What messages call the class.
+        The name of the class in messages.
     _variable : {"omega", "x"}
         The name of the states.
     _has_eps : bool
@@ -66,7 +66,7 @@ class Body(Members, metaclass=Answering):
     _is_solved : bool
         Whether a closed form of the motion is known.
     _read, _texts : callable, tuple of str
-        What makes a body from its dictionary, and the entries that hold no numbers.
+        The function that makes a body from its dictionary, and the entries without numbers.
     """
 
     _axes: ClassVar[dict[str, int]] = {}
@@ -115,7 +115,7 @@ class Body(Members, metaclass=Answering):
 
     @cached_property
     def _parts(self) -> dict[str, Any]:
-        """The parameters by name, without numbers and None that are defaults."""
+        """The parameters by name, without defaults that are None or a number."""
         named = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
             name: value
@@ -285,7 +285,7 @@ class Body(Members, metaclass=Answering):
 
     @classmethod
     def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
-        """Return the body of checked parameters, of which some are removed here."""
+        """Return the body of checked parameters, after some of them are removed."""
         how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls

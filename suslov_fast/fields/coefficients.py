@@ -223,7 +223,7 @@ def of_file(indices: Any, values: Any, D: int) -> Terms:
 
 
 def _indices(name: str, given: Any, ends: tuple[int, ...]) -> Any:
-    """Return integers (rows, T), those of each row below its end."""
+    """Return integers (rows, T); the integers of each row are below its end."""
     indices = np.asarray(given)
     if indices.size == 0:
         return np.zeros((len(ends), 0), np.int64)

@@ -1,6 +1,6 @@
 """Equations as text: lists of operations are written, and read by a grammar without `eval`.
 
-What is read is bounded in size and depth, so that no file can keep its reader busy.
+Texts are bounded in size and depth, so that no file can keep its reader busy.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def brief(
     length: int = 60,
     ratios: Mapping[float, Fraction] = _NONE,
 ) -> str:
-    """Return the text of a value for readers, whose middle is left out if it is long."""
+    """Return the text of a value for readers; the middle of a long text is left out."""
 
     def text_of(a: Any, depth: int) -> tuple[str, int]:
         if isinstance(a, float):

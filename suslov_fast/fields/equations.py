@@ -71,7 +71,7 @@ class Equations:
 
     @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
-        """Definitions, and the texts of f, or that of H, from which f follows."""
+        """Definitions, and the texts of f, or the text of H, from which f follows."""
         results = self.results if self.H is None else [self.H]
         return written(self.values, results, self.all_names, self.ratios)
 

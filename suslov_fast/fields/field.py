@@ -100,7 +100,7 @@ class Field(Traced):
     >>> family.sel(a=2)
     Field(u' = u - u*v, v' = a*(u*v - v), a = 2.0)
 
-    A bead on a parabola q**2 / 2, whose inertia depends on q:
+    The inertia of a bead on a parabola q**2 / 2 depends on q:
 
     >>> Field(
     ...     lambda x: (x[1], -x[0] * (x[1] ** 2 + 1)),
@@ -386,7 +386,7 @@ class Field(Traced):
         return self._motion_lists(twice=True)
 
     def _derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """Return those of variational equations, with the derivatives of f by parameters."""
+        """Return the right-hand sides of variational equations, with derivatives by parameters."""
         return self._motion_lists(names, twice=True)
 
     # ------------------------------------------------------------------------------ degree 2
@@ -424,7 +424,7 @@ class Field(Traced):
 
     @cached_property
     def _may_escape(self) -> bool:
-        """False for linear equations, whose solutions exist at all times."""
+        """False for linear equations: their solutions exist at all times."""
         try:
             return bool((self._terms.indices[2] < self.dimension).any())
         except (TypeError, ValueError):

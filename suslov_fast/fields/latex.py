@@ -39,7 +39,7 @@ def equations(
 ) -> str | None:
     """Return equations of left sides, in LaTeX, and texts; None where these are no formulas.
 
-    `names` are those of variables that have another one in LaTeX.
+    `names` has the variables with another name in LaTeX.
     """
     if sum(len(text) for _, text in rows) > _LONGEST:
         return None

@@ -28,7 +28,7 @@ class Map(Traced):
     :func:`iterate` and :func:`lyapunov_exponents` iterate it, ``map(x)`` is one step, and
     :func:`equilibria` finds fixed points. A step has no length in time: there is no eps, and
     ``run.time`` counts steps. The laboratory ``integrability`` takes a rational map. f may
-    contain what the function of a :class:`Field` may, such as ``np.mod``, ``np.where`` and tables.
+    contain the functions that a :class:`Field` accepts, such as ``np.mod`` and ``np.where``.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Map(Traced):
 
     @property
     def _displacement(self) -> Field:
-        """The field f(x) - x, of which fixed points of the map are equilibria."""
+        """The field f(x) - x; its equilibria are the fixed points of the map."""
         parts = self._equations
         values, results = in_order(parts.values, parts.results)  # a copy
         rates = [values.emit("fsub", a, i) for i, a in enumerate(results)]

@@ -32,7 +32,7 @@ MOST = 4  # rows of a block that Cramer's rule solves, because its minors are 2*
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return f and M as functions of the state and of all parameters, each of which one takes."""
+    """Return f and M as functions of the state and of all parameters; each uses its own."""
     of_mass, own = taken(mass, parameters), taken(f, parameters)
     of_f = [name for name in parameters if name in own or name not in of_mass]
     check_function("f", f, names, {name: parameters[name] for name in of_f})
@@ -143,7 +143,7 @@ class _Samples:
 
 
 def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
-    """Return the solution of a x = b, numbers and symbols; `samples` tell what is no pivot."""
+    """Return the solution of a x = b, numbers and symbols; `samples` exclude pivots."""
     D = len(b)
     is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
     rows, columns = [*range(D)], [*range(D)]

@@ -14,7 +14,7 @@ _FAMILY = "for a family pass an array as a parameter"
 
 
 class Members:
-    """A batch of bodies, whose members an index or the values of parameters select."""
+    """A batch of bodies; an index or the values of parameters select members."""
 
     _axes: ClassVar[dict[str, int]]
     _parts: Any

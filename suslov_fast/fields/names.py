@@ -132,9 +132,9 @@ def check_order(names: Sequence[str]) -> None:
 
 
 def clash(name: str, names: Collection[str]) -> str:
-    """Return what the name of a parameter already stands for; "" if it is free.
+    """Return the meaning that the name of a parameter already has; "" if it is free.
 
-    `names` are those of the variables.
+    `names` are the names of the variables.
     """
     if name in names:
         return "the variable of that name"

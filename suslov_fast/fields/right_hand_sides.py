@@ -52,7 +52,7 @@ def of_equations(
     twice: bool = False,
     actions: tuple[EventAction, ...] = (),
 ) -> list[OfMembers]:
-    """Return the right-hand side of all members, whose choices are fixed within a step.
+    """Return the right-hand side of all members, with choices that are fixed within a step.
 
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
     differentiate f by, `twice` asks for second derivatives, and `actions` are events.

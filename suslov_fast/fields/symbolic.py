@@ -28,7 +28,7 @@ TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbou
 
 
 class Untraceable(TypeError):
-    """An operation of f of which there is no list."""
+    """An operation of f that no expression program has."""
 
 
 class Tracer:
@@ -87,7 +87,7 @@ class Tracer:
         return brief(self.values, operand, self.names)
 
     def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
-        """Return the value of a function of operands, and note what was written."""
+        """Return the value of a function of operands, and note the formula."""
         if name in _ARITHMETIC and float in map(type, operands):
             _check_arithmetic(name, operands)
         count, rule = self.values.count, interp if name == "interp" else FUNCTIONS[name].rule
@@ -108,7 +108,7 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 
 
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error where a constant is infinite or NaN, but for a quotient by infinity.
+    """Raise an error where a constant is infinite or NaN, except for a quotient by infinity.
 
     Such constants are limits of `clip` and values of `where`; a sum with one has no other value.
     """
@@ -141,7 +141,7 @@ def constant(value: Any) -> float:
 
 
 def applied(name: str, *values: Any) -> Any:
-    """Return the value of a function of numbers, some of which may be symbolic."""
+    """Return the value of a function of numbers; some of them may be symbolic."""
     for value in values:
         if isinstance(value, Symbol):
             tracer = value.tracer
@@ -220,7 +220,7 @@ def _holds_symbols(value: Any) -> bool:
 def _carried_out(
     called: Any, method: str, inputs: Sequence[Any], options: Mapping[str, Any]
 ) -> Any:
-    """Return what a function of NumPy is of symbolic numbers; `out` and `where` are honoured."""
+    """Return the value of a NumPy function at symbolic numbers; `out` and `where` count."""
     name, options = called.__name__, dict(options)
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
     if called.signature is not None or is_of_user:  # NumPy computes with objects
@@ -334,7 +334,7 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 
 def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
-    """Return what a function of NumPy, written in Python, is of arrays of symbolic numbers."""
+    """Return the value of a NumPy function written in Python at arrays of symbolic numbers."""
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
     if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
@@ -409,7 +409,7 @@ class Symbol:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return a method: NumPy calls that of an object for each entry of an array."""
+            """Return a method: NumPy calls this method of an object for each entry of an array."""
             if name.startswith("_") or not (name in _METHODS or name in OF_ARRAYS):
                 raise AttributeError(f"a symbol has no attribute {name!r}: it is a number")
             return functools.partial(_function(name)[0], self)

@@ -18,9 +18,9 @@ from .exact_numbers import text_of
 
 
 class Terms(NamedTuple):
-    """Terms at different places, none of which is 0 for all members of a family.
+    """Terms at different places; no term is 0 for all members of a family.
 
-    They are sorted by their indices, except that those with a factor 1 are last: kernels add up in
+    They are sorted by their indices, except that terms with a factor 1 are last: kernels add up in
     this order.
     """
 
@@ -74,7 +74,7 @@ def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
 
 
 def without_zeros(indices: Any, values: Any) -> Terms:
-    """Return sorted terms without those that are 0 for all members."""
+    """Return sorted terms, without terms that are 0 for all members."""
     is_there = np.asarray(values != 0, bool).any(axis=tuple(range(values.ndim - 1)))
     return Terms(np.ascontiguousarray(indices[:, is_there]), values[..., is_there])
 

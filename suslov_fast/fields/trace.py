@@ -1,4 +1,4 @@
-"""Calls of functions of users with symbolic numbers, and what is wrong with such functions."""
+"""Calls of functions of users with symbolic numbers, and the errors in such functions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
     """Raise TypeError unless a user's function takes the state and these parameters.
 
-    `names` are those of the variables, and `argument` is that of the public function, "f" or "H".
+    `names` are the names of the variables; `argument` is the public one, "f" or "H".
     """
     if not callable(f):
         raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
@@ -77,7 +77,7 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
 
 
 def taken(f: Any, names: Iterable[str]) -> list[str]:
-    """Return which parameters a function of the state takes; none if it does not tell."""
+    """Return which parameters a function of the state takes; none if its signature is not known."""
     try:
         own = [*inspect.signature(getattr(f, "py_func", f)).parameters.values()]
     except (TypeError, ValueError):
@@ -88,7 +88,7 @@ def taken(f: Any, names: Iterable[str]) -> list[str]:
 
 
 def taking(f: Any, names: Sequence[str]) -> Any:
-    """Return f as a function of the state and of all parameters, of which it takes these."""
+    """Return f as a function of the state and of all parameters; it uses these."""
     plain = getattr(f, "py_func", f)  # if Numba compiled f
     return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
 

@@ -29,7 +29,7 @@ NAMES, EQUATIONS = "names of variables", "equations"
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Traced(Body):
-    """The base of `Field` and `Map`, whose function f is kept as a list of operations.
+    """The base of `Field` and `Map`: their function f is kept as a list of operations.
 
     In texts, `arrow` stands between a variable and its formula, and `left` is the LaTeX of the left
     side, with %s for the variable.
@@ -92,7 +92,7 @@ class Traced(Body):
 
     @property
     def _shared(self) -> dict[str, Any]:
-        """The parts that all members share, beside arrays."""
+        """The parts that all members share, except arrays."""
         return {NAMES: self.names, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:

@@ -1,6 +1,6 @@
 """Exact experiments on the integrability of Kahan maps and other birational maps.
 
-`report` finds what the other functions find one by one: degrees and their growth,
+`report` calls the other functions one by one. It finds degrees and their growth,
 Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
 measures and first integrals. All are evidence for or against integrability.
 

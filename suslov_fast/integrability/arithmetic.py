@@ -52,7 +52,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
 def constant(name: str, value: Any, decimals: bool = True) -> Fraction:
     """Return a coefficient or a step size, a number or a string, as a fraction.
 
-    A float is what was written, 0.1 or 8/3, or its binary value without `decimals`.
+    A float stands for the written number, 0.1 or 8/3, or without `decimals` for its binary value.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
@@ -144,7 +144,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return [p] for a number modulo p, and [] for a rational one: what a matrix of them takes."""
+    """Return the further arguments of a matrix: [p] for numbers modulo p, [] for rationals."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 

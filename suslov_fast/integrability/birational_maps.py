@@ -1,4 +1,4 @@
-"""Birational maps, exact, x_i~ = F_i(x) / F_0(x): what Kahan maps and other maps have in common.
+"""Exact birational maps, x_i~ = F_i(x) / F_0(x): the base of Kahan maps and other maps.
 
 Images, derivatives and orbits of points of any kind of numbers, the pullback F_0**d P(F / F_0) of a
 polynomial, det DPhi in factors, and the cofactors that are products of these factors.
@@ -283,7 +283,7 @@ class RationalMap(WithLetters):
 
     @property
     def denominator(self) -> Any:
-        """The polynomial F_0, or a multiple whose factors a cofactor may have too."""
+        """The polynomial F_0, or a multiple; its factors may be factors of a cofactor."""
         return self.forms[-1]
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
@@ -298,7 +298,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _fraction_of_monomials(self) -> float:
-        """The number of monomials of the map, relative to that of all monomials of its degree."""
+        """The number of monomials of the map, divided by the number of monomials of its degree."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
 
@@ -403,7 +403,7 @@ def rational_map(
         ``*``, ``/`` and integer powers. It is called with symbols; its integers and fractions
         remain exact, and floats are what was written: 0.1 is 1/10.
     dimension : int
-        The number D of variables, left out beside a `Map`.
+        The number D of variables; a `Map` needs none.
     inverse : Map or callable, optional
         The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at
         three random points modulo a prime of 62 bits. Without it the map may not be birational, and

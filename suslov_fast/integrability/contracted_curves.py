@@ -117,7 +117,7 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """The image of a germ without its common factor, the order of this, and those of curves.
+    """The image of a germ without its common factor; orders of this factor and of curves.
 
     The latter are at most the number of terms.
     """
@@ -242,7 +242,7 @@ def _order(P: Any, terms: int) -> int:
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the passages across all contracted curves, of which two primes have the same.
+    """Return the passages across all contracted curves, which are the same for two primes.
 
     None if no primes show them.
     """
@@ -359,7 +359,7 @@ class _Germs:
         return [self._reduced(_cut(P, terms)) for P in values]
 
     def _reduced(self, P: Any) -> Any:
-        """Return a polynomial modulo that of r."""
+        """Return a polynomial modulo the polynomial of r."""
         n = int(self._modulus.degrees()[-3])
         while (k := int(P.degrees()[-3])) >= n:
             P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus

@@ -123,7 +123,7 @@ def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield cofactors that have polynomials up to a degree.
 
-    The others are products of these and of those of lower degrees.
+    The others are products of these and of polynomials of lower degrees.
     """
     for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)
@@ -222,7 +222,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return that of the pullback divided by the candidate, by n of the points."""
+            """Return the matrix of the pullback divided by the candidate, by n of the points."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
@@ -258,7 +258,7 @@ def _divisors(
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
-        """Return equations for the polynomials whose pullback is divisible by f**power."""
+        """Return equations for the polynomials with a pullback that f**power divides."""
         divisor_degree = size * power
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree

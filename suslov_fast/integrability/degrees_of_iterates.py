@@ -261,7 +261,7 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
 
 
 def _by_quotients(d: list[int]) -> Growth:
-    """Return what the last quotients of degrees without a recurrence tell."""
+    """Return a text on the last quotients of degrees without a recurrence."""
     last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
     if len(last) <= _LAST or min(last) == 0:
         return Growth("unclear", math.nan, text)

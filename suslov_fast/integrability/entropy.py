@@ -35,7 +35,7 @@ _TERMS = 60  # degrees of a monomial map from which their recurrence follows
 
 @dataclass(frozen=True)
 class Contraction:
-    """A curve that a map contracts to a point, and what becomes of it.
+    """A curve that a map contracts to a point, and the orbit of this point.
 
     Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
     `length` is the number of points from the image of the curve to the last one without an image;
@@ -80,7 +80,7 @@ class PlanarEntropy:
 
     @property
     def lengths(self) -> tuple[int | None, ...]:
-        """The lengths of the orbits, one for each curve; None for those that are not confined."""
+        """The lengths of the orbits, one for each curve; None for orbits that are not confined."""
         return tuple(curve.length for curve in self.contractions for _ in range(curve.count))
 
     @property
@@ -174,7 +174,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
 
 def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
-    """Return the entropy of degrees with the generating function P / Q, without what proves it."""
+    """Return the entropy of degrees with the generating function P / Q, without a proof."""
     P, Q = series
     # A root 0 of the polynomial for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())
@@ -212,7 +212,7 @@ def _few_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
-    """Return what becomes of a curve, with a proof if one is found."""
+    """Return the orbit of a contracted curve, with a proof if one is found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if passage.endless:

@@ -199,7 +199,7 @@ def _exponents_of(monomials: Any, n: int) -> Exponents:
 
 
 def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
-    """Return polynomials whose quotients are first integrals, until enough are independent."""
+    """Return polynomials with quotients that are first integrals, until enough are independent."""
     search = Search(map, degree, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:

@@ -47,7 +47,7 @@ class Unknown(ArithmeticError):
 
 
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
-    """Return the rows whose residues a search finds, quotients of polynomials in some letters.
+    """Return the rows that a search finds by their residues: quotients of polynomials in letters.
 
     None if their coefficients are too long, or they have too many terms.
     """
@@ -108,7 +108,7 @@ def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
 
 
 def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> bool:
-    """Return True if rows at numbers are those found modulo a prime."""
+    """Return True if rows at these numbers agree with the rows found, modulo a prime."""
 
     def value(terms: Terms) -> int:
         return value_of({e: int(flint.nmod(fmpq(c), p)) for e, c in terms.items()}, values, p)
@@ -254,7 +254,7 @@ class _Entry:
             self.parts = None if None in parts else parts  # type: ignore[assignment]
 
     def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N or D; those of the highest degree are known first."""
+        """Return the terms of N or D; terms of the highest degree are known first."""
         lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
         for k in range(self.degrees[number], -1, -1):
             top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)

@@ -73,9 +73,9 @@ _ONE = Product(0, ())
 
 
 class Invariants:
-    """The Darboux polynomials of a map that were found, and what follows from them.
+    """The Darboux polynomials found of a map, and the integrals that follow from them.
 
-    Cofactors are told apart by their values at one random point modulo a prime.
+    Cofactors differ if their values at one random point modulo a prime differ.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
@@ -214,7 +214,7 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation, if possible that with a symbolic eps at its number."""
+        """Return the integral of a relation, if possible the formula with a symbolic eps at eps."""
         product = self.power_product(powers)
         pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
         if pairs and all(text in self.symbolic_generators for text, _ in pairs):
@@ -267,7 +267,7 @@ class Invariants:
         return [f**-1 for f in self.elements(self.value(cofactor), most)]
 
     def _density_from_relations(self, det: RationalFunction) -> list[RationalFunction]:
-        """Return a product of powers of generators whose cofactor is 1 / det DPhi, in a list."""
+        """Return, in a list, a product of powers of generators with the cofactor 1 / det DPhi."""
         rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
         single = [row for row in rows if abs(row[0]) == 1]
         return [self.power_product([sign * e for e in powers]) for sign, *powers in single[:1]]
@@ -294,7 +294,7 @@ def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the one whose numerator has the higher degree, or is 0 at 0."""
+    """Return f or 1 / f, such that the numerator has the higher degree, or is 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -304,7 +304,7 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
-    """Return a function of f whose limit for eps to 0 is not constant."""
+    """Return a function of f with a limit for eps to 0 that is not constant."""
     if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
         return without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())

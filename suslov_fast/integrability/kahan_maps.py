@@ -226,12 +226,12 @@ class KahanMap(RationalMap):
 
     @cached_property
     def length(self) -> float:
-        """The cost of an image on a line, as that of any map: 2 D^3 / 3 products of elimination."""
+        """The cost of an image on a line: 2 D^3 / 3 products of elimination."""
         return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW)
 
     @property
     def cost_of_factors(self) -> float:
-        """An estimate of the seconds that `factors` takes: those of a pullback like det A."""
+        """An estimate of the seconds that `factors` takes: the time of a pullback like det A."""
         return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
 
     @cached_property
@@ -379,7 +379,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
 
 
 def exact_body(body: Any, decimals: bool) -> Any:
-    """Return a single body with its fractions, and with its floats as what was written."""
+    """Return a single body with its fractions, and with its floats as they were written."""
 
     def read(a: Any) -> Fraction:
         return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)

@@ -1,4 +1,4 @@
-"""Exact maps of systems, with letters: named parameters that stay symbols, beside eps."""
+"""Exact maps of systems, with letters: eps and named parameters that stay symbols."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .rational_functions import RationalFunction, factored
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
-    """Return a map, or that of a system, after a check: of a field it is Kahan's for any eps.
+    """Return a map, or the map of a system, after a check: Kahan's map of a field for any eps.
 
     Letters are names of parameters of the system that stay symbols, too.
     """
@@ -43,7 +43,7 @@ def exact_map(system: Any, eps: Any, letters: Any, decimals: bool = True) -> Rat
 
 
 def kahan_with_letters(system: Any, letters: Any, decimals: bool = True) -> KahanMap:
-    """Return the Kahan map of a field or a body with letters, the first of which is eps."""
+    """Return the Kahan map of a field or a body with letters; the first letter is eps."""
     names = _checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))

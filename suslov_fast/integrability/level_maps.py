@@ -180,7 +180,7 @@ class _Equations:
     # Coordinates.
 
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
-        """Return the level whose equations are solved, by a quadric if one is left."""
+        """Return the level with its equations solved, by a quadric if one is left."""
         names = self.map.names or labels(self.D)
         how = (
             [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []
@@ -250,7 +250,7 @@ class _Equations:
         return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
 
     def _check(self, found: RationalMap, embedding: list[Any], chart: list[Any], how: str) -> None:
-        """Raise an error unless the map of a level is that of the map, modulo a prime."""
+        """Raise an error unless the map of a level agrees with the map, modulo a prime."""
         p, at_number, whole = found.prime, found.at_eps(EPS), self.map.at_eps(EPS)
         point = arithmetic.random_point(2, p)
 

@@ -1,4 +1,4 @@
-"""`on_level`: a map on a level of given integrals, or of those of its report."""
+"""`on_level`: a map on a level of given integrals, or of the integrals of its report."""
 
 from __future__ import annotations
 

@@ -213,7 +213,7 @@ def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
-    """Return circuits among monomials, those of few monomials first.
+    """Return circuits among monomials, the smallest circuits first.
 
     Whatever the order of the monomials, each row of the reduced row echelon form of the relations
     belongs to a circuit.
@@ -237,7 +237,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _RelationsOnLine:
-    """The relations of circuits at points of a random line, of which `extend` adds more."""
+    """The relations of circuits at points of a random line; `extend` adds points."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
@@ -303,7 +303,7 @@ def _gradients_of_logarithms(
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
-    """Yield integrals from relations between few of the monomials, those of least degree first.
+    """Yield integrals from relations between few of the monomials, by ascending degree.
 
     Most of them are functions of others: `independent_of` selects independent ones.
     """

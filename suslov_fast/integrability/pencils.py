@@ -100,7 +100,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
-    """Return the polynomial whose roots t are those where first + t second loses rank.
+    """Return the polynomial with the roots t where first + t second loses rank.
 
     The matrices have more rows than columns; random combinations of rows make them square, and
     roots that depend on these are left out.

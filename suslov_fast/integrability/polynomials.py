@@ -331,7 +331,7 @@ def rank(polynomials: Sequence[Any]) -> int:
 def selected(
     candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
 ) -> Iterator[A]:
-    """Yield candidates whose polynomials are independent of known and earlier ones."""
+    """Yield candidates with polynomials that are independent of known and earlier ones."""
     basis = [*map(of, known)]
     for each in candidates:
         if rank([*basis, of(each)]) > len(basis):
@@ -411,7 +411,7 @@ def limit(P: Any) -> Any:
 
 
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
-    """Return a basis whose limits for eps to 0 are independent.
+    """Return a basis with independent limits for eps to 0.
 
     A combination of the basis whose limit is 0 is divided by eps, until no such one is left.
     """

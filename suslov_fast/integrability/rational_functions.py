@@ -52,7 +52,7 @@ L = TypeVar("L", bound="WithLetters")
 
 
 class WithLetters:
-    """The base of objects whose coefficients may have symbols: eps, or other letters."""
+    """The base of objects with coefficients that may contain letters: eps, or others."""
 
     letters: Any  # their names
     _with: Any  # the method that returns the same for numbers in place of letters
@@ -279,7 +279,7 @@ class RationalFunction(WithLetters):
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
-        """Return the powers in the numerator, or with the sign -1 those in the denominator."""
+        """Return the powers in the numerator, or with the sign -1 in the denominator."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property
@@ -360,7 +360,7 @@ def as_function(value: Any) -> RationalFunction:
 
 
 def check_letter(letter: Any, names: Sequence[str]) -> None:
-    """Raise an error for a letter that is no name, or that of a variable."""
+    """Raise an error for a letter that is no name, or the name of a variable."""
     if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
         raise wrong("letter", "a name that no variable has, such as h", short(letter))
 

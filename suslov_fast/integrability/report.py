@@ -100,7 +100,7 @@ class Report:
 
     @property
     def independent(self) -> int:
-        """The number of independent integrals, also of those without a formula."""
+        """The number of independent integrals, also without a formula."""
         return max(len(self.integrals) + len(self.implicit), self.relations or 0)
 
     @property
@@ -227,7 +227,7 @@ def _attributes(instance: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON holds of a value that it does not know."""
+    """Return the form in JSON of a value that JSON does not know."""
     if isinstance(value, Field):
         return value.to_dict()
     if isinstance(value, PlanarEntropy):
@@ -242,7 +242,7 @@ def _plain(value: Any) -> Any:
 
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return the line of a kind of functions, of which at most some are written."""
+    """Return the line of a kind of functions, with a bounded number of formulas."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])

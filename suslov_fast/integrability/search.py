@@ -167,7 +167,7 @@ class Search:
         self.queue = Queue(self._first_tasks(), self._is_wanted)
 
     def fill(self, report: Any) -> None:
-        """Put what is known into a report."""
+        """Put all known facts into a report."""
         report.degrees, report.relations = self.degrees, self.relations
         names = self.map.names, self.map.letter
         for name in ("integrals", "measures", "polynomials"):
@@ -522,7 +522,7 @@ class Search:
         yield Task(run, kind)
 
     def _searched(self) -> Iterator[str]:
-        """Yield what was searched, in words."""
+        """Yield the parts of the search, in words."""
         degrees = self.queue.finished()
         if self.degrees:
             is_unclear = math.isnan(growth(self.degrees, planar=self.map.is_planar).entropy)

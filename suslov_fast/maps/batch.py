@@ -68,7 +68,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 
 
 def _takes_two(function: Callable[..., object]) -> bool:
-    """Return whether a function can be called with two numbers, as far as its signature tells."""
+    """Return True if the signature of a function allows a call with two numbers."""
     try:
         inspect.signature(function).bind(0, 0)
     except TypeError:
@@ -144,7 +144,7 @@ class BatchRun:
 
     @property
     def told_by_signs(self) -> Any:
-        """True where a change of sign, and not det A < 0, told the pole of each trajectory."""
+        """True where a change of sign, and not det A < 0, showed the pole of a trajectory."""
         if not self.steps.notes_poles:
             return False
         return self.carry[0].reshape(self.problem.batch) < 0

@@ -1,4 +1,4 @@
-"""Formulas of Kahan's map of any field, and what makes formulas of the functions of the core."""
+"""Formulas of Kahan's map of any field, and formulas made of functions of the core."""
 
 from functools import partial
 from typing import Any
@@ -36,7 +36,7 @@ def values_by_rows(formula: Universal, problem: Problem) -> Any:
 def values_by_terms(
     formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
 ) -> FloatArray:
-    """Return the values of a formula of `terms`, by default those of the field of the body.
+    """Return the values of a formula of `terms`, by default the terms of the field of the body.
 
     The formula takes the terms, and rows of eps, of states, and of the states `after` a step if
     given. For a single field, the states along the last axis of the batch are the rows.

@@ -72,7 +72,7 @@ ALL = slice(None)  # the indices of a group of all trajectories
 def in_stages(stages: Stages) -> Callable[..., Any]:
     """Return the function of arguments of the kernel of fields, for steps made of these stages.
 
-    These are the operations of a step, values and eps; a single field keeps those of its last eps.
+    These are the operations of a step, values and eps; a single field keeps the last values.
     """
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
@@ -92,7 +92,7 @@ by_scheme = in_stages(WHOLE)
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories whose fields have the same zeros; yield their indices and arguments.
+    """Group trajectories by the zeros of their fields; yield their indices and arguments.
 
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
     groups, the bits of a trajectory would depend on the fields of others. Arguments are those of

@@ -33,7 +33,7 @@ def _cost_in_3d(D: int, arguments: Any) -> float:
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return a time between those of a usual step, O(n), and of a step by elimination, O(n**3)."""
+    """Return a time between a usual step, O(n), and a step by elimination, O(n**3)."""
     return 16.0 * D + D**3 / 30.0
 
 

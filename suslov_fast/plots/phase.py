@@ -118,7 +118,7 @@ def plot_phase(
         Number of levels, at least 1.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on, such as a panel of a figure with one legend for all:
-        ``figure.legend(*ax.get_legend_handles_labels())``; by default those of a new figure, with
+        ``figure.legend(*ax.get_legend_handles_labels())``; by default axes of a new figure, with
         a legend below them.
 
     Returns

@@ -29,7 +29,7 @@ _TIME = -1  # in place of the index of a component
 
 
 def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
-    """Return the user's axes, or those of a new figure, for so many components."""
+    """Return the user's axes, or axes of a new figure, for so many components."""
     if ax is not None:
         if not hasattr(ax, "zaxis" if count == 3 else "plot"):
             how = "figure.add_subplot(projection='3d')" if count == 3 else "figure.add_subplot()"

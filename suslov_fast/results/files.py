@@ -70,7 +70,7 @@ def _exists(path: PathLike) -> FileExistsError:
 
 
 def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
-    """Write a partial file beside `target`, and rename it at the end."""
+    """Write a partial file in the folder of `target`, and rename it at the end."""
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         with open(part, "xb") as file:
@@ -100,7 +100,7 @@ def _rename(part: Path, target: Path) -> None:
 def load(path: PathLike) -> Any:
     """Return the result in a file of `save`; errors name the file.
 
-    Only known entries are read, whose checksums `zipfile` compares.
+    Only known entries are read; `zipfile` compares their checksums.
     """
     name = os.fspath(_checked(path, "xarray reads other formats"))
     with open(name, "rb") as file:

@@ -76,7 +76,7 @@ def with_time(data: Any) -> Any:
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a name for each axis of the batch: that of a parameter that varies along it alone."""
+    """Return a name for each axis of the batch: the only parameter that varies along it."""
     count = run.status.ndim
     axis_of = {}  # parameters that vary along one axis only
     for name, array in parameters.items():

@@ -25,9 +25,9 @@ T = TypeVar("T", bound=np.generic)
 
 
 class Result:
-    """The base of the results of runs, frozen dataclasses whose arrays are read-only.
+    """The base of the results of runs: frozen dataclasses with read-only arrays.
 
-    Subclasses have the attributes `states` and `body`, those of a map also `map` and `eps`.
+    Subclasses have the attributes `states` and `body`; results of a map also `map` and `eps`.
     """
 
     states: FloatArray
@@ -37,7 +37,7 @@ class Result:
 
     @property
     def _titles(self: Any) -> dict[str, str]:
-        """The attributes of datasets that say what this is; titles of plots begin with them."""
+        """The attributes of datasets that describe the result; titles of plots begin with them."""
         if (map := vars(self).get("map")) is None:
             return {"title": f"Motion of a {type(self.body).__name__}"}
         return {"title": map.title, "map": map.name}
@@ -56,7 +56,7 @@ class Result:
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     def __setstate__(self, attributes: dict[str, Any]) -> None:
-        """Set the attributes of a new or unpickled result, whose arrays are in no other hands."""
+        """Set the attributes of a new or unpickled result; nothing else uses its arrays."""
         for value in attributes.values():
             if type(value) is np.ndarray:
                 # `write`, by position twice as fast
@@ -65,14 +65,14 @@ class Result:
 
     @classmethod
     def _of(cls, attributes: dict[str, Any]) -> Self:
-        """Return a result with these attributes, whose arrays are in no other hands."""
+        """Return a result with these attributes; nothing else uses its arrays."""
         result = cls.__new__(cls)
         result.__setstate__(attributes)  # faster than a call of the class
         return result
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Self:
-        """Return the result in a file, of its arrays and of what it tells about them."""
+        """Return the result in a file, from its arrays and its description of them."""
         return cls._of(attributes)
 
     def __eq__(self: Any, other: object) -> bool:
@@ -205,7 +205,7 @@ class Result:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OfMotion:
-    """The fields of `Settings` that results of motions have; those of maps have None."""
+    """The fields of `Settings`, as attributes of motions; results of maps have None."""
 
     rtol: float | Any = None
     atol: float | tuple[float, ...] | None = None
@@ -272,7 +272,7 @@ class States(Result):
         title : str or bool, optional
             True: the map, or the tolerance, and the number of orbits. By default none.
         ax : matplotlib.axes.Axes, optional
-            Axes to draw on, 3-D axes for three components; by default those of a new figure.
+            Axes to draw on, 3-D axes for three components; by default axes of a new figure.
         label : str, optional
             The name of the run in ``ax.legend()``.
 
@@ -360,7 +360,7 @@ class States(Result):
         Raises
         ------
         ValueError
-            If the number of names is not that of the axes, or a name is taken.
+            If the number of names differs from the number of axes, or a name is taken.
 
         Examples
         --------

@@ -113,12 +113,12 @@ def shape_of(column: Column, sizes: Sizes) -> tuple[int, ...]:
 
 
 def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the dimensions of a column in a dataset, whose batch has these."""
+    """Return the dimensions of a column in a dataset with these dimensions of the batch."""
     return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())
 
 
 class OtherFormat(ValueError):
-    """A file or store of another format: the message says what it is "of", and what to do."""
+    """A file or store of another format; the message names the format, and what to do."""
 
     def __init__(self, number: Any, version: Any) -> None:
         age, how = "an earlier", "compute it anew"

@@ -12,8 +12,8 @@ The files, in an order in which each uses only those before it:
 - `arithmetic`, `polynomials`, `rational_functions`: exact numbers, polynomials and rational
   functions in factors.
 - `interpolation`: rational functions of letters from their values modulo primes.
-- `birational_maps`, `kahan_maps`: birational maps, and the Kahan maps of fields. `letters`: Kahan
-  maps with parameters as letters. `zoo`: examples.
+- `birational_maps`: birational maps. `rational_maps`: those of a `Map`. `kahan_maps`: the
+  Kahan maps of fields. `letters`: these with parameters as letters. `zoo`: examples.
 - `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
   `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
   curves that they contract, and of monomial maps. `level_maps`: maps on levels of integrals, which
@@ -35,7 +35,7 @@ except ImportError:
     extra("flint", "algebra")  # raises in the words of all extras
     raise
 
-from .birational_maps import RationalMap, rational_map
+from .birational_maps import RationalMap
 from .darboux import cofactors
 from .darboux_generators import darboux_polynomials
 from .degrees_of_iterates import Growth, degrees, growth
@@ -46,6 +46,7 @@ from .level_maps import Level
 from .levels import on_level
 from .linear_relations import ImplicitIntegral
 from .rational_functions import RationalFunction
+from .rational_maps import rational_map
 from .report import Report, report
 from .zoo import zoo
 

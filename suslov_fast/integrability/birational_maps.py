@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -17,13 +17,9 @@ import flint
 import numpy as np
 
 from ..checks import integer, wrong
-from ..fields.map import Map
-from ..fields.names import labels
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point, Values
-from .interpolation import MOST
-from .own_map import function_of
 from .polynomials import (
     cleared,
     coprime,
@@ -42,10 +38,8 @@ from .rational_functions import (
     RationalFunction,
     WithLetters,
     as_function,
-    check_letter,
     factored,
     over_common_denominator,
-    traced,
 )
 
 TERMS = 300_000  # of the largest polynomial that is factored
@@ -216,7 +210,7 @@ class RationalMap(WithLetters):
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is symbolic.
 
-        It may be called in the function of `rational_map`: ``lambda x: map(map(x))``.
+        Of functions of eps, such as a first image, it is the image, too: ``map(map(x))``.
         """
         if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
             coordinates = over_common_denominator(map(as_function, point), self.ring)
@@ -228,6 +222,22 @@ class RationalMap(WithLetters):
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         return self._in_letters(self.homogeneous_image(constants))
+
+    def __pow__(self, count: int) -> RationalMap:
+        """Return an iterate, with its inverse."""
+        count = integer("count", count, 1)
+
+        def forms(map: RationalMap) -> list[Any]:
+            x = map.variables
+            for _ in range(count):
+                x = map.coprime_image(x)
+            return x
+
+        forward, names = forms(self), (self.letters, self.names)
+        if self.inverse is None:
+            return RationalMap(forward, None, *names)
+        backward = RationalMap(forms(self.inverse), RationalMap(forward, None, *names), *names)
+        return RationalMap(forward, backward, *names)
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:
@@ -383,94 +393,6 @@ class RationalMap(WithLetters):
         return C * factored(numerator) / factored(denominator)
 
 
-@public
-def rational_map(
-    f: Map | Callable[..., Any],
-    dimension: int | None = None,
-    inverse: Map | Callable[..., Any] | None = None,
-    *,
-    letter: str = "",
-    decimals: bool = True,
-) -> RationalMap:
-    """Return a birational map with its inverse, or with letters, for the functions of this module.
-
-    They take a :class:`suslov_fast.Map` itself, too, which has no inverse.
-
-    Parameters
-    ----------
-    f : Map or callable
-        A callable maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``,
-        ``*``, ``/`` and integer powers. It is called with symbols; its integers and fractions
-        remain exact, and floats are what was written: 0.1 is 1/10.
-    dimension : int
-        The number D of variables; a `Map` needs none.
-    inverse : Map or callable, optional
-        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked at
-        three random points modulo a prime of 62 bits. Without it the map may not be birational, and
-        `RationalMap.inverse` is None.
-    letter : str, optional
-        The name of an argument of f and of `inverse` after x, or of a parameter of the `Map`: it
-        stays symbolic, as eps does in `kahan`. What is found then holds for general values, and
-        `subs` sets one. There may be several names, ``"a b"``.
-    decimals : bool, optional
-        As in :func:`report`, for a `Map`.
-
-    Returns
-    -------
-    RationalMap
-        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
-
-    Examples
-    --------
-    The map of Lyness:
-
-    >>> from suslov_fast import Map
-    >>> from suslov_fast.integrability import degrees, rational_map, report
-    >>> lyness = Map(lambda x: (x[1], (x[1] + 3) / x[0]), "x y")
-    >>> degrees(lyness, 10)
-    [2, 2, 3, 4, 5, 7, 9, 11, 14, 16]
-    >>> report(lyness).integrals
-    ((x + 1)*(y + 1)*(x + y + 3)/(x*y),)
-    >>> back = Map(lambda x: ((x[0] + 3) / x[1], x[0]), "x y")
-    >>> [str(a) for a in rational_map(lyness, inverse=back).inverse([2, 5])]
-    ['1', '2']
-    """
-    names = None
-    if isinstance(f, Map):
-        names, dimension = f.names if f.names != labels(f.dimension) else None, f.dimension
-        f = function_of(f, decimals)
-    if isinstance(inverse, Map):
-        inverse = function_of(inverse, decimals)
-    n = integer("dimension", dimension, 1)
-    letters = letter.replace(",", " ").split() if isinstance(letter, str) else [letter]
-    for name in letters:
-        check_letter(name, labels(n))
-    if len(letters) > MOST:
-        raise wrong("letter", f"at most {MOST} names", len(letters))
-
-    forms = traced("f", f, n, letters)
-    map = RationalMap(forms, None, letters, names)
-    if inverse is None:
-        return map
-    back = RationalMap(traced("inverse", inverse, n, letters), map, letters, names)
-    map = RationalMap(forms, back, letters, names)
-    if not _takes_images_back(map):
-        raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
-    return map
-
-
-def _takes_images_back(map: RationalMap) -> bool:
-    """Return True if the inverse of a map takes back the images of random points modulo a prime."""
-    rng, at_number, returned = map.generator(), map.at_eps(EPS), []
-    for _ in range(_POINTS):
-        x = arithmetic.random_point(map.dimension, map.prime, rng)
-        try:
-            returned.append(at_number.inverse.image(at_number.image(x)) == x)
-        except ZeroDivisionError:
-            returned.append(False)
-    return all(returned)
-
-
 def check_one_letter(map: RationalMap) -> None:
     """Raise an error for a map with several letters."""
     if len(map.letters) > 1:
@@ -482,7 +404,7 @@ def check_one_letter(map: RationalMap) -> None:
 def check_map(map: Any) -> None:
     """Raise an error for anything but a map, and for equations that define none."""
     if not isinstance(map, RationalMap):
-        how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse=g)"
+        how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")
     at_number = map.at_eps(EPS)
     try:

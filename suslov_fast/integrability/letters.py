@@ -6,19 +6,16 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
-from ..checks import wrong
 from ..fields import coefficients
 from ..fields.base import Body
 from ..fields.field import Field
 from ..fields.map import Map
 from .arithmetic import as_written
-from .birational_maps import RationalMap, check_map, rational_map
-from .interpolation import MOST
+from .birational_maps import RationalMap, check_map
 from .kahan_maps import InLetters, KahanMap, exact_body, kahan
 from .polynomials import ring_with_letters
 from .rational_functions import RationalFunction, factored
+from .rational_maps import checked_letters, rational_map
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
@@ -35,16 +32,15 @@ def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
 def exact_map(system: Any, eps: Any, letters: Any, decimals: bool = True) -> RationalMap:
     """Return a `Map` as a rational map, or the Kahan map of a field or a body."""
     if isinstance(system, Map):
-        names = () if letters is None else _checked_letters(system, letters)
-        return rational_map(system, letter=" ".join(names), decimals=decimals)
+        return rational_map(system, letters=letters, decimals=decimals)
     if letters is None:
         return kahan(system, eps, decimals=decimals)
     return kahan_with_letters(system, letters, decimals)
 
 
 def kahan_with_letters(system: Any, letters: Any, decimals: bool = True) -> KahanMap:
-    """Return the Kahan map of a field or a body with letters; the first letter is eps."""
-    names = _checked_letters(system, letters)
+    """Return the Kahan map of a field or a body with letters, the first of which is eps."""
+    names = checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
     in_letters = InLetters(names, *_coefficients(system, symbols, decimals))
@@ -83,24 +79,3 @@ def _coefficients(system: Body, symbols: Mapping[str, Any], decimals: bool) -> t
 
 def _function(a: Any) -> RationalFunction:
     return a if isinstance(a, RationalFunction) else RationalFunction((), Fraction(a))
-
-
-def _checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
-    """Return names of parameters of a system that are letters."""
-    if not isinstance(system, Body):
-        raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
-    if system.shape:
-        raise wrong("system", "a single one", f"a batch of shape {system.shape}: pass system[i]")
-    has = [name for name, a in system.parameters.items() if not np.ndim(a)]
-    if letters is True:
-        return tuple(has)
-    names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
-    names = [*names] if isinstance(names, Sequence) else []
-    if not names or {*names} - {*has} or len({*names}) < len(names):
-        known = f"names of its parameters {', '.join(has)}" if has else "left out: it has none"
-        raise wrong("letters", known, repr(letters))
-    if "eps" in names:
-        raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
-    if len(names) >= MOST:
-        raise wrong("letters", f"at most {MOST - 1} names", len(names))
-    return tuple(names)

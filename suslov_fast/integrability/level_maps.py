@@ -37,9 +37,9 @@ from .rational_functions import (
     as_function,
     check_letter,
     factored,
+    function_by,
     independent,
     over_common_denominator,
-    quotients_by,
     without_constant,
 )
 
@@ -116,7 +116,7 @@ class _Equations:
             if not callable(f):
                 raise wrong("integrals", "functions of the variables", short(f), TypeError)
             symbols = map(factored, self.map.variables[:-1])
-            (f,) = quotients_by("integrals", lambda x: (f(x),), symbols)
+            f = function_by("integrals", f, symbols)
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
         if letters_in(P) and not self.map.is_symbolic:
             eps, letter = getattr(self.map, "eps", None), f.letter
@@ -274,8 +274,7 @@ class _Equations:
         if is_exchanged:
             text += (
                 ", but to another component, and back: for J**2 pass J, with the second iterate, "
-                f"rational_map(lambda x: map(map(x)), {self.D}, "
-                "lambda x: map.inverse(map.inverse(x)))"
+                "map**2"
             )
         raise ArithmeticError(text)
 

@@ -20,8 +20,6 @@ import numpy as np
 
 from ..checks import FloatArray, extra, real_array, short, wrong
 from ..fields.latex import formula
-from ..fields.names import labels
-from ..fields.trace import check_function
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
@@ -36,7 +34,6 @@ from .polynomials import (
     polynomials_with,
     prime_of,
     renamed,
-    ring_with_letters,
     sort_key,
     value_at,
     variables_of,
@@ -84,11 +81,12 @@ class WithLetters:
 
         Examples
         --------
-        >>> from suslov_fast import Field
+        >>> from suslov_fast import Field, Map
         >>> from suslov_fast.integrability import kahan, rational_map
         >>> kahan(Field.from_terms([[[1]]])).subs(eps=1)([2])
         (Fraction(-2, 1),)
-        >>> rational_map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, letter="h").subs(h=3)
+        >>> lyness = Map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, h=1)
+        >>> rational_map(lyness, letters="h").subs(h=3)
         rational_map(x2, (x2 + 3)/x1)
         >>> (image,) = kahan(Field.from_terms([[[1]]]))([2])
         >>> image, image.subs(eps="1/3")
@@ -376,24 +374,11 @@ def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fra
     return arithmetic.constant(letter, *value, *named.values())
 
 
-def traced(name: str, f: Any, n: int, letters: Sequence[str] = ()) -> list[Any]:
-    """Return the polynomials F_1, ..., F_D, F_0 of a function, by a call with symbols."""
-    check_function(name, f, labels(n), dict.fromkeys(letters, 0))
-    ring = ring_with_letters(n, letters)
-    symbols = [*map(factored, ring.gens())]
-    given = dict(zip(letters, symbols, strict=False))
-    del symbols[: len(letters)]
-    components = quotients_by(name, f, symbols, **given)
-    if len(components) != n:
-        raise ValueError(f"{name} must return {n} components, not {len(components)}")
-    return over_common_denominator(components, ring)
-
-
-def quotients_by(name: str, f: Any, symbols: Any, **given: Any) -> list[RationalFunction]:
-    """Return the quotients of polynomials that a function returns for symbols."""
+def function_by(name: str, f: Any, symbols: Any) -> RationalFunction:
+    """Return the quotient of polynomials that a function returns for symbols."""
     must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
     try:
-        return [*map(as_function, f(tuple(symbols), **given))]
+        return as_function(f(tuple(symbols)))
     except (TypeError, AttributeError) as error:
         raise TypeError(f"{name} {must}: {error}") from error
     except (ValueError, IndexError, ArithmeticError) as error:

@@ -10,8 +10,10 @@ import numpy as np
 
 from ..bodies.rigid import Suslov3D
 from ..fields.field import Field
+from ..fields.map import Map
 from ..keywords import public
-from .birational_maps import RationalMap, rational_map
+from .birational_maps import RationalMap
+from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
@@ -77,7 +79,8 @@ def _henon_heiles(q1: Any, q2: Any, p1: Any, p2: Any) -> Any:
 
 def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
     """Return the map (x, y) to (y, z) of a recurrence that is the same backwards."""
-    return rational_map(lambda x: (x[1], z(*x)), 2, inverse=lambda x: (z(*x[::-1]), x[0])), None
+    back = Map(lambda x: (z(x[1], x[0]), x[0]), 2)
+    return rational_map(Map(lambda x: (x[1], z(*x)), 2), back), None
 
 
 @public

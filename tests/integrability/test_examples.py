@@ -5,7 +5,7 @@ from fractions import Fraction as F
 import numpy as np
 import pytest
 
-from suslov_fast import Field
+from suslov_fast import Field, Map
 
 pytest.importorskip("flint")
 
@@ -56,7 +56,7 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     """It is a fractional linear function of A / B. What the search does later is left out."""
     A, B = np.random.default_rng(seed).integers(-3, 4, (2, 3, 3)).astype(object)
     forward, backward = qrt(A, B)
-    map = rational_map(forward, 2, inverse=backward)
+    map = rational_map(Map(forward, 2), Map(backward, 2))
     found = report(map, degree=4, progress=lambda done, parts: done < 28)
     (integral,) = found.integrals
     assert (integral.basis, integral.degree, found.finished) == (IDENTITY, 4, False)
@@ -72,7 +72,7 @@ def test_a_report_of_a_qrt_map_ends():
     A, B = np.array([[0, 1, 1], [1, -1, 0], [1, 0, 2]]), np.diag([0, 0, 3])
     B[1, 2] = B[2, 1] = 1
     forward, backward = qrt(A.astype(object), B.astype(object))
-    found = report(rational_map(forward, 2, inverse=backward), degree=4)
+    found = report(rational_map(Map(forward, 2), Map(backward, 2)), degree=4)
     assert found.finished
     assert found.proved_entropy == 0
     assert found.degrees[:3] == [6, 19, 42]
@@ -111,7 +111,7 @@ def test_a_qrt_map_in_three_dimensions(finished):
         lambda x, order=order: along_generator(along_generator(x, order[0]), order[1])
         for order in ((0, 1), (1, 0))
     )
-    map, x = rational_map(forward, 3, inverse=backward), POINT
+    map, x = rational_map(Map(forward, 3), Map(backward, 3)), POINT
     y = map(x)
     for f in (lambda x: x[0] * x[1] / x[2], lambda x: P_0(x) / P_1(x)):
         assert f(y) == f(x)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from systems import exactly
 
-from suslov_fast import Field, iterate
+from suslov_fast import Field, Map, iterate
 
 pytest.importorskip("flint")
 
@@ -199,7 +199,7 @@ def test_points_without_a_value():
         integral([0, 0, 0, 1, 0, 0])  # a steady state
     with pytest.raises(ValueError, match=r"x must have the shape \(6,\)"):
         integral([1, 2])
-    map = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
+    map = rational_map(Map(lambda x: (x[1], (x[1] + 3) / x[0]), 2))
     (curve,) = independent_of((), implicit_integrals(map, exponents_up_to(3, 2)), PRIME)
     assert curve(map([2, 7])) == curve([2, 7])
     with pytest.raises(ZeroDivisionError, match="pole of the map"):

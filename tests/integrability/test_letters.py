@@ -11,7 +11,7 @@ import pytest
 import sympy
 from papers import assert_holds, assert_text
 
-from suslov_fast import Field, Suslov3D, iterate
+from suslov_fast import Field, Map, Suslov3D, iterate
 from suslov_fast.integrability import (
     cofactors,
     darboux_polynomials,
@@ -204,15 +204,15 @@ def test_modified_hamiltonian_of_ten_coefficients(make):
 
 
 def test_maps_with_letters():
-    found = report(rational_map(qrt, 2, qrt_back, letter="a b c d e"), degree=4)
+    maps = (Map(f, 2, **dict.fromkeys("abcde", 1)) for f in (qrt, qrt_back))
+    found = report(rational_map(*maps, letters="a b c d e"), degree=4)
     (F,) = found.integrals
     x, y, a, b, c, d, e = sympy.symbols("x1 x2 a b c d e")
     biquadratic = a * (x * y) ** 2 + (b * x * y + e) * (x + y) + c * (x**2 + y**2) + d * x * y
     assert sympy.expand(sympy.sympify(F) - biquadratic) == 0
-    lyness = rational_map(
-        lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2,
-        lambda x, a, b: ((a * x[0] + b) / x[1], x[0]), letter="a b",
-    )  # fmt: skip
+    forward = Map(lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2, a=1, b=1)
+    backward = Map(lambda x, a, b: ((a * x[0] + b) / x[1], x[0]), 2, a=1, b=1)
+    lyness = rational_map(forward, backward, letters="a b")
     (F,) = report(lyness).integrals
     at_one = "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
     difference = sympy.simplify(sympy.sympify(F.subs(a=1, b=3)) - sympy.sympify(at_one))
@@ -230,7 +230,9 @@ def test_fractions_of_a_body_beside_letters_are_exact():
 
 
 def test_values_of_maps_with_letters():
-    map = rational_map(lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2, letter="a b")
+    map = rational_map(
+        Map(lambda x, a, b: (x[1], (a * x[1] + b) / x[0]), 2, a=1, b=1), letters="a b"
+    )
     assert [str(value) for value in map([1, 2])] == ["2", "2*a + b"]
     assert map.subs(a=1, b=3)([1, 2]) == (2, 5)
     with pytest.raises(TypeError, match="b: pass"):
@@ -309,7 +311,9 @@ def test_the_other_functions_take_letters():
 
 def test_degrees_are_those_of_general_letters():
     """x2' / x1 (x2 + a): the map of Lyness has degrees of its own where a = b."""
-    map = rational_map(lambda x, a, b: (x[1], (x[1] + a) / (x[0] + b)), 2, letter="a b")
+    map = rational_map(
+        Map(lambda x, a, b: (x[1], (x[1] + a) / (x[0] + b)), 2, a=1, b=1), letters="a b"
+    )
     general = degrees(map, 8)
     assert general == degrees(map.subs(a=7, b=3), 8)
     assert general != degrees(map.subs(a=5, b=0), 8)
@@ -369,7 +373,7 @@ def test_interpolation_of_random_functions():
         (Suslov3D([4, 3], 1, -0.5, -0.25), {"letters": "I1"}, "single"),
         (Field(lambda x: (x[0],), 1), {"letters": "a"}, "none"),
         (Field(lambda x, a: (x[0] * np.sqrt(a),), 1, a=2), {"letters": "a"}, "letters"),
-        (rational_map(lambda x: (x[1], x[0]), 2), {"letters": "a"}, "map"),
+        (rational_map(Map(lambda x: (x[1], x[0]), 2)), {"letters": "a"}, "map"),
     ],
 )
 def test_letters_that_are_none(system, options, part):

@@ -22,7 +22,7 @@ HENON = Map(lambda x, a, b: (1 - a * x[0] ** 2 + x[1], b * x[0]), "x y", a=1.4, 
 
 def test_a_map_is_the_rational_map_of_its_function():
     """With the names of its variables; decimals are what was written, unless they are not."""
-    same = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
+    same = rational_map(Map(lambda x: (x[1], (x[1] + 3) / x[0]), 2))
     point = Fraction(2), Fraction(5)
     assert rational_map(LYNESS)(point) == same(point) == (5, 4)
     assert str(rational_map(HENON)) == "rational_map(-(7*x^2 - 5*y - 5)/5, 3*x/10)"

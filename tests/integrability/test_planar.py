@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from papers import three_lines
 
-from suslov_fast import Field
+from suslov_fast import Field, Map
 
 pytest.importorskip("flint")
 
@@ -40,14 +40,12 @@ ICOSAHEDRAL = field_of(lambda x: (2 * x[0] ** 2 - x[1] ** 2, -10 * x[0] * x[1] +
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
 QUARTIC = field_of(lambda x: (x[0] ** 2 + 3 * x[0] * x[1], 2 * x[0] * x[1] - x[1] ** 2), 2)
 HIETARINTA_VIALLET = rational_map(
-    lambda x: (x[1], x[1] + 1 / x[1] ** 2 - x[0]),
-    2,
-    inverse=lambda x: (x[0] + 1 / x[0] ** 2 - x[1], x[0]),
+    Map(lambda x: (x[1], x[1] + 1 / x[1] ** 2 - x[0]), 2),
+    Map(lambda x: (x[0] + 1 / x[0] ** 2 - x[1], x[0]), 2),
 )
 HENON = rational_map(
-    lambda x: (x[1], x[1] ** 2 + 3 - 2 * x[0]),
-    2,
-    inverse=lambda x: ((x[0] ** 2 + 3 - x[1]) / 2, x[0]),
+    Map(lambda x: (x[1], x[1] ** 2 + 3 - 2 * x[0]), 2),
+    Map(lambda x: ((x[0] ** 2 + 3 - x[1]) / 2, x[0]), 2),
 )
 
 
@@ -101,7 +99,7 @@ def test_known_entropies(map, lengths, entropy, minimal, proved):
 
 
 def test_maps_without_an_entropy():
-    flat = planar_entropy(rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2))
+    flat = planar_entropy(rational_map(Map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)))
     assert (flat.entropy, flat.proved) == (None, False)
     assert "no inverse was given" in repr(flat)
     constant = kahan(Field.from_terms([[[0, 0], [0, 0]]] * 2, [[-8, 0], [0, -8]], [1, 1]), F(1, 4))
@@ -161,7 +159,8 @@ def test_orbits_that_no_small_prime_decides(monkeypatch):
     assert translation.lengths.count(None) == 2
     monkeypatch.setattr(singular_orbits, "SMALL_PRIMES", ())
     lyness = rational_map(
-        lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2, lambda x: ((x[0] + 1) / (x[1] - 1), x[0])
+        Map(lambda x: (x[1], (x[0] + x[1] + 1) / x[0]), 2),
+        Map(lambda x: ((x[0] + 1) / (x[1] - 1), x[0]), 2),
     )
     found = planar_entropy(lyness)
     assert (found.proved, check_entropy(lyness)) == (True, found.entropy)
@@ -224,14 +223,15 @@ GOLDEN = math.log((1 + math.sqrt(5)) / 2)
 
 def products(c):
     """x_(n+1) = x_n x_(n-1) + c."""
-    return rational_map(lambda x: (x[1], x[1] * x[0] + c), 2, lambda x: ((x[1] - c) / x[0], x[0]))
+    return rational_map(
+        Map(lambda x: (x[1], x[1] * x[0] + c), 2), Map(lambda x: ((x[1] - c) / x[0], x[0]), 2)
+    )
 
 
 def two_products(a, b, c):
     return rational_map(
-        lambda x: (x[0] * x[1] + a * x[0], b * x[0] + c),
-        2,
-        lambda x: ((x[1] - c) / F(b), b * x[0] / (x[1] - c) - a),
+        Map(lambda x: (x[0] * x[1] + a * x[0], b * x[0] + c), 2),
+        Map(lambda x: ((x[1] - c) / F(b), b * x[0] / (x[1] - c) - a), 2),
     )
 
 
@@ -292,10 +292,13 @@ def test_products_have_the_entropy_of_the_golden_ratio(map):
 )
 def test_monomial_maps_have_the_log_of_the_spectral_radius(A):
     map = rational_map(
-        lambda x: tuple(F(k, 3) * a for k, a in enumerate(power_of(x, A), 2)),
-        2,
-        lambda x: power_of(
-            [3 * a / k for k, a in enumerate(x, 2)], np.linalg.inv(A).round().astype(int).tolist()
+        Map(lambda x: tuple(F(k, 3) * a for k, a in enumerate(power_of(x, A), 2)), 2),
+        Map(
+            lambda x: power_of(
+                [3 * a / k for k, a in enumerate(x, 2)],
+                np.linalg.inv(A).round().astype(int).tolist(),
+            ),
+            2,
         ),
     )
     found = planar_entropy(map)

@@ -1,0 +1,156 @@
+"""Rational maps of one's own: a `Map` as quotients of polynomials, with an inverse and letters."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..checks import kind_of, wrong
+from ..fields.base import Body
+from ..fields.map import Map
+from ..fields.names import labels
+from ..keywords import public
+from . import arithmetic
+from .arithmetic import EPS, as_written, constant
+from .birational_maps import RationalMap
+from .interpolation import MOST
+from .polynomials import ring_with_letters
+from .rational_functions import as_function, factored, over_common_denominator
+
+_RULES = {
+    "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv
+}  # fmt: skip
+_POINTS = 3  # at which an inverse is checked
+
+
+@public
+def rational_map(
+    map: Map, inverse: Map | None = None, *, letters: Any = None, decimals: bool = True
+) -> RationalMap:
+    """Return a `Map` as a rational map, exact, with its inverse or with letters.
+
+    The other functions of this module take a :class:`suslov_fast.Map` itself, without an inverse.
+
+    Parameters
+    ----------
+    map : Map
+        A single one. Its function computes quotients of polynomials, by ``+``, ``-``, ``*``, ``/``
+        and integer powers.
+    inverse : Map, optional
+        The inverse map: ``inverse(map(x)) = x`` is checked at three random points modulo a prime of
+        62 bits. Without it the map may not be birational, and `RationalMap.inverse` is None.
+    letters : str or sequence of str, optional
+        Names of parameters of both maps that stay symbols, ``"a b"``. What is found then holds for
+        general values, and `subs` sets them.
+    decimals : bool, optional
+        As in :func:`report`.
+
+    Returns
+    -------
+    RationalMap
+        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`; ``map**2`` is
+        its second iterate.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the function computes anything else, such as a root, or the inverse is another map.
+
+    Examples
+    --------
+    The map of Lyness:
+
+    >>> from suslov_fast import Map
+    >>> from suslov_fast.integrability import planar_entropy, rational_map
+    >>> lyness = Map(lambda x, a: (x[1], (x[1] + a) / x[0]), "x y", a=3)
+    >>> back = Map(lambda x, a: ((x[0] + a) / x[1], x[0]), "x y", a=3)
+    >>> map = rational_map(lyness, back)
+    >>> map
+    rational_map(y, (y + 3)/x)
+    >>> [str(a) for a in map.inverse([2, 5])], planar_entropy(map).entropy
+    (['1', '2'], 0.0)
+    >>> rational_map(lyness, letters="a")([1, 2])
+    (2, a + 2)
+    """
+    names = () if letters is None else checked_letters(map, letters)
+    forms = _forms("map", map, names, decimals)
+    own = map.names if map.names != labels(map.dimension) else None
+    if inverse is None:
+        return RationalMap(forms, None, names, own)
+    backward = _forms("inverse", inverse, names, decimals)
+    back = RationalMap(backward, RationalMap(forms, None, names, own), names, own)
+    found = RationalMap(forms, back, names, own)
+    if len(backward) != len(forms) or not _takes_images_back(found):
+        raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
+    return found
+
+
+def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
+    """Return names of parameters of a system that are letters."""
+    if not isinstance(system, Body):
+        raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
+    if system.shape:
+        raise wrong("system", "a single one", f"a batch of shape {system.shape}: pass system[i]")
+    has = [name for name, a in system.parameters.items() if not np.ndim(a)]
+    if letters is True:
+        return tuple(has)
+    names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
+    names = [*names] if isinstance(names, Sequence) else []
+    if not names or {*names} - {*has} or len({*names}) < len(names):
+        known = f"names of its parameters {', '.join(has)}" if has else "left out: it has none"
+        raise wrong("letters", known, repr(letters))
+    if "eps" in names and not isinstance(system, Map):
+        raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
+    if len(names) >= MOST:
+        raise wrong("letters", f"at most {MOST - 1} names", len(names))
+    return tuple(names)
+
+
+def _forms(name: str, map: Any, letters: Sequence[str], decimals: bool) -> list[Any]:
+    """Return the polynomials F_1, ..., F_D, F_0 of a map, from its list of operations.
+
+    Floats are what was written, or with `decimals` False binary numbers.
+    """
+    if not isinstance(map, Map):
+        received = f"{kind_of(map)}: pass Map(f, names) of a function"
+        raise wrong(name, "a Map", received, TypeError)
+    if map.shape:
+        raise wrong(name, "a single one", f"a family of shape {map.shape}: pass {name}[i]")
+    ring = ring_with_letters(map.dimension, letters)
+    symbols = [factored(x) for x in ring.gens()]
+    named = dict(zip(letters, symbols, strict=False))
+    values: dict[Any, Any] = dict(enumerate(symbols[len(letters) :]))
+    for k, (parameter, a) in enumerate(map.parameters.items(), map.dimension):
+        known = named.get(parameter)
+        values[k] = as_function(constant(parameter, a, decimals)) if known is None else known
+    equations, exactly = map._equations, as_written if decimals else Fraction
+
+    def value(a: Any) -> Any:
+        if type(a) is not float:
+            return values[a]
+        return as_function(equations.ratios.get(a) or exactly(a))
+
+    for rule, place, operands in equations.values.operations:
+        if rule not in _RULES:
+            raise TypeError(f"{name}: {equations.shown(place)} is no quotient of polynomials")
+        try:
+            values[place] = _RULES[rule](*(value(a) for a in operands))
+        except ZeroDivisionError:
+            raise ValueError(f"{name}: {equations.shown(place)} has the denominator 0") from None
+    return over_common_denominator([value(a) for a in equations.results], ring)
+
+
+def _takes_images_back(map: RationalMap) -> bool:
+    """Return True if the inverse of a map takes back the images of random points modulo a prime."""
+    rng, at_number, returned = map.generator(), map.at_eps(EPS), []
+    for _ in range(_POINTS):
+        x = arithmetic.random_point(map.dimension, map.prime, rng)
+        try:
+            returned.append(at_number.inverse.image(at_number.image(x)) == x)
+        except ZeroDivisionError:
+            returned.append(False)
+    return all(returned)

@@ -149,7 +149,7 @@ TABLE = (
    "Field(lambda x: A @ x, len(A))"),
   ("inn iii", "", "J, of J_i = I_ii + I_nn, and I, of I_i = I_in, or from_mass_tensor"),
   ("hamiltonian", "energy", "Field.from_hamiltonian"),
-  ("modifiedhamiltonian", "modified_energy", "kahan.modified_energy(system, x, eps)"),
+  ("modifiedhamiltonian modifiedenergy", "modified_energy", "kahan.modified_energy(system, x, eps)"),
   ("plotenergy energydrift energyerror", "", "plot(run.time, run.energy()) of Matplotlib"),
   ("theorem1 theorem exact", "exact", "iterate or flow; bodies have body.exact(omega0, eps, n)"),
   ("lemma1", "first_integral", "body.first_integral(omega, eps)"),

@@ -48,7 +48,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
     rows = over_rationals(map.generator(), search, len(map.letters))
     if rows is None:
-        raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
+        raise ArithmeticError("the polynomials have too many terms, or too long coefficients")
     exponents = exponents_up_to(degree, map.dimension)
     return polynomials_with(rows, exponents, letters_of(map.ring))
 

@@ -35,11 +35,22 @@ _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # letters
 _DEGREES = 64  # the sum of the degrees of numerator and denominator, at most
 _LINES = 1024  # twice the number of terms of one degree, at most
-_SEARCHES = 4096  # modulo one prime, at most
+SEARCHES = 4096  # modulo one prime, at most
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
-# Called before values at further numbers are computed; its exceptions end the interpolation.
-watch: ContextVar[Callable[[], None]] = ContextVar("watch", default=lambda: None)
+
+class Watch:
+    """Methods that are called while functions are interpolated. An exception ends the search."""
+
+    def at_values(self, done: int) -> None:
+        """Called before the values at further numbers, with the count of those that are done."""
+
+    def gave_up(self, reason: str) -> None:
+        """Called if functions are left out."""
+
+
+_NOBODY = Watch()
+watch = ContextVar("watch", default=_NOBODY)
 
 
 class Unknown(ArithmeticError):
@@ -62,7 +73,8 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
                 return candidate
             try:
                 pairs = _rows_modulo(search, found, count, p)
-            except Unknown:
+            except Unknown as error:
+                watch.get().gave_up(str(error))
                 return None
             shape = tuple(tuple((*map(tuple, pair),) for pair in row) for row in pairs)
             coefficients = [c for row in pairs for pair in row for P in pair for c in P.values()]
@@ -72,6 +84,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
                 candidate = _simplest(shape, residues)
     if not known:
         raise ArithmeticError("the iterates reach poles of the map")
+    watch.get().gave_up("coefficients are too long")
     return None
 
 
@@ -82,8 +95,8 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
     shape, done = [*map(len, found)], itertools.count()
 
     def box(values: Sequence[int]) -> list[int]:
-        watch.get()()
-        if next(done) == _SEARCHES:
+        watch.get().at_values(number := next(done))
+        if number == SEARCHES:
             raise Unknown("there are too many terms")
         rows = search(p, tuple(values))
         if [*map(len, rows)] != shape:  # one of the numbers is special

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import sys
 from fractions import Fraction
+from time import perf_counter
 from typing import Any
 
 from ..checks import integer, is_false, kind_of, wrong
@@ -17,19 +19,20 @@ from .birational_maps import RationalMap, check_map
 from .darboux import check_unknowns
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
-from .interpolation import watch
+from .interpolation import SEARCHES, Watch, watch
 from .kahan_maps import KahanMap
 from .letters import exact_map
 from .level_maps import Level
 from .linear_relations import ImplicitIntegral, count_relations
 from .polynomials import exponents_up_to
 from .rational_functions import IDENTITY, MODULAR, RationalFunction
-from .search import Search
+from .search import Search, Task
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
+_SHOWN = 64  # sets of numbers from which on `progress` prints a line, with twice as many the next
 _NO_INVERSE = "No inverse was given: it is not checked that the map is birational."
 Functions = tuple[RationalFunction, ...]
 
@@ -197,8 +200,8 @@ class Report:
         *degrees, last = (str(integral.degree) for integral in self.implicit)
         listed = f"{', '.join(degrees)} and {last}" if {*degrees} - {last} else last
         written, others = len(self.integrals), len(self.implicit)
-        by_bases = f"{others} of degree {listed} by their bases"
-        return [f"{written + others} integrals: {written} written, {by_bases}."]
+        integrals = "1 integral" if written + others == 1 else f"{written + others} integrals"
+        return [f"{integrals}: {written} written, {others} of degree {listed} by their bases."]
 
     def _lines_of_level_sets(self) -> list[str]:
         lines = []
@@ -285,10 +288,11 @@ def report(
     decimals : bool, optional
         If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
         and 8/3 is a ratio. If False, they are binary numbers.
-    progress : callable, optional
-        Called as ``progress(done, parts)`` after each part of the search, and while formulas with
-        letters are interpolated. If it returns False, the search ends, and the report has the
-        results found so far.
+    progress : bool or callable, optional
+        True prints the time, kind and degree of each part of the search to the standard error, and
+        how many sets of numbers in place of letters are done. A function is called as
+        ``progress(done, parts)`` after each part, and while formulas with letters are interpolated.
+        If it returns False, the search ends, and the report has the results found so far.
 
     Returns
     -------
@@ -334,24 +338,21 @@ def report(
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
-    if progress is not None and not callable(progress):
-        expected = "a function that is called as progress(done, parts)"
+    if progress not in (None, True, False) and not callable(progress):
+        expected = "True, for lines of text, or a function that is called as progress(done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     found, facts = Report(map, degree, notes=notes), Search(map, degree)
-
-    def tell() -> None:
-        done = facts.queue.done
-        if progress and is_false(progress(done, done + len(facts.queue.waiting))):
-            raise _Stopped
-
-    token = watch.set(tell)
+    watched = _Watched(facts, progress)
+    token = watch.set(watched)
     try:
         for _ in facts.queue:
             facts.fill(found)
-            tell()
+            watched.tell()
         facts.fill(found)
         if letters is not None:
             notes += _special_values(system, facts, decimals)
+        if not facts.is_complete:
+            notes += watched.left_out
     except _Stopped:
         return found
     except (KeyboardInterrupt, Exception) as error:
@@ -362,6 +363,50 @@ def report(
         watch.reset(token)
     found.finished = True
     return found
+
+
+class _Watched(Watch):
+    """Calls `progress`, or prints a line for each kind of task; collects what is left out."""
+
+    def __init__(self, facts: Search, progress: Any) -> None:
+        self._facts, self._progress, self._start = facts, progress, perf_counter()
+        self._left_out: dict[str, list[str]] = {}  # kinds of tasks by reason
+        self._task: Any = None
+        if progress is True:
+            letters, D = ", ".join(facts.map.letters) or "none", facts.map.dimension
+            self._print(f"letters {letters}; {math.comb(D + facts.degree, D)} monomials to degree "
+                        f"{facts.degree}")  # fmt: skip
+        facts.queue.at_start = self._begin
+
+    def _print(self, text: str) -> None:
+        print(f"{perf_counter() - self._start:7.1f} s  {text}", file=sys.stderr)
+
+    def _begin(self, task: Task) -> None:
+        if self._progress is True and str(task) != str(self._task):
+            self._print(str(task))
+        self._task = task
+
+    def at_values(self, done: int) -> None:
+        if self._progress is True and done >= _SHOWN and done.bit_count() == 1:
+            self._print(f"{self._task}: {done} of at most {SEARCHES} sets of numbers")
+        self.tell()
+
+    def gave_up(self, reason: str) -> None:
+        kinds = self._left_out.setdefault(reason, [])
+        kinds += [self._task.kind] * (self._task.kind not in kinds)
+
+    @property
+    def left_out(self) -> list[str]:
+        """Notes on functions that were not interpolated."""
+        left_out = self._left_out.items()
+        return [f"Left out, because {why}: {', '.join(kinds)}." for why, kinds in left_out]
+
+    def tell(self) -> None:
+        """Call `progress` with the number of tasks; end the search if it returns False."""
+        done = self._facts.queue.done
+        parts = done + len(self._facts.queue.waiting)
+        if callable(self._progress) and is_false(self._progress(done, parts)):
+            raise _Stopped
 
 
 class _Stopped(BaseException):

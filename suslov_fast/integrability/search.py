@@ -55,9 +55,10 @@ _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the 
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
-    ("hamiltonian",), ("relations",), ("simple", "implicit", "quotients"), ("early proofs",),
-    ("degrees",), ("factors",), ("products", "all"), ("symmetries",), ("proofs",), ("forms",),
-    ("formulas",), ("planar entropy",), ("levels",),
+    ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
+    ("early proofs",), ("degrees",), ("factors",), ("known cofactors", "all cofactors"),
+    ("symmetries",), ("proofs",), ("normal forms",), ("formulas",), ("planar entropy",),
+    ("levels",),
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
@@ -81,6 +82,9 @@ class Task:
     needed: bool = True
     turn: int = 0
 
+    def __str__(self) -> str:
+        return self.kind + f", degree {self.degree}" * (self.degree > 0)
+
     @property
     def place(self) -> tuple[int, int, int]:
         """The place of the task in the order."""
@@ -90,11 +94,13 @@ class Task:
 class Queue:
     """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True. `at_start` is called with
+    each task before it runs.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
+        self.at_start: Callable[[Task], None] = lambda task: None
         self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
         self._add(tasks)
 
@@ -110,6 +116,7 @@ class Queue:
             if not ready:
                 break
             task = min(ready, key=attrgetter("place"))
+            self.at_start(task)
             self._add(task.run())
             self.waiting.remove(task)
             self.done += 1
@@ -237,12 +244,12 @@ class Search:
         if not map.is_invertible:
             return
         if map.hamiltonian is not None:
-            yield Task(self._modified_energy, "hamiltonian")
+            yield Task(self._modified_energy, "Hamiltonian")
         for k in range(1, self.degree + 1):
             yield Task(partial(self._count_relations, k), "relations", k)
         for cofactor in (ONE, None):
             for sign in (1, -1):
-                yield self._polynomials_of(cofactor, sign, 1, "simple")
+                yield self._polynomials_of(cofactor, sign, 1, "usual cofactors")
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
@@ -318,7 +325,7 @@ class Search:
         exponents = exponents_up_to(k, self.map.dimension)
         independent = count_relations(self.map, exponents).integrals
         if independent > (self.relations or 0):
-            yield Task(partial(self.integrals_between_few_monomials, k), "implicit", k)
+            yield Task(partial(self.integrals_between_few_monomials, k), "few monomials", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
             yield Task(partial(self.quotients_of_relations, k), "quotients", k)
@@ -375,16 +382,16 @@ class Search:
         def run() -> Tasks:
             for candidate in candidates:
                 find = partial(self._find_constants, candidate, k)
-                yield Task(find, "all", k, needed=False, turn=4 * steps)
+                yield Task(find, "all cofactors", k, needed=False, turn=4 * steps)
                 yield self._next_candidate(candidates, k, steps + 1)
                 return
 
-        return Task(run, "all", k, needed=False, turn=steps)
+        return Task(run, "all cofactors", k, needed=False, turn=steps)
 
     def _find_constants(self, candidate: RationalFunction, k: int) -> Tasks:
         """Find the multiples of a candidate that are cofactors of polynomials up to degree k."""
         for cofactor in with_constants(self.map, k, candidate):
-            yield self._polynomials_of(cofactor, 1, k, "all", k)
+            yield self._polynomials_of(cofactor, 1, k, "all cofactors", k)
 
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
@@ -472,14 +479,16 @@ class Search:
             yield self._proof(g)
             values = {known.value(generator.cofactor) for generator in known.generators}
             for value in values & {value for value, _ in added}:
-                yield Task(partial(self._normal_form, value), "forms")
+                yield Task(partial(self._normal_form, value), "normal forms")
         lowest: dict[int, int] = {}
         for value, degree in added:
             lowest[value] = min(degree, lowest.get(value, degree))
         for value, degree in lowest.items():
             for sign in (1, -1):
                 if self._searched_to.get(sign * value % self.map.prime, 0) < degree <= self.degree:
-                    yield self._polynomials_of(known.cofactors[value], sign, degree, "products")
+                    yield self._polynomials_of(
+                        known.cofactors[value], sign, degree, "known cofactors"
+                    )
 
     def _proof(self, g: RationalFunction) -> Task:
         """Return the task that checks the cofactor of a generator as an identity."""
@@ -543,13 +552,15 @@ class Search:
 
 
 _TEXTS = {
-    "hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
+    "Hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
     "relations": "relations between the {count} monomials up to degree {k}",
-    "simple": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and -det DPhi",
-    "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
+    "usual cofactors": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and "
+    "-det DPhi",
+    "known cofactors": "polynomials up to degree {k} with products of known cofactors, and minus "
+    "these",
     "planar entropy": "the orbits of contracted curves",
     "levels": "the map on the generic level of the integrals",
     "symmetries": "affine involutions that take the map to its inverse",
-    "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
-    "det DPhi as cofactors",
+    "all cofactors": "Darboux polynomials up to degree {k} with products of powers of the factors "
+    "of det DPhi as cofactors",
 }

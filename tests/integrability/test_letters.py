@@ -23,6 +23,7 @@ from suslov_fast.integrability import (
     rational_map,
     report,
 )
+from suslov_fast.integrability.rational_functions import independent
 
 
 def euler(x, a, b, c):
@@ -109,7 +110,7 @@ def test_theorems_of_the_literature(name):
     """Reports with letters, with eps alone and with numbers have the known integrals."""
     make, letters, known = KNOWN[name]
     rng, names = random.Random(name), letters.split()
-    found = report(make(**dict.fromkeys(names, 1)), letters=letters)
+    found = with_letters(name)
     assert len(found.integrals) == found.relations
     for k in range(10):
         numbers, eps = values_of(names, rng), Fraction(rng.randint(1, 40), 16)
@@ -145,19 +146,40 @@ def test_lemma_1_as_the_paper_prints_it():
     assert "letters eps, I1" in str(found)
 
 
-@functools.cache
 def lemma_1():
-    return report(Suslov3D(4, 1, -0.5, -0.25), letters=BODY)
+    return with_letters("Lemma 1")
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("seed", range(10))
-def test_substituted_formulas_are_those_at_numbers(seed):
-    """At random bodies the formula is what a report at these numbers finds."""
-    numbers, (F,) = values_of(BODY.split(), random.Random(seed)), lemma_1().integrals
-    body = Suslov3D(**{n: float(a) for n, a in numbers.items()})
-    (at_numbers,) = report(body).integrals
-    assert (F.subs(**numbers) / at_numbers).factors == ()
+@functools.cache
+def with_letters(name):
+    make, letters, _ = SYSTEMS[name]
+    system = make(**dict.fromkeys(letters.split(), 1))
+    return report(system, letters=letters, degree=4 if isinstance(system, Map) else 3)
+
+
+SYSTEMS = {**KNOWN, "QRT map": (lambda **a: Map(qrt, 2, **a), "a b c d e", [])}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in ("Lemma 1", "QRT map") else pytest.mark.slow)
+        for name in SYSTEMS
+    ],
+)
+def test_formulas_at_ten_numbers_agree_with_reports(name):
+    """As many integrals are found at numbers, all functions of the substituted ones."""
+    make, letters, _ = SYSTEMS[name]
+    rng, names = random.Random(name), letters.split()
+    found = with_letters(name)
+    for _ in range(10):
+        numbers, eps = values_of(names, rng), Fraction(rng.randint(1, 40), 16)
+        system, step = make(**{n: float(a) for n, a in numbers.items()}), {"eps": eps}
+        step = {} if isinstance(system, Map) else step
+        at_numbers = report(system, degree=found.degree, **step)
+        own = [F.subs(**step, **numbers) for F in found.integrals]
+        assert len(at_numbers.integrals) == len(own)
+        assert len(independent([*own, *at_numbers.integrals], at_numbers.map.prime)) == len(own)
 
 
 def test_formulas_along_orbits():

@@ -1,7 +1,6 @@
 """Right-hand sides as people type them for SciPy: name, variables, parameters, f, and a state."""
 
 import numpy as np
-from scipy.special import erf
 
 
 def hodgkin_huxley(x, current):
@@ -23,12 +22,6 @@ def thermostat(x, on, off):
     T, heater = x
     wanted = np.where(on > T, 1.0, np.where(off < T, 0.0, heater))
     return 5 * heater - 0.2 * (T - 10), 50 * (wanted - heater)
-
-
-def dose(x):
-    c, t = x
-    rate = np.interp(t, [0, 1, 1.01, 8, 8.5, 9], [0, 10, 0, 0, 5, 0])
-    return rate - 0.3 * c, 1.0
 
 
 def kuramoto(theta, K):
@@ -80,23 +73,6 @@ def diffusion(u, d):
     return d * np.diff(padded, 2) + np.where(np.abs(u) > 1, 0, u * (1 - u) * (u - 0.2))
 
 
-def pulses(x):
-    c, t = x
-    daily = (t % 24 < 1) & (t < 72)
-    return 100.0 * daily - 0.5 * c, 1.0
-
-
-def laser(x, gain):
-    n = np.linalg.norm(x[:2])
-    profile = erf(x[2] / np.sqrt(2)) + np.arctan2(x[1], x[0]) / np.pi
-    return x[0] * (gain - n**2) - x[1], x[1] * (gain - n**2) + x[0], profile - np.cbrt(x[2])
-
-
-def matrix(x):
-    A = np.array([[-0.04, 0, 1e4], [0.04, -3e2, -1e4], [0, 3e2, 0]])
-    return A @ x + np.array([x[1] * x[2], 0, -x[1] * x[2]])
-
-
 def predator_prey(x, r, K, a, h):
     N, P = x
     response = a * N / (1 + a * h * N)
@@ -110,7 +86,6 @@ _rng = np.random.default_rng(1)
 PUBLIC = {
     "Hodgkin-Huxley": (hodgkin_huxley, "v m h n", {"current": 10.0}, [-60.0, 0.1, 0.6, 0.3]),
     "thermostat": (thermostat, "T heater", {"on": 18.0, "off": 22.0}, [19.0, 0.3]),
-    "table": (dose, "c t", {}, [1.0, 0.5]),
     "Kuramoto": (kuramoto, 30, {"K": 2.0}, _rng.uniform(0, 6, 30)),
     "calcium": (calcium, "z y", {"beta": 0.3}, [0.15, 1.6]),
     "Pleiades": (pleiades, 28, {}, _rng.normal(size=28) * 3),
@@ -118,9 +93,6 @@ PUBLIC = {
     "bouncing": (bouncing, "h v", {}, [-0.01, -3.0]),
     "diode": (diode, "v t", {"Is": 1e-12}, [0.4, 0.2]),
     "diffusion": (diffusion, 6, {"d": 0.7}, [0.1, 0.3, 1.5, 0.2, -0.4, 0.9]),
-    "pulses": (pulses, "c t", {}, [2.0, 48.5]),
-    "laser": (laser, "x y n", {"gain": 1.1}, [0.6, -0.7, 0.4]),
-    "matrix": (matrix, "a b c", {}, [0.7, 1e-4, 0.3]),
     "predator-prey": (
         predator_prey, "N P", {"r": 1.0, "K": 10.0, "a": 0.9, "h": 0.2}, [4.0, 1.5]
     ),

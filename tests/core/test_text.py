@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.llvm.compiler import call, compiled
-from suslov_fast.core.llvm.text import MANY, Array, Carried, Code, Integers, Shared
+from suslov_fast.core.llvm.text import Carried, Code, Integers
 
 WIDTHS = pytest.mark.parametrize("W", [1, 2, 8])
 NUMBERS = np.random.default_rng(1).normal(size=(7, 8))
@@ -96,37 +96,6 @@ def test_loops(W, count):
     while n >= count:
         n //= 3
     assert integers.tolist() == [2 * count, 4 * n, 0]
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("W", [1, 8])
-@pytest.mark.parametrize("count", [MANY - 1, MANY, MANY + 5])
-def test_rows_are_filled_up_to_their_number(W, count):
-    def body(text, x, y, integers):
-        text.fill(y.after(1), count, lambda a, b, c: a * b - c, x, x[3], x.after(2))
-        text.fill(y, 1, lambda: 2.0)
-
-    x, y, _ = computed(body, W, np.random.default_rng(2).normal(size=(count + 2, 8)), count + 2)
-    assert np.array_equal(y[1:-1], x[:-2] * x[3] - x[2:])
-    assert np.array_equal(y[[0, -1]], np.array([[2.0], [np.nan]]) + np.zeros(W), equal_nan=True)
-
-
-@pytest.mark.compiled
-def test_arrays_begin_at_rows_and_share_numbers():
-    def body(text, x, y, integers):
-        later, shared = text.array(x.base, 2), Shared(text, x.base, 1)
-        for i in text.each(5):
-            y[i] = later[i] * shared[i]
-        lanes = Code(2, text)
-        pairs = Array(lanes, y.at(5))
-        pairs[0] = lanes.splat(shared[0]) + Array(lanes, x.base)[0]
-        integers[1] = text.constants([3, 5])[1]
-        text.array(y.at(7))[0] = text.constants([2.5, 3.5])[1]
-
-    x, y, integers = computed(body, 1, NUMBERS, 8)
-    x, y = x.ravel(), y.ravel()
-    assert np.array_equal(y, [*(x[2:] * x[1:6]), *(x[1] + x[:2]), 3.5])
-    assert integers[1] == 5
 
 
 def test_a_name_is_not_a_value_of_python():

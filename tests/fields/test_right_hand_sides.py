@@ -170,7 +170,7 @@ def value_of(tree, x, function, number):
 def test_random_expressions_have_the_error_of_their_functions():
     rng, compared = RNG(3), 0
     with mp.workdps(50):
-        while compared < 500:
+        while compared < 200:
             tree, x = random_tree(rng, 4), rng.normal(size=3)
             if isinstance(tree, (int, float)):
                 continue
@@ -191,7 +191,7 @@ def test_random_expressions_have_the_error_of_their_functions():
 def test_derivatives_of_random_expressions_in_40_digits():
     rng, compared = RNG(4), 0
     with mp.workdps(60):
-        while compared < 60:
+        while compared < 25:
             tree, x = random_tree(rng, 3), rng.uniform(0.3, 1.4, size=3)
 
             def exact(*s, tree=tree):

@@ -4,7 +4,6 @@ import numpy as np
 
 from suslov_fast import Field, Map, Suslov3D, SuslovND, kahan
 from suslov_fast.maps import MAPS
-from suslov_fast.maps.orders import COMPOSITIONS
 
 
 def random_3d(rng, shape):
@@ -56,14 +55,6 @@ RANDOM = {
     "SuslovND": (random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
 }
 SQUARE = Field.from_terms([[[1]]])  # x' = x**2
-# A body, and a state without a next one for eps = 1.
-POLES = {
-    "Suslov3D": (Suslov3D(1, 1, 0.25, 0, I3=1.5), (4.0, -12.0)),
-    "SuslovND": (SuslovND(J=[4.0, 1.0, 1.0], I=[0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
-    "Suslov3D with a rotor": (Suslov3D(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-    "Kahan": (SQUARE, (1.0,)),
-    **{f"Kahan, order {n}": (SQUARE, (1.0 / s.fractions[0],)) for n, s in COMPOSITIONS.items()},
-}
 
 
 def random_bodies(name):

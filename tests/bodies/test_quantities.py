@@ -287,24 +287,3 @@ def test_poles_are_counted(rng, name, m):
     assert len(caught) == 1
     missing = np.isnan(values.reshape(4, 400, -1)).all(axis=-1)
     assert np.argwhere(missing).tolist() == [[2, 16], [2, 17], [2, 399], [3, 5]]
-
-
-def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
-    """Between parts Ctrl-C is heard: a family, step sizes along another axis, states that fail."""
-    family = sf.Field(
-        lambda x, a: (x[1] - a * x[0] ** 2, x[0] * x[1] - a), 2, a=np.linspace(1.0, 2.0, 5)[:, None]
-    )
-    bodies = sf.Suslov3D(4, 1, np.linspace(-0.5, 0.5, 5)[:, None], -0.3)
-    states, eps = rng.normal(size=(7, 2)), np.linspace(0.1, 0.7, 7)
-    states[3] = np.nan
-    calls = [
-        (sf.kahan.jacobian, family, states, eps),
-        (sf.Suslov3D.first_integral, bodies, states, eps),
-        (sf.Suslov3D.reaction, bodies, states),
-        (sf.Suslov3D.energy, bodies, np.broadcast_to(states, (3, 5, 7, 2))),
-    ]
-    whole = [function(*arguments) for function, *arguments in calls]
-    for size in (8, 30, 100):
-        monkeypatch.setattr("suslov_fast.maps.evaluation.PART", size)
-        for (function, *arguments), expected in zip(calls, whole, strict=True):
-            assert np.array_equal(function(*arguments), expected, equal_nan=True)

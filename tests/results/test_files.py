@@ -14,7 +14,7 @@ import xarray
 from kinds import BODY, RUNS, run_of
 
 import suslov_fast as sf
-from suslov_fast.results.schema import FORMAT
+from suslov_fast.results.schema import FORMAT, OF_KIND
 
 
 @pytest.fixture
@@ -139,6 +139,9 @@ def test_a_lost_or_renamed_entry_is_told(kind, path):
     assert (type(loaded), loaded) == (type(result), result)
     assert not any(each.flags.writeable for each in vars(loaded).values() if hasattr(each, "flags"))
     whole, found = path.read_bytes(), entries(path)
+    columns = {column.name: column.type for column in OF_KIND[type(result).__name__]}
+    types = {name: array.dtype for name, array in found.items() if array.dtype.kind != "U"}
+    assert types == {name: columns.get(name, "float64") for name in types}  # also of eps
     for name in found:
         others = {key: array for key, array in found.items() if key != name}
         np.savez(path, **others)

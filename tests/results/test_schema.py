@@ -1,5 +1,7 @@
 """The table of columns: each is in runs, files, datasets and stores, or in none of them."""
 
+import json
+import zlib
 from dataclasses import fields
 
 import numpy as np
@@ -18,6 +20,13 @@ NAMES = {column.name for column in schema.RUN if column.is_public}
 
 def test_results_of_motions_have_the_settings():
     assert [field.name for field in fields(result.OfMotion)] == [*Settings._fields]
+
+
+def test_the_number_of_the_format_is_that_of_its_columns():
+    """Who changes what files hold raises FORMAT, and writes both numbers here."""
+    kept = {kind: [c[:3] + c[4:] for c in columns] for kind, columns in schema.OF_KIND.items()}
+    text = json.dumps([kept, schema.ARGUMENTS])
+    assert (schema.FORMAT, zlib.crc32(text.encode())) == (15, 259116371)
 
 
 def entries(path):

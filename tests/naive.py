@@ -92,17 +92,6 @@ def kahan_step(f, eps, x):
     return solve_affine(residual, len(x))
 
 
-def quadratic(tables, x):
-    """The field of coefficients (q, l, c), lists; q[i][j][k] is that of x_j x_k in component i."""
-    q, l, c = tables
-    D = range(len(x))
-    of_squares = [[(j, k) for j in D for k in D if q[i][j][k]] for i in D]
-    return [
-        sum(mpf(q[i][j][k]) * x[j] * x[k] for j, k in of_squares[i])
-        + sum(mpf(l[i][j]) * x[j] for j in D if l[i][j])
-        + mpf(c[i])
-        for i in D
-    ]
 
 
 def step_full(I1, I2, I13, I23, eps, I3, omega):

@@ -304,21 +304,6 @@ def test_ctrl_c():
         assert steps < 2**29
 
 
-def test_calls_take_few_steps_of_large_fields(monkeypatch):
-    """Ctrl-C is heard between calls: their operations are counted, and not done."""
-    operations, D = [], 20
-
-    def count(kernel, work, threads, parameters, states, carry, span, *results, **_):
-        *some, start, stop = span[:4] if len(span) > 3 else span[:2]
-        begin, end = some or (0, len(states))
-        operations.append((end - begin) * (stop - start) * D**3)
-
-    monkeypatch.setattr(batch, "call_kernel", count)
-    sf.iterate(sf.Field.from_terms(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
-    assert sum(operations) == 12_000 * 5 * D**3
-    assert max(operations) < 2**28
-
-
 @pytest.mark.compiled
 def test_progress(body, capsys, monkeypatch):
     for name in ("CHUNK_WORK", "TURNING"):

@@ -26,7 +26,6 @@ from promises import (
     same,
     sample,
 )
-from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
 from suslov_fast.bodies import exact
@@ -169,54 +168,6 @@ def test_states_saved_seldom(rng, kind):
     for save_every in (2, 3):
         run = sf.iterate(body, 0.1 * omega, *eps, STEPS, save_every=save_every, **options)
         same([run.states], [whole.states[::save_every]])
-
-
-def motion(body, x, time):
-    """The states that solve the differential equation, each after its time, by DOP853 of SciPy."""
-
-    def slopes(_, states):
-        states = states.reshape(x.shape)
-        return (time[:, None] * body(states)).ravel()
-
-    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14 * abs(x).max()}
-    return solve_ivp(slopes, (0, 1), x.ravel(), **options).y[:, -1].reshape(x.shape)
-
-
-def measured_order(method, body, x):
-    """The slope of the error of a step over eps, less 1: the median over states.
-
-    An error is the distance from the motion; each state has its own unit of time. The least three
-    errors above 1e-13 of a state count.
-    """
-    options = {"method": method, "save_every": None, "on_singular": "ignore"}
-    slopes = (sf.iterate(body, x, 1e-6, 1, **options).final - x) / 1e-6
-    sizes = abs(x).max(axis=1)
-    unit, factors, errors = sizes / abs(slopes).max(axis=1), 2.0 ** np.arange(-1, -30, -1.0), []
-    for eps in np.multiply.outer(factors, unit):
-        one = sf.iterate(body, x, eps, 1, **options).final
-        other = motion(body, x, eps)
-        errors.append(abs(one - other).max(axis=1) / sizes)
-        if not (errors[-1] > 1e-13).any():
-            break
-    found = []
-    for of_state in np.transpose(errors):
-        some = np.nonzero(of_state > 1e-13)[0][-3:]
-        if len(some) > 1:
-            found.append(np.polyfit(np.log(factors[some]), np.log(of_state[some]), 1)[0])
-    return np.median(found) - 1
-
-
-@pytest.mark.sampled(4)
-@pytest.mark.parametrize("kind", WITH_EPS)
-def test_the_order_of_steps(rng, kind):
-    """It is that of the method; steps of high order that can be measured are rather long."""
-    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
-    x = omega / abs(omega).max(axis=1, keepdims=True)
-    for method in map.methods:
-        with np.errstate(all="ignore"):
-            order = measured_order(method, body, x)
-        expected = int(method[-1]) if method.startswith("order") else 2
-        assert abs(order - expected) < 0.3 + 0.1 * expected, (method, order)
 
 
 @pytest.mark.sampled(5)

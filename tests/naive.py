@@ -92,8 +92,6 @@ def kahan_step(f, eps, x):
     return solve_affine(residual, len(x))
 
 
-
-
 def step_full(I1, I2, I13, I23, eps, I3, omega):
     parameters, state = exactly(I1, I2, I13, I23, eps, I3), exactly(*omega)
     return solve_affine(lambda v: ds(*parameters, state, v), 3)

@@ -30,27 +30,6 @@ def test_zeros_of_an_oscillator_have_the_digits_of_the_tolerance():
         np.testing.assert_allclose(points.final, [np.cos(20.0), -np.sin(20.0)], atol=error)
 
 
-@pytest.mark.parametrize("direction", [1, -1, 0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_directions_and_both_directions_of_time(direction, sign):
-    points = of_oscillator([1.0, 0.5], time=sign * 20.0, direction=direction)
-    times = np.arctan2(0.5, 1.0) + np.pi * (np.arange(-8, 8) + 0.5)  # of q = r cos(t - phase)
-    times = times[(sign * times > 0.0) & (abs(times) < 20.0)]
-    if direction:
-        # p = q' > 0 there, forward in time, if q goes up
-        rate = -np.sin(times - np.arctan2(0.5, 1.0))
-        times = times[sign * direction * rate > 0.0]
-    np.testing.assert_allclose(points.time, sorted(times, key=abs), atol=1e-7)
-
-
-def test_a_tuple_of_surfaces_says_which_was_crossed():
-    points = of_oscillator([1.0, 0.5], (first, lambda x: x[..., 1] - 0.2), time=7.0, direction=0)
-    assert points.which.tolist() == [1, 0, 1, 0, 1]
-    assert (np.diff(points.time) > 0.0).all()
-    values = np.where(points.which == 0, points.states[:, 0], points.states[:, 1] - 0.2)
-    assert abs(values).max() < 1e-14
-
-
 def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
     def distance(x):
         return (x[..., 0] - 1 + MU) ** 2 + x[..., 1] ** 2
@@ -81,52 +60,6 @@ def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
             np.testing.assert_allclose(points.states[own], found.y[:, -1], atol=1e-6)
             assert found.t_events[points.which[own]].size == 1
             np.testing.assert_array_equal(points.final[k], points.states[own])
-
-
-@pytest.mark.parametrize(
-    "surface",
-    [
-        lambda x: np.minimum(x[..., 0], 0.0),
-        lambda x: np.sign(x[..., 0]),
-        lambda x: np.where(x[..., 0] < 0.0, -1e3, 0.0),
-        lambda x: np.floor(x[..., 0]),
-        lambda x: np.floor(x[..., 0] / 2.0),
-        lambda x: x[..., 0] ** 3,
-    ],
-)
-def test_surfaces_that_are_flat_or_jump(surface):
-    points = of_oscillator([1.0, 0.0], surface, time=100.0, direction=0)
-    np.testing.assert_allclose(points.time, np.pi * (0.5 + np.arange(32)), atol=3e-8)
-
-
-def test_a_surface_twice():
-    points = of_oscillator([1.0, 0.0], (first, first), time=4.0, direction=0)
-    assert points.which.tolist() == [0, 1]
-    assert points.time[0] == points.time[1]
-    assert of_oscillator([1.0, 0.0], (first, first), time=4.0, direction=0, most=1).which == [0]
-
-
-@pytest.mark.filterwarnings("ignore:.*slide along:suslov_fast.IntegrationWarning")
-@pytest.mark.parametrize("direction", [1, -1, 0])
-@pytest.mark.parametrize("most", [None, 3, 6])
-def test_turning_points_until_friction_holds(direction, most):
-    """Where the solution slides, rounding decides on the sign of v: that is one crossing."""
-    field = sf.Field(lambda s: (s[1], -s[0] - 0.15 * np.sign(s[1])), "x v")
-    wanted = {1: [1, 3], -1: [2], 0: [1, 2, 3]}[direction][:most]  # the start is none
-    points = sf.crossings(
-        field, [1.0, 0.0], surface=lambda s: s[..., 1], time=12.0, direction=direction, most=most,
-    )  # fmt: skip
-    np.testing.assert_allclose(points.time, np.pi * np.array(wanted), atol=1e-8)
-    assert points.status == (0 if most == len(wanted) else sf.Status.SLIDING)
-
-
-def test_surfaces_crossed_where_f_jumps():
-    field = sf.Field(lambda s: (np.where(s[1] < 1.0, 1.0, 2.0), 1.0), "x t")
-    surfaces = (lambda s: s[..., 1] - 1, lambda s: s[..., 0] - 1, lambda s: 1 - s[..., 0])
-    points = sf.crossings(field, [0.0, 0.0], surface=surfaces, time=3.0, direction=0)
-    assert sorted(points.which) == [0, 1, 2]
-    np.testing.assert_allclose(points.time, 1.0, rtol=3e-14)
-    np.testing.assert_allclose(points.final, [5.0, 3.0], rtol=1e-12)
 
 
 def test_surfaces_crossed_just_before_a_kink():
@@ -208,16 +141,6 @@ def test_crossings_in_the_transient_are_ignored():
     np.testing.assert_array_equal(later.final, every.final)
 
 
-def test_a_family_and_a_surface_of_each_member():
-    rates = np.array([1.0, 2.0, 3.0])
-    level = np.array([0.1, 0.2, 0.3])
-    field = sf.Field(lambda x, w, level: (w * x[1], -w * x[0]), "q p", w=rates, level=level)
-    points = sf.crossings(
-        field, [0.0, 1.0], surface=lambda x, level: x[0] - level, time=1.0, direction="up"
-    )
-    np.testing.assert_allclose(points.time, np.arcsin(level) / rates, rtol=1e-9)
-
-
 def test_solutions_that_end():
     field = sf.Field(lambda x: (x[0] ** 2,), "x")
     x0 = [[1.0], [-1.0], [np.nan], [0.5]]
@@ -294,3 +217,19 @@ def test_progress_ends_a_search():
     assert told == [(0, 2)]
     assert (points.status == sf.Status.TOO_MANY_STEPS).all()
     assert np.isnan(points.final).all()
+
+
+def test_derivatives_of_events_of_stiff_oscillations():
+    vdp = sf.Field(lambda s, mu: (s[1], mu * (1 - s[0] ** 2) * s[1] - s[0]), "x v", mu=20.0)
+    given = {"time": 60.0, "events": sf.Event("x"), "rtol": 1e-10, "stiff": True}
+    found = sf.flow(vdp, [2.0, 0.0], derivatives="mu", **given).events
+    d = 1e-3
+    high, low = (
+        sf.flow(vdp.with_parameters(mu=20 + e), [2.0, 0.0], **given).events for e in (d, -d)
+    )
+    by_mu = found.derivatives["mu"]
+    np.testing.assert_allclose(by_mu.time, (high.time - low.time) / (2 * d), rtol=1e-5)
+    right = (high.states[:, 1] - low.states[:, 1]) / (2 * d)
+    np.testing.assert_allclose(by_mu.states[:, 1], right, rtol=1e-4)
+    with pytest.raises(KeyError, match="derivatives="):
+        high.derivatives["mu"]

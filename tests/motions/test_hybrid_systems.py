@@ -1,146 +1,142 @@
-"""Random piecewise linear motions with cascades of events, against matrix exponentials."""
+"""Hybrid systems of `hybrid.SYSTEMS`, by each way: exact events and ends, bits, derivatives."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from children import TWO_THREADS
+from hybrid import SYSTEMS
 
-from suslov_fast import Event, Field, Status, flow
+from suslov_fast import Field, Status, flow
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*events that follow")]
-T, MOST = 4.0, 70
+pytestmark = pytest.mark.filterwarnings("ignore:.*slide along")
+RECORDS = [
+    name for name, own in SYSTEMS.items() if len(own.events) == 1 and own.events[0].to is None
+]
+SMOOTH = [name for name, own in SYSTEMS.items() if own.is_smooth]
+ENDING = [name for name, own in SYSTEMS.items() if own.which]
 
 
-class Endless(Exception):
-    """More events at one instant than a motion may have."""
+def solved(own, **options):
+    """Return the motion of a system."""
+    given = {"time": own.time, "events": own.events, "rtol": 1e-10} | options
+    return flow(Field(own.f, own.names, **own.parameters), own.start, **given)
 
 
-class System:
-    """x' = A x + b, surfaces n . x = c with affine maps, and times with affine maps."""
+def merged(times):
+    return np.sort(np.concatenate([[], *times]))
 
-    def __init__(self, seed):
-        rng = np.random.default_rng(seed)
-        D = rng.integers(1, 4)
-        A = rng.normal(size=(D, D)) * 1.2
-        self.A = A - np.eye(D) * max(0.0, np.linalg.eigvals(A).real.max() - 0.1)
-        self.b, self.x, self.D = rng.normal(size=D), rng.normal(size=D), D
-        surfaces, schedules = rng.integers(0, 4), rng.integers(0, 3)
 
-        def affine():
-            return rng.normal(size=(D, D)) * 0.5, rng.normal(size=D)
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_events_and_ends(name, stiff):
+    own = SYSTEMS[name]
+    motion = solved(own, stiff=stiff)
+    assert motion.status == own.status
+    np.testing.assert_allclose(motion.end, own.stop, rtol=1e-9)
+    if own.end is not None:
+        np.testing.assert_allclose(motion.final, own.end, own.digits, own.digits)
+    if own.events:
+        assert motion.events.which.tolist() == own.which
+        np.testing.assert_allclose(motion.events.time, merged(own.times), own.digits, own.digits)
+        assert motion.events.count.tolist() == [len(times) for times in own.times]
 
-        self.surfaces = [
-            (rng.normal(size=D), 0.7 * rng.normal(), int(rng.integers(-1, 2)), affine())
-            for _ in range(surfaces)
+
+@pytest.mark.sampled(16)
+@pytest.mark.parametrize("name", ENDING)
+def test_terminal_events(name):
+    """A motion ends at the second time of its first event, or at the first one if that is all."""
+    own = SYSTEMS[name]
+    k, events = own.which[0], [*own.events]
+    most = min(2, len(own.times[k]))
+    events[k] = replace(events[k], **({"most": 2} if most == 2 else {"terminal": True}))
+    motion, right = solved(own, events=events), own.times[k][most - 1]
+    assert motion.status == Status.STOPPED
+    np.testing.assert_allclose(motion.end, right, own.digits, own.digits)
+    assert motion.events.count[k] == most
+    assert motion.events.which.tolist() == own.which[: len(motion.events.which)]
+    assert np.isnan(motion.states).all() == (right < own.time)
+
+
+@pytest.mark.sampled(16)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_units_and_the_direction_of_time(name):
+    """x' = c f has the events at t/c: with all bits if c is 1, -1, or another power of 2."""
+    own = SYSTEMS[name]
+    field = Field(lambda s, pace, **p: tuple(pace * each for each in own.f(s, **p)),
+                  own.names, pace=1.0, **own.parameters)  # fmt: skip
+    usual = None
+    for c in (1.0, -1.0, 2.0**40, -(2.0**-40)):
+        events = [e if e.times is None else replace(e, times=np.array(e.times) / c)
+                  for e in own.events]  # fmt: skip
+        given = {"time": own.time / c, "events": events, "rtol": 1e-10}
+        motion = flow(field.with_parameters(pace=c), own.start, **given)
+        found = [motion.final, motion.end * c]
+        found += [motion.events.states, motion.events.time * c] if events else []
+        usual = usual or found
+        for one, other in zip(found, usual, strict=True):
+            np.testing.assert_array_equal(one, other)
+    if own.end is not None:
+        np.testing.assert_allclose(usual[0], own.end, own.digits, own.digits)
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_directions_of_records(name):
+    """Up and down take turns; a change that leaves the state as it is comes at the same times."""
+    own, given = SYSTEMS[name], SYSTEMS[name].events[0]
+    events = [replace(given, direction=1), replace(given, direction=-1)]
+    found = solved(own, events=[*events, replace(given, to=lambda s: s)]).events
+    up, down, acts = (found.time[found.which == k] for k in range(3))
+    right = {0: merged([up, down]), 1: up, -1: down}[given.direction]
+    for times in (right, acts):
+        np.testing.assert_allclose(times, own.times[0], own.digits, own.digits)
+    assert abs(len(up) - len(down)) <= 1
+
+
+@pytest.mark.sampled(12)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_alone_as_in_a_batch(name):
+    """With the same bits, also of derivatives, and by two threads."""
+    own = SYSTEMS[name]
+    by = {"derivatives": ("x0", *own.parameters)} if own.is_smooth else {}
+    starts = np.array(own.start) + 0.01 * np.random.default_rng(1).random((40, len(own.start)))
+    one, two = (solved(replace(own, start=starts), threads=n, **by) for n in (1, TWO_THREADS))
+    assert one == two
+    for k in (0, 1, 7, 39):
+        assert solved(replace(own, start=starts[k]), **by) == one.member(k)
+
+
+def by_differences(own, h=1e-3):
+    """Return derivatives of the last state, and of times and states of events, by all inputs."""
+    values, D = np.array([*own.start, *own.parameters.values()]), len(own.start)
+    near = h * np.eye(len(values))
+    inputs = values + np.concatenate([near, -near, 2 * near, -2 * near])
+    given = dict(zip(own.parameters, inputs[:, D:].T, strict=True))
+    motion = solved(replace(own, start=inputs[:, :D], parameters=given), rtol=1e-12)
+    found = [motion.final]
+    if own.events:
+        shape = len(inputs), len(own.which)
+        found += [motion.events.time.reshape(shape), motion.events.states.reshape(*shape, D)]
+    for each in found:
+        high, low, far, near = each.reshape(4, -1, *each.shape[1:])
+        yield np.moveaxis((8 * (high - low) - (far - near)) / (12 * h), 0, -1)
+
+
+@pytest.mark.sampled(10)
+@pytest.mark.parametrize("name", SMOOTH)
+def test_derivatives(name):
+    own = SYSTEMS[name]
+    stiff = [None, True][SMOOTH.index(name) % 2]
+    motion = solved(own, derivatives=("x0", *own.parameters), stiff=stiff)
+    found = [motion.derivatives] + (
+        [
+            {k: v.time for k, v in motion.events.derivatives.items()},
+            {k: v.states for k, v in motion.events.derivatives.items()},
         ]
-        self.times = [
-            (np.sort(rng.uniform(0.1, T, rng.integers(1, 5))), affine()) for _ in range(schedules)
-        ]
-
-    def events(self):
-        def function(R, r):
-            return lambda x: tuple(sum(R[i, j] * x[j] for j in range(self.D)) + r[i]
-                                   for i in range(self.D))  # fmt: skip
-
-        def value(n, c):
-            return lambda x: sum(n[j] * x[j] for j in range(self.D)) - c
-
-        found = [Event(value(n, c), direction=way, to=function(*own))
-                 for n, c, way, own in self.surfaces]  # fmt: skip
-        found += [Event(times=times, to=function(*own)) for times, own in self.times]
-        field = Field(function(self.A, self.b), " ".join("abc"[: self.D]))
-        return field, found
-
-    def reference(self, parts=2000):
-        """Return times and numbers of all events, and the last state."""
-        D, S = self.D, len(self.surfaces)
-        M = np.zeros((D + 1, D + 1))
-        M[:D, :D], M[:D, D] = self.A, self.b
-        stops = [(t, own, S + j) for j, (times, own) in enumerate(self.times) for t in times]
-        stops.sort(key=lambda each: each[0])
-        z, t, found, h = np.append(self.x, 1.0), 0.0, [], T / parts
-        whole = expm(M * h)
-
-        def above(z, k):
-            n, c, *_ = self.surfaces[k]
-            return n @ z[:D] - c >= 0.0
-
-        def moved(z, own):
-            R, r = own
-            return np.append(R @ z[:D] + r, 1.0)
-
-        def cascade(z, first):
-            count = len(found)
-            while True:
-                before = len(found)
-                for k in range(first, S):
-                    now = above(z, k)
-                    if now != sides[k]:
-                        sides[k], way = now, self.surfaces[k][2]
-                        if way == 0 or (way > 0) == now:
-                            found.append((t, k))
-                            z = moved(z, self.surfaces[k][3])
-                            sides[k] = above(z, k)
-                first = 0
-                if len(found) == before:
-                    return z
-                if len(found) > count + MOST:
-                    raise Endless
-
-        sides = [above(z, k) for k in range(S)]
-        while t < T and len(found) < 400:
-            end = min(T, stops[0][0] if stops else T)
-            step = min(h, end - t)
-            following = (whole if step == h else expm(M * step)) @ z
-            crossed = [k for k in range(S) if above(following, k) != sides[k]]
-            if crossed:
-                firsts = []
-                for k in crossed:
-                    low, high = 0.0, step
-                    for _ in range(60):
-                        middle = (low + high) / 2
-                        if above(expm(M * middle) @ z, k) != sides[k]:
-                            high = middle
-                        else:
-                            low = middle
-                    firsts.append((high, k))
-                length, k = min(firsts)
-                z, t, sides[k] = expm(M * length) @ z, t + length, not sides[k]
-                way = self.surfaces[k][2]
-                if way == 0 or (way > 0) == sides[k]:
-                    found.append((t, k))
-                    z = moved(z, self.surfaces[k][3])
-                    sides[k] = above(z, k)
-                    z = cascade(cascade(z, k + 1), 0)
-                continue
-            z, t = following, t + step
-            if stops and t >= stops[0][0] - 1e-15:
-                _, own, number = stops.pop(0)
-                found.append((t, number))
-                z = cascade(moved(z, own), 0)
-        return np.array(found).reshape(-1, 2), z[:D]
-
-
-@pytest.mark.parametrize("first", range(0, 60, 15))
-def test_random_systems_with_cascades(first):
-    compared = 0
-    for seed in range(first, first + 15):
-        system = System(seed)
-        if not system.surfaces and not system.times:
-            continue
-        field, events = system.events()
-        try:
-            right, last = system.reference()
-        except Endless:
-            right = last = None
-        for rtol, max_step in ((1e-6, 0.03), (1e-9, None), (1e-11, 0.03)):
-            given = {"rtol": rtol, "max_step": max_step}
-            motion = flow(field, system.x, time=T, events=events, **given)
-            if right is None:
-                assert motion.status == Status.ACCUMULATES
-                continue
-            assert motion.events.which.tolist() == right[:, 1].tolist(), seed
-            np.testing.assert_allclose(motion.events.time, right[:, 0], atol=1e4 * rtol)
-            allowed = 1e5 * rtol * max(1.0, abs(last).max())
-            np.testing.assert_allclose(motion.states[-1], last, atol=allowed)
-        compared += right is not None
-    assert compared >= 8
+        if own.events
+        else []
+    )
+    for each, right in zip(found, by_differences(own), strict=True):
+        columns = [each["x0"], *(each[name][..., np.newaxis] for name in own.parameters)]
+        columns = np.concatenate(columns, axis=-1).reshape(right.shape)
+        np.testing.assert_allclose(columns, right, 1e-6, 1e-6 * max(1.0, abs(right).max()))

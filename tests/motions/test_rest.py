@@ -1,0 +1,172 @@
+"""Bodies that come to rest, start on a surface, or stay on it; changes that pile up."""
+
+import numpy as np
+import pytest
+
+from suslov_fast import Event, Field, Status, crossings, flow
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*have events that follow one another")
+BALL = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
+BOUNCE = Event("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+FALL = np.sqrt(2.0 / 9.81)  # the time from height 1
+CLOCK = Field(lambda x: (1.0, 0.0), "t n")
+
+
+def table(rng, n):
+    """Return floors, gravities, restitutions, heights above floors and speeds of n balls."""
+    floor = rng.choice([-1.0, 1.0], n) * 10 ** rng.uniform(-3, 4, n)
+    floor[: n // 5] = 0.0
+    g, e = 10 ** rng.uniform(-3, 3, n), rng.choice([0.0, 1e-12, 0.05, 0.3, 0.5, 0.8, 0.95], n)
+    return floor, g, e, rng.uniform(0.1, 3.0, n), rng.normal(size=n)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_balls_rest_on_floors_anywhere(rng, stiff):
+    """The last bounces are sought among heights that are rounding beside the floor."""
+    floor, g, e, h, v = table(rng, 60)
+    ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
+    bounce = Event(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    speed = np.sqrt(v * v + 2 * g * h)
+    first = (v + speed) / g
+    right = first + 2 * speed * e / g / (1 - e)
+    motion = flow(ball, np.stack([floor + h, v], 1), time=10 * right.max(), events=bounce,
+                  rtol=1e-11, stiff=stiff)  # fmt: skip
+    assert (motion.status == Status.ACCUMULATES).all()
+    allowed = 1e-9 + 1e-7 * np.sqrt(abs(floor) / h) / (1 - e) * first / right
+    assert (abs(motion.end / right - 1) < allowed).all()
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_no_ball_falls_through_a_table_that_vibrates(rtol):
+    """A table whose acceleration is less than g never throws a ball that has come to rest."""
+    A = np.append(np.linspace(0.0, 0.999, 501), [0.5625, 0.6])
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
+    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
+                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
+    motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit, rtol=rtol)
+    assert (motion.status == Status.ACCUMULATES).all()
+    np.testing.assert_allclose(motion.end[-2:], [7.955658, 7.794786], atol=1e-6)
+    assert abs(motion.end[0] - 3 * np.sqrt(10)) < 1e-8  # of a table at rest
+
+
+def test_bodies_slide_along_walls(rng):
+    """A wall takes the part of the velocity into it; what is left is rounding, of either sign."""
+    n = rng.normal(size=(200, 2))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    v, offset = rng.normal(size=(200, 2)), rng.uniform(-100, 100, (200, 2))
+    into = (n * v).sum(axis=1)
+    c = (n * offset).sum(axis=1) + into
+    body = Field(lambda s, m, n, c: (s[2], s[3], 0, 0), "x y u v",
+                               m=n[:, 0], n=n[:, 1], c=c)  # fmt: skip
+
+    def slide(s, m, n):
+        into = m * s[2] + n * s[3]
+        return s[0], s[1], s[2] - m * into, s[3] - n * into
+
+    wall = Event(lambda s, m, n, c: m * s[0] + n * s[1] - c, to=slide)
+    motion = flow(body, np.c_[offset, v], time=50.0, events=wall)
+    right = offset + v + 49 * (v - n * into[:, None])
+    assert motion.ok.all()
+    assert (motion.events.count == 1).all()
+    np.testing.assert_allclose(motion.states[0, :, :2], right, atol=1e-10)
+
+
+@pytest.mark.parametrize("direction", ["up", "down", "both"])
+def test_a_start_on_a_surface_is_no_event_beside_others(direction):
+    rate = np.array([-1.0, 0.0, 1.0])
+    field = Field(lambda p, rate: (rate, 0.0), "p q", rate=rate)
+    changes = [
+        Event("p - 0.3", direction=direction, to=("p", "q + 1")),
+        Event(times=[0], to=("p", 5)),
+    ]
+    motion = flow(field, [0.1 + 0.2, 0.0], time=1.0, events=changes)
+    assert motion.events.count.tolist() == [[0, 1]] * 3
+    right = np.stack([0.3 + rate, 0 * rate + 5.0], 1)
+    np.testing.assert_allclose(motion.states[0], right, rtol=1e-12)
+
+
+TOUCHING = (
+    lambda u: np.cos(u) - 1,
+    lambda u: -u * u,
+    lambda u: 1 / (1 + u * u) - 1,
+    lambda u: np.exp(-u * u) - 1,
+    lambda u: 1 - np.cosh(u),
+)
+
+
+@pytest.mark.parametrize("g", TOUCHING)
+def test_a_start_where_the_state_turns_and_the_surface_touches_0(g):
+    """Of x" = c - x from x = a at rest: g(x - a) is 0 at the start, and below 0 for one turn."""
+    rng = np.random.default_rng(3)
+    a, distance = rng.uniform(-2, 2, 8), rng.uniform(0.3, 2, 8) * ([1, -1] * 4)
+    field = Field(lambda s, a, d: (s[1], a + d - s[0]), "x v", a=a, d=distance)
+    starts = np.stack([a, 0 * a], axis=-1)
+    assert not len(crossings(field, starts, lambda s, a: g(s[0] - a), time=6.0).time)
+
+
+def test_balls_that_come_to_rest():
+    e = np.array([0.0, 1e-16, 1e-12, 1e-8, 1e-4, 0.01, 0.1, 0.5, 0.9, 0.97])
+    motion = flow(BALL.with_parameters(e=e), [1.0, 0.0], time=100.0, events=BOUNCE)
+    assert (motion.status == Status.ACCUMULATES).all()
+    assert abs(motion.end - FALL * (1.0 + 2.0 * e / (1.0 - e))).max() < 1e-10
+    assert motion.events.states[:, 0].min() > -1e-12
+
+
+@pytest.mark.parametrize(("direction", "falls"), [(0, 1), (-1, 1), (1, 0)])
+def test_a_start_on_a_surface_is_no_change(direction, falls):
+    """Balls that are thrown up come back to it, those that fall do not."""
+    change = Event("h", direction=direction, to=BOUNCE.to)
+    found = flow(BALL, [[0.0, 1.0], [0.0, -1.0]], time=0.3, events=change).events
+    assert found.count.tolist() == [[falls], [0]]
+    np.testing.assert_allclose(found.time, [2 / 9.81] * falls, rtol=1e-7)
+    slow = Field(lambda x, v: (v, 0.0), "h n", v=[1e-4, -1e-4])
+    rises = Event("h", direction=direction, to=lambda x: (x[0], x[1] + 1))
+    assert not flow(slow, [0.0, 0.0], time=0.3, events=rises).events.count.any()
+
+
+def test_endless_changes_at_one_instant():
+    changes = [
+        Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1])),
+        Event(lambda x: x[0] - 0.5, direction=-1, to=lambda x: (2, x[1])),
+    ]
+    motion = flow(CLOCK, [0.0, 0.0], time=3.0, events=changes)
+    assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-12])
+def test_two_tanks_with_one_tap(rtol, rng):
+    """Water leaves both; the tap turns to the one that is empty, ever more often until both are."""
+    out = rng.uniform(0.5, 1.0, (2, 40))
+    tap = out.max(axis=0) + rng.uniform(0.05, 0.9, 40) * out.min(axis=0)
+    values = {"a": out[0], "b": out[1], "w": tap}
+    tanks = Field(lambda s, a, b, w: (w * s[2] - a, w * (1 - s[2]) - b, 0.0), "x y first", **values)
+    turns = [Event(s, direction=-1, to=("x", "y", q)) for s, q in (("x", 1), ("y", 0))]
+    full = rng.uniform(0.5, 2.0, (40, 2))
+    motion = flow(tanks, np.c_[full, np.ones(40)], time=1000.0, events=turns, rtol=rtol)
+    assert (motion.status == Status.ACCUMULATES).all()
+    np.testing.assert_allclose(motion.end, full.sum(axis=1) / (out.sum(axis=0) - tap), rtol=1e-9)
+
+
+def test_balls_that_come_to_rest_on_a_vibrating_table():
+    """The height above it is rounding long before 12 bounces follow one another at once."""
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
+    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
+                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
+    motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit)
+    assert (motion.status == Status.ACCUMULATES).all()
+    assert motion.events.count.max() < 200
+    changes, A = motion.events, ball.parameters["A"]
+    speeds = changes.before[:, 1] - A[changes.trajectory] * np.cos(changes.time)
+    for k in range(3):  # pauses become shorter by the factor e until then
+        times = changes.time[(changes.trajectory == k) & (abs(speeds) > 1e-5)]
+        limit = times[-1] + np.diff(times)[-1]
+        assert abs(motion.end[k] - limit) < 1e-5
+
+
+def test_bounces_that_accumulate_away_from_0():
+    """There the state does not move any more while its value on the surface is not 0."""
+    push = Field(lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2)
+    bounce = Event(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
+    starts = np.random.default_rng(1).normal(size=(20, 2))
+    motion = flow(push, starts, time=10.0, events=bounce)
+    assert set(motion.status.tolist()) <= {Status.OK, Status.ACCUMULATES}

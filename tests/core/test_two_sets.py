@@ -6,7 +6,6 @@ from systems import rates_of_henon_heiles
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions.partitioned import sets_of
-from suslov_fast.core.flow import batch_solver, integrator, small_batches
 
 
 def sets(field):
@@ -15,7 +14,9 @@ def sets(field):
     return sets_of(f)
 
 
-FOUND = {
+# f, and of each variable the set: those in q are what a column has after an even number of
+# sub-steps; + is in both.
+SETS = {
     "two degrees of freedom": (
         lambda s: (s[2], s[3], -s[0] - 2 * s[0] * s[1], s[1] ** 2 - s[0] ** 2),
         "qqpp",
@@ -29,18 +30,7 @@ FOUND = {
     "roots in the second set alone": (lambda s: (s[1] / np.sqrt(1 + s[1] ** 2), -s[0]), "pq"),
     "populations in logarithms": (lambda s: (1 - np.exp(s[1]), np.exp(s[0]) - 1), "qp"),
 }
-
-
-@pytest.mark.parametrize("name", FOUND)
-def test_sets_are_found(name):
-    """In q are those that a column has after an even number of sub-steps."""
-    f, where = FOUND[name]
-    A, B = sets(Field(f, len(where)))
-    assert [i for i, kind in enumerate(where) if kind in "q+"] == A
-    assert [i for i, kind in enumerate(where) if kind in "p+"] == B
-
-
-NOT_TAKEN = {
+GRAGG = {
     "friction": lambda s: (s[1], -s[0] - 0.1 * s[1]),
     "a jump": lambda s: (s[1], np.where(s[0] > 0.0, -1.0, 1.0)),
     "a kink": lambda s: (s[1], -abs(s[0])),
@@ -56,22 +46,18 @@ NOT_TAKEN = {
 }
 
 
-@pytest.mark.parametrize("name", NOT_TAKEN)
-def test_others_have_the_columns_of_gragg(name):
-    D = 3 if name in ("a pulse in time", "no sets") else 2
-    assert sets(Field(NOT_TAKEN[name], D)) is None
+def test_which_fields_have_sets():
+    """Others have the columns of Gragg's rule."""
+    for f, where in SETS.values():
+        first, second = sets(Field(f, len(where)))
+        assert [i for i, kind in enumerate(where) if kind in "q+"] == first
+        assert [i for i, kind in enumerate(where) if kind in "p+"] == second
+    for name, f in GRAGG.items():
+        D = 3 if name in ("a pulse in time", "no sets") else 2
+        assert sets(Field(f, D)) is None, name
 
 
 STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
-
-
-def test_families_and_kinds_of_fields():
-    field = Field(rates_of_henon_heiles, 4, a=np.linspace(0.5, 1.0, 20))
-    assert sets(field) == ([0, 1], [2, 3])
-    together = flow(field, STATES, time=[3.0, 10.0])
-    for k in (0, 7, 19):
-        alone = flow(field[k], STATES[k], time=[3.0, 10.0])
-        np.testing.assert_array_equal(alone.states, together.states[:, k])
 
 
 def test_order():
@@ -125,44 +111,23 @@ PROBLEMS = {
 }
 
 
-@pytest.fixture
-def columns_of_gragg(monkeypatch):
-    """A function after whose call all motions have the columns of Gragg's rule."""
-
-    def only():
-        monkeypatch.setattr(integrator, "sets_of", lambda f: None)
-        forget()
-
-    def forget():
-        batch_solver.integrator_of.cache_clear()
-        small_batches.memories.cache_clear()
-
-    yield only
-    forget()
-
-
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_errors_beside_those_of_gragg(name, columns_of_gragg):
+def test_errors_beside_those_of_gragg(name):
     """At the end, and at times inside steps; with as many steps, forward and backward."""
     f, x0 = PROBLEMS[name]
-    field, times = Field(f, x0.shape[1]), np.linspace(0.1, 8.0, 47)
-    tolerances = (1e-4, 1e-7, 1e-10)
-    own = [flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)]
+    D, times = x0.shape[1], np.linspace(0.1, 8.0, 47)
+    # The first rate has a term 0 of its own variable, so that there are no sets.
+    field, gragg = Field(f, D), Field(lambda s, a: f(s) + a * s * np.eye(D)[0], D, a=0.0)
     assert sets(field) is not None
-    columns_of_gragg()
-    right = [
-        flow(field, x0, time=sign * times, rtol=1e-13, max_step=0.2).states for sign in (1, -1)
-    ]
-    others = [
-        flow(field, x0, time=sign * times, rtol=rtol) for rtol in tolerances for sign in (1, -1)
-    ]
-    for k, (a, b) in enumerate(zip(own, others, strict=True)):
-        assert (a.states != b.states).any()
-        errors = [abs(run.states - right[k % 2]).max(axis=(0, 2)) for run in (a, b)]
-        allowed = 10.0 * a.rtol
-        assert np.median(errors[0]) < 3.0 * np.median(errors[1]) + allowed
-        assert errors[0].max() < 3.0 * errors[1].max() + allowed
-        assert a.steps.mean() < 1.6 * b.steps.mean()
+    assert sets(gragg) is None
+    for sign in (1, -1):
+        right = flow(gragg, x0, time=sign * times, rtol=1e-13, max_step=0.2).states
+        for rtol in (1e-4, 1e-7, 1e-10):
+            a, b = (flow(own, x0, time=sign * times, rtol=rtol) for own in (field, gragg))
+            errors = [abs(run.states - right).max(axis=(0, 2)) for run in (a, b)]
+            assert np.median(errors[0]) < 3.0 * np.median(errors[1]) + 10.0 * rtol
+            assert errors[0].max() < 3.0 * errors[1].max() + 10.0 * rtol
+            assert a.steps.mean() < 1.6 * b.steps.mean()
 
 
 # Starts and layers of a rough lane and of one beside it, and tolerances.

@@ -28,7 +28,7 @@ def test_doses_of_subjects_at_times_of_their_own(stiff):
     own = GUT.with_parameters(k=rng.uniform(0.5, 2.0, 20), dose=rng.uniform(50, 100, 20))
     motion = flow(own, [0.0, 0.0], time=[0.0, 20.0, times[5, 2], 80.0], stiff=stiff,
                   events=Event(times=times, **DOSE))  # fmt: skip
-    pairs = zip(times, own.parameters["dose"], own.parameters["k"], strict=True)
+    pairs = zip(times, own.parameters["k"], own.parameters["dose"], strict=True)
     right = np.array([[amounts(*each, t) for t in motion.time] for each in pairs])
     np.testing.assert_allclose(motion.states, right.swapaxes(0, 1), atol=3e-7)
     assert motion.ok.all()
@@ -40,25 +40,6 @@ def test_doses_of_subjects_at_times_of_their_own(stiff):
                  events=Event(times=times[7], **DOSE))  # fmt: skip
     if times[5, 2] not in times[7]:
         np.testing.assert_array_equal(alone.states, motion.states[:, 7])
-
-
-ADD = [Event(times=[1], to=lambda x: (x[0] + 12,)), Event(times=[1], to=lambda x: (10 * x[0],))]
-
-
-@pytest.mark.parametrize(
-    ("changes", "right"),
-    [
-        (Event(times=[1, 1], to=lambda x: (x[0] + 1,)), [0, 2]),
-        (ADD, [0, 120]),
-        (ADD[::-1], [0, 12]),
-        (Event(times=[0], to=lambda x: (x[0] + 1,)), [1, np.exp(-1)]),
-        (Event(times=[np.nan, -1, 2, 0, np.inf], to=lambda x: (x[0] + 1,)), [1, np.exp(-1)]),
-    ],
-)
-def test_order_and_times(changes, right):
-    """At one instant in the order of the list; at a time asked, the state after it."""
-    motion = flow(DECAY, [0.0], time=[0.0, 1.0], events=changes)
-    np.testing.assert_allclose(motion.states[:, 0], right, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize(("keywords", "end"), [({"terminal": True}, 1.0), ({"most": 2}, 2.0)])

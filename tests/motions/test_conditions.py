@@ -1,105 +1,13 @@
 """Motions of equations that choose: steps end where a condition changes, and sliding ends them."""
 
-from itertools import islice, pairwise
-
 import numpy as np
 import pytest
 from systems import field
 
 import suslov_fast as sf
-from suslov_fast.core.flow import batch_solver
-from suslov_fast.core.flow.single_steps import attempts
-
-BENT = field(lambda s, a: (s[1], -s[0] - a * abs(s[0])), "x v", a=0.5)
 
 
-def relaxed(c, time, knots, heights):
-    """Return c after a time of either sign, where c' = np.interp(t, knots, heights) - c from 0."""
-    inside = knots[(knots > min(time, 0.0)) & (knots < max(time, 0.0))]
-    ends = [0.0, *inside[:: 1 if time > 0.0 else -1], time]
-    for a, b in pairwise(ends):
-        k = np.searchsorted(knots, min(a, b), "right") - 1
-        slope = 0.0
-        if 0 <= k < len(knots) - 1:
-            slope = (heights[k + 1] - heights[k]) / (knots[k + 1] - knots[k])
-        k = max(k, 0)
-        height, lost = heights[k] + slope * (a - knots[k]), -np.expm1(a - b)
-        c += lost * (height - c) + slope * (b - a - lost)
-    return c
-
-
-def dosed(knots, heights):
-    return field(lambda s: (np.interp(s[1], knots, heights) - s[0], 1.0), "c t")
-
-
-def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
-    knots, heights = rng.uniform(0.0, [[10.0], [1.0]], (2, 6001))
-    knots.sort()
-    many, few = dosed(knots, heights), dosed(knots[:3], heights[:3])
-    for name in ("f", "derivative", "watch"):
-        lists = [getattr(each._right_hand_sides[0].f, name) for each in (many, few)]
-        assert len(lists[0].operations) == len(lists[1].operations) < 30
-    motion = sf.flow(many, [0.0, 0.0], time=10.0)
-    np.testing.assert_allclose(motion.states[0, 0], relaxed(0.0, 10.0, knots, heights), rtol=1e-12)
-    assert motion.steps < 6200
-    assert sf.Field.from_dict(many.to_dict()) == many
-    # Few steps are tried in vain before one that ends on a knot.
-    f, table = many._right_hand_sides[0].f, many._right_hand_sides[0].table
-    settings = batch_solver.Settings(1e-9)
-    *_, (_, steps, _) = islice(attempts(f, table, np.zeros(2), 10.0, settings), 300)
-    assert steps >= 50
-
-
-@pytest.mark.parametrize("time", [4.0, -3.0])
-def test_tables_with_steep_and_level_parts(time, rng):
-    """One begins on a knot; ramps last 1e-9 or one rounding; a part is constant."""
-    knots = np.array([-4.0, -2.5, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0])
-    knots = np.sort([*knots, 0.5 + 1e-9, -1.0 + 1e-9, *np.nextafter([2.0, -2.5], 9.0)])
-    for _ in range(3):
-        heights = rng.normal(size=len(knots))
-        heights[-2:] = heights[-3]
-        motion = sf.flow(dosed(knots, heights), [1.0, 0.0], time=time, rtol=1e-12)
-        c = relaxed(1.0, time, knots, heights)
-        np.testing.assert_allclose(motion.states[0, 0], c, rtol=1e-11, atol=1e-11)
-        assert motion.steps < 200
-
-
-def test_a_table_is_level_beyond_its_knots_also_at_infinity():
-    # log(0) and 1/0 at the start; left and right are jumps.
-    f = field(
-        lambda s: (
-            np.interp(np.log(s[1]), [0.0, 1.0], [3.0, 5.0]),
-            np.interp(1 / s[1], [1.0, 2.0], [1.0, 1.0], left=0.5, right=2.0),
-        ),
-        "x y",
-    )
-    (end,) = sf.flow(f, [0.0, 0.0], time=1.0, rtol=1e-12).states
-    # y' = 2 up to y = 1/2, then 1 up to y = 1, at t = 3/4, then 1/2 up to 9/8.
-    y = 9 / 8
-    np.testing.assert_allclose(end, [3.0 + 4.0 * (y * np.log(y) - y + 1.0), y], rtol=1e-11)
-
-
-def test_a_potential_of_straight_lines():
-    # The force jumps at knots; between them q is a parabola.
-    q = np.linspace(-3.0, 3.0, 13)
-    system = sf.Field.from_hamiltonian(lambda s: s[1] ** 2 / 2 + np.interp(s[0], q, abs(q)), "q p")
-    motion = sf.flow(system, [1.25, 0.0], time=[np.sqrt(10.0), 4 * np.sqrt(10.0)], rtol=1e-12)
-    np.testing.assert_allclose(motion.states, [[-1.25, 0.0], [1.25, 0.0]], atol=1e-10)
-    period = 4 * np.sqrt(2.5)  # of q from rest is in proportion to its root
-    slope = sf.flow(system, [1.25, 0.0], time=period, derivatives="x0", rtol=1e-12).derivatives[
-        "x0"
-    ]
-    np.testing.assert_allclose(slope[0], [[1.0, 0.0], [period / 2.5, 1.0]], atol=1e-9)
-
-
-def test_kinks_keep_the_digits_of_the_tolerance():
-    # Half a period with the square of the rate 1.5, half a one with 0.5.
-    period = np.pi / np.sqrt(1.5) + np.pi / np.sqrt(0.5)
-    for rtol in (1e-6, 1e-9, 1e-12):
-        motion = sf.flow(BENT, [2.0, 0.0], time=10 * period, rtol=rtol)
-        np.testing.assert_allclose(motion.states[0], [2.0, 0.0], atol=20 * rtol)
-    assert motion.steps < 400
-    # A relaxation whose fast variable stays near the kink.
+def test_a_relaxation_whose_fast_variable_stays_near_a_kink():
     fast = field(lambda s: (-1e6 * (s[0] - np.cos(s[1])), 1 + 0.1 * abs(s[0] - np.cos(s[1]))), 2)
     motion = sf.flow(fast, [1.0, 0.0], time=100 * np.pi)
     np.testing.assert_allclose(motion.states[0, 1] - 100 * np.pi, 2e-5, rtol=0.1)
@@ -112,9 +20,6 @@ def test_a_kink_that_is_only_touched_costs_little():
     motions = [sf.flow(f, [1.0, 0.0, 0.0], time=50.0) for f in (touching, smooth)]
     np.testing.assert_allclose(motions[0].states, motions[1].states, atol=1e-9)
     assert motions[0].steps <= motions[1].steps + 40
-
-
-# ------------------------------------------------------------------------------- derivatives
 
 
 @pytest.mark.parametrize(
@@ -151,3 +56,147 @@ def test_a_tank_drains_until_it_is_empty():
     np.testing.assert_allclose(motion.states[0], 0.0025, atol=5e-9)
     np.testing.assert_allclose(motion.end, 2.0, atol=1e-5)
     assert motion.steps < 200
+
+
+@pytest.mark.parametrize(
+    ("rate", "end"),
+    [
+        (lambda t: np.where(t < 3, 1 / (2 - t), 0), 2.0),
+        (lambda t: np.where(t < 1, 0, -1 / (t - 2)), 2.0),
+        (lambda t: np.cos(t) / np.sin(t), np.pi),
+    ],
+)
+def test_a_pole_that_is_taken_ends_the_solution(rate, end):
+    with pytest.warns(sf.IntegrationWarning):
+        motion = sf.flow(field(lambda s: (rate(s[1]), 1.0)), [0.0, 0.5], time=5.0)
+    assert motion.status == sf.Status.ENDED
+    np.testing.assert_allclose(motion.end, end - 0.5, rtol=1e-8)
+
+
+def test_members_of_a_family_whose_factor_is_0_have_no_pole():
+    f = field(lambda s, a: (a * (1 / (2 - s[1])), 1.0), a=[0.0, 1.0])
+    with pytest.warns(sf.IntegrationWarning):
+        motion = sf.flow(f, [0.0, 0.0], time=5.0)
+    np.testing.assert_array_equal(motion.states[0, 0], [0.0, 5.0])
+    np.testing.assert_allclose(motion.end[1], 2.0, rtol=1e-8)
+
+
+def test_derivatives_beside_a_pole_that_is_not_taken():
+    f = field(lambda s, a: (np.where(s[1] < 1, -a * s[0] / (2 - s[1]), -s[0]), 1.0), a=1.0)
+    motion = sf.flow(f, [1.0, 0.0], time=5.0, derivatives=("a", "x0"))
+    end = np.exp(-4) / 2  # x = 1 - t/2 up to 1
+    np.testing.assert_allclose(motion.states[0, 0], end, rtol=1e-8)
+    np.testing.assert_allclose(motion.derivatives["a"][0, 0], -np.log(2) * end, rtol=1e-7)
+    np.testing.assert_allclose(motion.derivatives["x0"][0, 0, 0], end, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("rate", "integral"),
+    [
+        (lambda t: np.sqrt(abs(t - 1)), lambda a: a**1.5 / 1.5),
+        (lambda t: abs(t - 1) ** 0.3, lambda a: a**1.3 / 1.3),
+        (lambda t: np.log(abs(t - 1)), lambda a: a * np.log(a) - a),
+        (lambda t: np.where(t < 1, np.sqrt(1 - t), 5.0), lambda a: a**1.5 / 1.5),
+    ],
+)
+def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
+    """At the last time, and before it."""
+    f = field(lambda s: (rate(s[1]), 1.0))
+    starts = [-0.1, *np.round(1 - rng.uniform(0.05, 5.0, 20), 2)]
+    for start in starts:
+        for times in ([1 - start], [1 - start, 2 - start]):
+            motion = sf.flow(f, [3.0, start], time=times)
+            np.testing.assert_allclose(motion.states[0, 0], 3.0 + integral(1 - start), atol=3e-7)
+            assert motion.status == sf.Status.OK
+
+
+def test_a_solution_that_slides_is_told_where_it_begins_to():
+    """x' = c - sign(x - a sin(b t)) meets the surface where both rates lead back to it."""
+    a, b, c, x0 = np.array([
+        [1.5, 0.6, 0.3, 2.0], [0.4, 2.9, -1.2, 1.0], [0.9, 1.7, 0.8, -2.5],
+        [1.9, 3.1, 0.1, 0.5], [0.2, 3.9, 0.5, -0.7], [1.1, 2.0, -0.4, 1.3],
+    ]).T  # fmt: skip
+    f = field(lambda s, a, b, c: (c - np.sign(s[0] - a * np.sin(b * s[1])), 1.0), a=a, b=b, c=c)
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
+        motion = sf.flow(f, np.array([x0, 0 * x0]).T, time=np.linspace(0.05, 6.0, 7))
+    for k in range(len(a)):
+        np.testing.assert_allclose(motion.end[k], first_slide(a[k], b[k], c[k], x0[k]), rtol=1e-9)
+
+
+def first_slide(a, b, c, x):
+    """Return the time at which the solution of the test above begins to slide, NaN if never."""
+    t, side = 0.0, np.sign(x)
+    while t < 6.0:
+        u = np.linspace(t + 1e-9, 6.0, 20001)
+        crossed = np.flatnonzero((x + (c - side) * (u - t) - a * np.sin(b * u)) * side < 0)
+        if not crossed.size:
+            return np.nan
+        low, high = u[crossed[0] - 1] if crossed[0] else t, u[crossed[0]]
+        for _ in range(60):
+            middle = (low + high) / 2
+            is_before = (x + (c - side) * (middle - t) - a * np.sin(b * middle)) * side > 0
+            low, high = (middle, high) if is_before else (low, middle)
+        x, t = x + (c - side) * (low - t), low
+        if (c + side - a * b * np.cos(b * t)) * side >= 0:
+            return t
+        side = -side
+    return np.nan
+
+
+@pytest.mark.parametrize("times", [[2.0], [1.05, 1.1, 1.5, 2.0]])
+def test_a_short_time_of_sliding_is_not_stepped_over(times):
+    f = field(lambda s: (np.where(s[0] > 0, -1, 0.1 - s[1]), np.where(s[0] > 0, 0, 1)), "y z")
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
+        motion = sf.flow(f, [1.0, 0.0], time=times)
+    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("f", "start", "why"),
+    [
+        (lambda x: x**2, 1.0, "escape to infinity"),
+        (lambda x: 1 + x**2, 0.0, "escape to infinity"),
+        (lambda x: np.exp(x), 0.0, "escape to infinity"),
+        (lambda x: -1 / x, 1.0, "pole"),
+        (lambda x: -(x**-3.0), 1.0, "pole"),
+        (lambda x: -np.sqrt(x) - 0.1, 1.0, "no value beyond"),
+        (lambda x: np.log(x) - 1, 0.5, "no value beyond"),
+        (lambda x: np.arcsin(x) + 1, 0.0, "no value beyond"),
+    ],
+)
+def test_the_warning_says_what_ended(f, start, why):
+    for starts in ([start], [[start]] * 9):
+        with pytest.warns(sf.IntegrationWarning, match=why):
+            assert (sf.flow(field(f, "x"), starts, time=5.0).status == sf.Status.ENDED).all()
+
+
+def test_choices_that_change_twice_within_what_would_be_a_step():
+    """A state passes through a thin slab, of which each side would be seen alone."""
+    f = field(lambda s: (s[1], np.where((s[0] > 1.0) & (s[0] < 1.002), -300.0, 0.0)), "x v")
+    motion = sf.flow(f, [0.0, 2.0], time=20.0)
+    v = np.sqrt(4.0 - 2 * 300 * 0.002)
+    inside = 2 * 0.002 / (2.0 + v)
+    np.testing.assert_allclose(motion.states[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
+
+
+def test_thousands_of_jumps_between_two_times():
+    """x'' = -sign(x), whose steps have no error and grow long: parabolas of 2 sqrt(2)."""
+    time, half = 15_000.0, 2 * np.sqrt(2.0)
+    motion = sf.flow(field(lambda s: (s[1], -np.sign(s[0])), "x v"), [1.0, 0.0], time=time)
+    count, since = divmod(time + half / 2, half)
+    exact = (-1) ** count * np.array([since * (half - since) / 2, half / 2 - since])
+    np.testing.assert_allclose(motion.states[0], exact, atol=1e-3)
+    assert motion.steps < count + 20
+
+
+def test_stairs_of_the_state():
+    """x' = 1 + the number of levels below x: 40 straight lines."""
+    levels = np.linspace(0.25, 9.75, 40)
+    f = field(lambda s: (1.0 + (s[0] > levels).sum(),), "x")
+    heights = np.diff([0.0, *levels])
+    time = (heights / np.arange(1.0, 41.0)).sum()
+    motion = sf.flow(f, [0.0], time=[time, time + 1.0])
+    np.testing.assert_allclose(motion.states[:, 0], levels[-1] + np.array([0.0, 41.0]), rtol=1e-9)
+    falling = field(lambda s: (1.0 - 2 * (s[0] > levels).sum(),), "x")
+    with pytest.warns(sf.IntegrationWarning, match="slide"):
+        assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)

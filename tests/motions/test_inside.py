@@ -1,5 +1,8 @@
 """States at times inside steps, and layers of f thinner than sub-steps: to the tolerance."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.special import expit
@@ -28,38 +31,20 @@ def relay(s, a, w, b, c, d):
 
 # Parameters, start and state at the time, by Radau IIA of order 5 with steps below the layer: two
 # such computations differ by 1e-11 and less.
+DATA = json.loads((Path(__file__).parents[1] / "data" / "layers.json").read_text())
 LAYERS = {
-    "oscillator": (oscillator, "x v", 20.0, [
-        ((0.342, 1.4e-7), (1.0, 0.0), (-0.315996187096, 2.26166917147e-07)),
-        ((0.127, 8.36e-7), (1.0, 0.0), (-0.0159992128984, 1.0588016651e-07)),
-        ((0.499, 9.45e-6), (1.0, 0.0), (-0.00199936177788, 3.78638675677e-08)),
-    ]),
-    "belt": (belt, "x v", 20.0, [
-        ((0.595, 1.09e-4, 2.65, 0.425), (0.0582, 0.0121), (0.569609336918, -0.713500179732)),
-        ((0.293, 3.76e-5, 1.5, 0.4), (0.0169, 0.039), (-0.209122708176, 0.400033669848)),
-        ((0.469, 3.75e-6, 2.98, 0.169), (0.109, 0.0466), (0.594665792909, -0.133346948712)),
-    ]),
-    "sliding": (sliding, "x v t", 10.0, [
-        ((2.75, 4.23e-5, 0.642, 0.805, 0.298), (0.548, -0.126, 0.0),
-         (0.000178149773956, -0.000142787161749)),
-        ((1.47, 7.28e-5, 0.852, 0.638, 0.159), (0.621, 0.484, 0.0),
-         (0.00162790510804, -0.00103242965985)),
-        ((2.48, 6e-6, 1.86, 0.509, 0.335), (1.34, 0.406, 0.0),
-         (0.00991643090536, -0.00504766979996)),
-    ]),
-    "relay": (relay, "x v", 20.0, [
-        ((1.85, 2.67e-5, 0.576, 0.0, 0.951), (0.568, 0.413), (-0.000252024583455, 0.0161346600444)),
-        ((1.89, 8.8e-5, 0.222, -0.0245, 0.363), (0.547, -0.22), (0.25706149618, -0.507187656232)),
-        ((0.911, 3.31e-6, 0.141, 0.0, 0.373), (0.819, 0.319), (0.113855304889, -0.246746210098)),
-    ]),
-}  # fmt: skip
+    "oscillator": (oscillator, "x v", 20.0),
+    "belt": (belt, "x v", 20.0),
+    "sliding": (sliding, "x v t", 10.0),
+    "relay": (relay, "x v", 20.0),
+}
 
 
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("kind", LAYERS)
 def test_layers_thinner_than_sub_steps(kind, stiff):
-    f, names, time, cases = LAYERS[kind]
-    parameters, starts, ends = zip(*cases, strict=True)
+    f, names, time = LAYERS[kind]
+    parameters, starts, ends = zip(*DATA["layers"][kind], strict=True)
     family = field(f, names, **dict(zip("awbcd", np.transpose(parameters), strict=False)))
     for rtol in (1e-9, 1e-12):
         motion = sf.flow(family, starts, time=time, rtol=rtol, stiff=stiff)
@@ -68,14 +53,10 @@ def test_layers_thinner_than_sub_steps(kind, stiff):
 
 def test_steps_do_not_bounce_within_a_layer():
     """The tolerance is about the width of the layer: columns may stay at both sides."""
-    a, w, x = np.array([
-        [0.14599, 1.140727e-07, 0.88792], [0.525308, 1.940725e-06, 1.177582],
-        [0.33399618, 4.4143375e-07, 1.36589931], [0.29911339, 3.63027818e-07, 0.60888322],
-        [0.27050731, 1.670399e-07, 1.12678694], [0.3371479, 3.1884726e-07, 0.93898711],
-    ]).T  # fmt: skip
+    a, w, x = DATA["bounce"]
     f = field(lambda s, a, w: (s[1], -s[0] - a * np.tanh(s[1] / w)), 2, a=a, w=w)
     for rtol in 1e-5, 1e-6:
-        motion = sf.flow(f, np.stack([x, 0 * x], 1), time=20.0, rtol=rtol)
+        motion = sf.flow(f, np.stack([x, np.zeros(len(x))], 1), time=20.0, rtol=rtol)
         assert motion.steps.max() < 5000
 
 

@@ -3,10 +3,9 @@
 import mpmath
 import numpy as np
 import pytest
-from children import TWO_THREADS
 from samples import SQUARE
 from scipy.integrate import solve_ivp
-from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, SPRING, by_series
+from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, by_series
 
 import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Status, flow
@@ -21,15 +20,6 @@ SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
 
 
 PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
-# Populations with a saturating response, whose f has quotients.
-FOOD_CHAIN = Field(
-    lambda x, a: (
-        x[0] * (1 - x[0]) - a * x[0] * x[1] / (1 + 3 * x[0]),
-        a * x[0] * x[1] / (1 + 3 * x[0]) - 0.4 * x[1],
-    ),
-    "prey predator",
-    a=5.0,
-)
 
 
 def at(field, x, time, **options):
@@ -199,35 +189,6 @@ def test_empty_and_trivial_calls():
 
 
 # -------------------------------------------------------------------------------------------- bits
-@pytest.mark.compiled
-@pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
-def test_bits_depend_neither_on_batch_nor_on_threads(rng, monkeypatch):
-    a = np.array([0.0, 1.0, 0.3, -0.2, 0.5] * 12)
-    family = of(lambda x, a: (x[1] - a * x[0] * x[2], -x[0] + x[0] * x[1], a - x[2]), 3, a=a)
-    cases = (
-        (LORENZ, rng.normal(size=(60, 3)) * 8 + [0, 0, 25]),
-        (family, rng.normal(size=(60, 3)) / 9),
-        (FOOD_CHAIN.with_parameters(a=np.linspace(1, 5, 60)), rng.uniform(0.2, 1, (60, 2))),
-        (SPRING, rng.normal(size=(60, 2))),
-        (FRICTION, rng.normal(size=(60, 2))),
-    )
-    for field, x in cases:
-        whole = flow(field, x, time=[0.3, 1.0])
-        for part in (slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
-            own = field[part] if field.shape else field
-            found = flow(own, x[part], time=[0.3, 1.0])
-            np.testing.assert_array_equal(found.states, whole.states[:, part])
-        for k in (0, 1, 7):
-            own = field[k] if field.shape else field
-            alone = flow(own, x[k], time=[0.3, 1.0])
-            np.testing.assert_array_equal(alone.states, whole.states[:, k])
-            assert alone.steps == whole.steps[k]
-        with monkeypatch.context() as patch:
-            patch.setattr(batch_solver, "BLOCK", 8)
-            threaded = flow(field, x, time=[0.3, 1.0], threads=TWO_THREADS)
-            assert threaded == whole
-            patch.setattr(batch_solver, "BUDGET", 1)
-            assert flow(field, x, time=[0.3, 1.0]) == whole
 
 
 # ------------------------------------------------------------------------------- ends and warnings

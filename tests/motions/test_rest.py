@@ -147,22 +147,6 @@ def test_two_tanks_with_one_tap(rtol, rng):
     np.testing.assert_allclose(motion.end, full.sum(axis=1) / (out.sum(axis=0) - tap), rtol=1e-9)
 
 
-def test_balls_that_come_to_rest_on_a_vibrating_table():
-    """The height above it is rounding long before 12 bounces follow one another at once."""
-    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=[0.6, 1.0, 3.0])
-    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
-                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
-    motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit)
-    assert (motion.status == Status.ACCUMULATES).all()
-    assert motion.events.count.max() < 200
-    changes, A = motion.events, ball.parameters["A"]
-    speeds = changes.before[:, 1] - A[changes.trajectory] * np.cos(changes.time)
-    for k in range(3):  # pauses become shorter by the factor e until then
-        times = changes.time[(changes.trajectory == k) & (abs(speeds) > 1e-5)]
-        limit = times[-1] + np.diff(times)[-1]
-        assert abs(motion.end[k] - limit) < 1e-5
-
-
 def test_bounces_that_accumulate_away_from_0():
     """There the state does not move any more while its value on the surface is not 0."""
     push = Field(lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2)

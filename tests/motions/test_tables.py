@@ -1,4 +1,4 @@
-"""Tables of np.interp with equal neighbours: they jump there, and steps end at the jumps."""
+"""Tables of np.interp: steps end at their knots, which are jumps where neighbours are equal."""
 
 from itertools import pairwise
 
@@ -21,10 +21,9 @@ def relaxed(x, k, begin, end, xp, fp):
         if a == b:
             continue
         u, v = np.interp([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], xp, fp)
-        slope = 2.0 * (v - u) / (b - a)
-        steady = u + slope * (0.75 * a - 0.75 * b) / 3.0 - slope / k  # k times x, of the line at a
-        lost = np.exp(-k * (b - a))
-        x = lost * x + (steady * (1.0 - lost) + slope * (b - a)) / k
+        slope, lost = 2.0 * (v - u) / (b - a), -np.expm1(-k * (b - a))
+        first = u - slope * (b - a) / 4.0  # of the line at a
+        x = (1.0 - lost) * x + (first * lost + slope * (b - a - lost / k)) / k
     return x
 
 
@@ -109,4 +108,59 @@ def test_the_derivative_by_the_start_of_a_clock(rng):
     ends = [relaxed(1.0, 0.4, 2.0 + e, 8.0 + e, xp, fp) for e in (d, -d)]
     np.testing.assert_allclose(
         motion.derivatives["x0"][0, 0], [np.exp(-2.4), (ends[0] - ends[1]) / (2 * d)], atol=1e-7
+    )
+
+
+def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
+    xp, fp = np.sort(rng.uniform(0.0, 10.0, 6001)), rng.uniform(0.0, 1.0, 6001)
+    many, few = fed(xp, fp, k=1.0), fed(xp[:3], fp[:3], k=1.0)
+    for name in ("f", "derivative", "watch"):
+        lists = [getattr(each._right_hand_sides[0].f, name) for each in (many, few)]
+        assert len(lists[0].operations) == len(lists[1].operations) < 30
+    motion = sf.flow(many, [0.0, 0.0], time=10.0)
+    right = relaxed(0.0, 1.0, 0.0, 10.0, xp, fp)
+    np.testing.assert_allclose(motion.final[0], right, rtol=1e-11)
+    assert motion.steps < 6200
+    assert sf.Field.from_dict(many.to_dict()) == many
+
+
+@pytest.mark.parametrize("time", [4.0, -3.0])
+def test_tables_with_steep_and_level_parts(time, rng):
+    """One begins on a knot; ramps last 1e-9 or one rounding; a part is constant."""
+    xp = np.array([-4.0, -2.5, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0])
+    xp = np.sort([*xp, 0.5 + 1e-9, -1.0 + 1e-9, *np.nextafter([2.0, -2.5], 9.0)])
+    for _ in range(3):
+        fp = rng.normal(size=len(xp))
+        fp[-2:] = fp[-3]
+        motion = sf.flow(fed(xp, fp, k=1.0), [1.0, 0.0], time=time, rtol=1e-12)
+        right = relaxed(1.0, 1.0, 0.0, time, xp, fp)
+        np.testing.assert_allclose(motion.final[0], right, rtol=1e-10, atol=1e-10)
+        assert motion.steps < 200
+
+
+def test_a_table_is_level_beyond_its_knots_also_at_infinity():
+    # log(0) and 1/0 at the start; left and right are jumps.
+    f = field(
+        lambda s: (
+            np.interp(np.log(s[1]), [0.0, 1.0], [3.0, 5.0]),
+            np.interp(1 / s[1], [1.0, 2.0], [1.0, 1.0], left=0.5, right=2.0),
+        ),
+        "x y",
+    )
+    (end,) = sf.flow(f, [0.0, 0.0], time=1.0, rtol=1e-12).states
+    # y' = 2 up to y = 1/2, then 1 up to y = 1, at t = 3/4, then 1/2 up to 9/8.
+    y = 9 / 8
+    np.testing.assert_allclose(end, [3.0 + 4.0 * (y * np.log(y) - y + 1.0), y], rtol=1e-11)
+
+
+def test_a_potential_of_straight_lines():
+    # The force jumps at knots; between them q is a parabola.
+    q = np.linspace(-3.0, 3.0, 13)
+    system = sf.Field.from_hamiltonian(lambda s: s[1] ** 2 / 2 + np.interp(s[0], q, abs(q)), "q p")
+    motion = sf.flow(system, [1.25, 0.0], time=[np.sqrt(10.0), 4 * np.sqrt(10.0)], rtol=1e-12)
+    np.testing.assert_allclose(motion.states, [[-1.25, 0.0], [1.25, 0.0]], atol=1e-10)
+    period = 4 * np.sqrt(2.5)  # of q from rest is in proportion to its root
+    again = sf.flow(system, [1.25, 0.0], time=period, derivatives="x0", rtol=1e-12)
+    np.testing.assert_allclose(
+        again.derivatives["x0"][0], [[1.0, 0.0], [period / 2.5, 1.0]], atol=1e-9
     )

@@ -11,7 +11,9 @@ TABLE = (
   ("omega x state", "x0 omega0 omega x states state components", ""),
   ("body system field fun rhs model", "system body", ""),
   ("f", "first_integral body", ""),
-  ("backward reverse inverse", "", "-eps, which undoes a step; of a Map another Map"),
+  ("backward reverse inverse", "inverse",
+   "step(system, x, -eps), which undoes a step of Kahan's map; of a Map write Map(g, names), with "
+   "the inverse g of f"),
   ("arg p param parameter", "parameters",
    "parameters of the field, Field(f, names, a=1), and field.with_parameters(a=2); an "
    "array makes a family"),
@@ -60,7 +62,7 @@ TABLE = (
   ("limitcycle cycle bvp4c solvebvp bvp", "",
    "periodic_orbit(field, flow(field, x0, time=100).states[-1])"),
   ("period frequency", "period", "periodic_orbit(field, x0).period"),
-  ("floquet floquetmultipliers", "multipliers", ""),
+  ("floquet floquetmultipliers multipliers", "multipliers eigenvalues", ""),
   ("monodromy variational", "",
    "flow(field, x0, time=T, derivatives='x0').derivatives['x0'], of which [-1] is that of T"),
   ("count maxevents maxcrossings", "most", ""),
@@ -79,7 +81,7 @@ TABLE = (
   ("verbose tqdm progressbar progress logging", "progress", "progress= of each function"),
   ("seed rng randomstate randomstarts", "",
    "numpy.random.default_rng(seed).uniform(low, high, (n, D)) as states"),
-  ("out output csv", "", "run.save(path), or run.to_dataframe().to_csv(path)"),
+  ("out output csv tocsv toexcel toparquet tosql", "", "run.save(path), or run.to_dataframe().to_csv(path)"),
   ("exact rational fractions", "exact",
    "map = suslov_fast.integrability.kahan(field, eps), and x = map(x), in fractions"),
   ("openensemble store", "ensemble store", "xarray.open_zarr(store)"),
@@ -238,8 +240,8 @@ OF_STEPS = (
   ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
   ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
   ("order integrator solver alg algorithm scheme method", "method",
-   "rtol= of flow, which chooses its steps, and stiff or not unless stiff= says; iterate has "
-   "method="),
+   "rtol= of flow, which chooses between an explicit and an implicit method at each step; "
+   "stiff=True takes the implicit one always; iterate has method="),
   ("n num nsteps numsteps iterations maxsteps maxiter steps samples size",
    "steps trajectories n J",
    "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),

@@ -71,6 +71,12 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         how = of_time(names, f"*f({now}{rest})", rest)
         how += f", or without time pass lambda x{rest}: f({x}{rest})"
         how = how if state.name in TIME or own[0].name in TIME else of_time(names)
+    if by_name := TIME & {*parameters} & {*known}:
+        how = f"{by_name.pop()!r} is the name of time: give the parameter another one, as tau=2.0"
+    elif len(own) == 3 and own[2].name in TIME and state.name == f"d{own[0].name}":
+        u, p = own[0].name, own[1].name
+        field = f"Field(lambda {u}, a, b: (..., ...), names, a=1.0, b=2.0)"
+        how = f"return the rates, as {field}, with a and b in place of {p}; {of_time(names)}"
     if how:
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)

@@ -23,7 +23,7 @@ Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
 
 Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
-_HOW = ": pass a body, or a field such as Field(f, names)"
+_HOW = ": to iterate a function x -> f(x) pass Map(f, names), for x' = f(x) Field(f, names)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,8 +44,9 @@ class Equilibria(NamedTuple):
     states : ndarray(float, shape=(..., D))
         The equilibria, NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
-        Eigenvalues of f', by decreasing real part; in conjugate pairs Im > 0 comes first. k is D
-        without the variables of a constant rate. The eigenvalues of a `Map` are its multipliers.
+        Eigenvalues of f', by decreasing real part, one per unit of time; k is D without the
+        variables of a constant rate. Of a `Map` they are its multipliers, by decreasing modulus. In
+        conjugate pairs Im > 0 comes first.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
     stable : ndarray(bool, shape=(...))
@@ -130,7 +131,7 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     >>> henon = Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), "x y")
     >>> saddle = equilibria(henon, near=[0.6, 0.2])
     >>> saddle.states.round(6), saddle.eigenvalues.real.round(6)
-    (array([0.631354, 0.189406]), array([ 0.155946, -1.923739]))
+    (array([0.631354, 0.189406]), array([-1.923739,  0.155946]))
     """
     body: Any = system_of(system, near)
     instance("system", body, Body)
@@ -156,7 +157,7 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
             is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
-        values = _eigenvalues(slopes) + is_map
+        values = _eigenvalues(slopes, is_map)
         others = _eigenvalues(equations.without_totals(slopes))
         is_stable = abs(others + 1.0) < 1.0 if is_map else others.real < 0.0
     status = np.select(
@@ -424,9 +425,10 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
     return length
 
 
-def _eigenvalues(slopes: FloatArray) -> Any:
-    """Return the eigenvalues, by decreasing real part."""
+def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
+    """Return the eigenvalues by decreasing real part; 1 more of a map f(x) + x, by modulus."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
-    values = np.where(known, values, complex(np.nan, np.nan))
-    return np.take_along_axis(values, np.lexsort((-values.imag, -values.real), axis=-1), axis=-1)
+    values = np.where(known, values + of_map, complex(np.nan, np.nan))
+    sizes = abs(values) if of_map else values.real
+    return np.take_along_axis(values, np.lexsort((-values.imag, -sizes), axis=-1), axis=-1)

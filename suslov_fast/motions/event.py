@@ -333,7 +333,9 @@ class Traced:
         self.surface = None if event.surface is None else self._surface(kept["surface"])
         self.to = None if event.to is None else self._results("to", kept["to"])
         if self.to is not None and len(self.to) != len(names):
-            raise wrong("to", f"{len(names)} texts, one for each component", f"{len(self.to)}")
+            how = f"to={(*names[:-1], f'-{names[-1]}/2')} changes {names[-1]} alone"
+            expected = f"{len(names)} texts, one for each component"
+            raise wrong("to", expected, f"{len(self.to)}: {how}")
         most = math.inf if event.most is None else float(event.most)
         at = None if self.surface is None else self._list_of([self.surface])
         to = None if self.to is None else self._list_of(self.to)

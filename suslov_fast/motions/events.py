@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,9 @@ class EventDerivatives(NamedTuple):
     time: FloatArray
     before: FloatArray
     states: FloatArray
+
+    def __array__(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("derivatives of events are three arrays: use .time, .before or .states")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

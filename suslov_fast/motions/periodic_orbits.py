@@ -15,6 +15,7 @@ from ..core.expressions.linear_terms import coefficients
 from ..errors import NoConvergence
 from ..fields.base import Body
 from ..fields.field import Field, system_of
+from ..fields.map import Map
 from ..keywords import public
 from . import shooting
 from .event import Event
@@ -25,9 +26,10 @@ from .shooting import OfMotion, Shooting
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _DIVISORS = 2, 3, 5, 7, 11, 13
 _MOST_ARCS = 32
+_NEUTRAL = 1e-6  # from 1, within which a modulus of a multiplier decides nothing
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
-_NEARER = "a start nearer to it, as flow(system, start, time={T}).final is if the orbit attracts"
+_NEARER = "an x0 nearer to it, as flow(system, x0, time={T}).final is if the orbit attracts"
 _FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
 _FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
@@ -58,12 +60,17 @@ class PeriodicOrbit(NamedTuple):
     """Distance from the end of the orbit, or of one of its arcs, to the start of the next arc.
 
     The largest modulus of a component, divided by the largest one of the states."""
+    stable: bool
+    """True if the orbit attracts: the moduli of the other multipliers are below 1 - 1e-6.
+
+    These are all multipliers without the one of the flow, which equations that depend on time lack,
+    and those of known integrals."""
 
 
 @public
 def periodic_orbit(
     system: System,
-    start: ArrayLike,
+    x0: ArrayLike,
     /,
     period: float | None = None,
     *,
@@ -73,12 +80,12 @@ def periodic_orbit(
     """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
 
     A system with an integral, such as an energy, has families of periodic orbits. The result is a
-    member near `start`, usually with another energy. The nearer `period`, the nearer the member.
+    member near `x0`, usually with another energy. The nearer `period`, the nearer the member.
 
     Newton's method solves for the state and the period together, along the motion as :func:`flow`
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
     period, the orbit is divided into arcs that are solved for together (multiple shooting). The
-    state that is returned is where the motion is slow if it is much faster at `start`, as on the
+    state that is returned is where the motion is slow if it is much faster at `x0`, as on the
     jump of a relaxation cycle. A rest state of a forced system is found, too: its multipliers say
     whether it is stable.
 
@@ -86,10 +93,10 @@ def periodic_orbit(
     ----------
     system : Field, Suslov3D, SuslovND or callable
         A single field or body, or a function as in :func:`flow`.
-    start : array_like(float, shape=(D,))
+    x0 : array_like(float, shape=(D,))
         A state near the orbit.
     period : float, optional
-        The approximate period; by default the time after which the motion from `start` returns to
+        The approximate period; by default the time after which the motion from `x0` returns to
         it nearly. If the equations depend on time, a variable with a constant rate, pass the
         period of the force, which is kept.
     rtol : float
@@ -101,14 +108,14 @@ def periodic_orbit(
     Returns
     -------
     PeriodicOrbit
-        A named tuple of `state` (D,), `period`, `multipliers` and `residual`. The multipliers are
+        A named tuple of `state` (D,), `period`, `multipliers`, `residual` and `stable`. They are
         complex and sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Unless the
         equations depend on time, one of them is 1 up to the error of the method.
 
     Raises
     ------
     NoConvergence
-        If there is no periodic orbit near `start` and `period`; the message says what was found
+        If there is no periodic orbit near `x0` and `period`; the message says what was found
         instead: an equilibrium, or a motion that ends.
     TypeError, ValueError
         If an argument is out of range, the system has no steps, or the equations depend on time and
@@ -134,13 +141,16 @@ def periodic_orbit(
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
     """
-    body: Any = system_of(system, start)
+    body: Any = system_of(system, x0)
     checks.instance("system", body, Body)
+    if isinstance(body, Map):
+        how = "equilibria(Map(lambda x: f(f(x)), names), near=x0) finds those of period 2"
+        raise TypeError(f"system: a Map has no flow: its periodic orbits are fixed points, {how}")
     acting = checked_events(events)
     if any(event.times is not None for event in acting):
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
-    x = _checked_start(body, start)
+    x = _checked_start(body, x0)
     checked_settings(body, rtol)
     field = body._field
     motion = OfMotion(field, x, rtol, acting)
@@ -149,22 +159,22 @@ def periodic_orbit(
         x = motion.between_changes(x, T)
         search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
         if found := _not_an_orbit(search, T):
-            how = "a start nearer to the orbit, a nearer period, or a larger rtol"
+            how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
     if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
-        found = f"{search.T:g}, far from {T:g}, and is far from the start"
+        found = f"{search.T:g}, far from {T:g}, and is far from x0"
         warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
     return _result(search, _integrals(body))
 
 
-def _checked_start(system: Any, start: Any) -> FloatArray:
-    x = checks.states("start", start, system._labels)
+def _checked_start(system: Any, x0: Any) -> FloatArray:
+    x = checks.states("x0", x0, system._labels)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
         received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
         raise wrong("periodic_orbit", expected, received)
     if not np.isfinite(x).all():
-        raise wrong("start", "finite", short(start))
+        raise wrong("x0", "finite", short(x0))
     return np.array(x)
 
 
@@ -186,13 +196,13 @@ def _checked_period(
         near, last = _near_return(field, x, motion.settings.rtol, events)
     if near is not None:
         return near
-    start = short(x.tolist())
+    start = f"x0 = {short(x.tolist())}"
     if not motion.rate[~motion.drifts].any():
-        raise NoConvergence(f"periodic_orbit: start is the equilibrium {start}")
+        raise NoConvergence(f"periodic_orbit: {start} is an equilibrium")
     if (rest := _rest(field, motion, x, last)) is not None:
-        found = f"the motion from start = {start} falls to the equilibrium {short(rest.tolist())}"
-        raise NoConvergence(f"periodic_orbit: {found}: pass a start nearer to an orbit")
-    found = f"the motion from start = {start} does not return near it until t = {last:g}"
+        found = f"the motion from {start} falls to the equilibrium {short(rest.tolist())}"
+        raise NoConvergence(f"periodic_orbit: {found}: pass an x0 nearer to an orbit")
+    found = f"the motion from {start} does not return near it until t = {last:g}"
     raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
 
 
@@ -243,7 +253,7 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
     if (found := _at_rest(search, given)) or search.is_found:
         return found
     if not np.isfinite(search.residual):
-        return "no orbit, because the motion from start ends within the period"
+        return "no orbit, because the motion from x0 ends within the period"
     return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
 
 
@@ -261,7 +271,10 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     _warn_of_families(search, known)
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))
-    return PeriodicOrbit(x, float(T), values[order], search.residual)
+    of_flow = 0 if search.flow.is_forced else 1
+    others = values[np.argsort(abs(values - 1.0))][of_flow + (known or 0) :]
+    is_stable = bool((abs(others) < 1.0 - _NEUTRAL).all())
+    return PeriodicOrbit(x, float(T), values[order], search.residual, is_stable)
 
 
 def _integrals(system: Any) -> int | None:
@@ -281,7 +294,7 @@ def _warn_of_families(search: Shooting, known: int | None) -> None:
     if known is None or search.freedom <= phase + known:
         return
     how = "write a force as a function of a time t with t' = 1, not of states"
-    warn(f"periodic_orbit found a member of a family, which start and period choose: {how}")
+    warn(f"periodic_orbit found a member of a family, which x0 and period choose: {how}")
 
 
 def _warn_of_divisors(search: Shooting) -> None:

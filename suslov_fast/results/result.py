@@ -123,7 +123,7 @@ class Result:
 
     def __iter__(self) -> NoReturn:
         kind = type(self).__name__
-        raise TypeError(f"{self._called} is no sequence: use run.time and run.states of the {kind}")
+        raise TypeError(f"{self._called} is no sequence: use .time and .states of the {kind}")
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # NumPy 1.26 does not accept None
@@ -378,7 +378,7 @@ class States(Result):
 
 @public
 def load(path: str | os.PathLike[str]) -> Any:
-    """Return the result in a file of `save`, of whichever class it is; `extend` continues runs.
+    """Return the result in a file of `save`, of whichever class it is.
 
     Parameters
     ----------

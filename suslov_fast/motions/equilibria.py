@@ -12,7 +12,7 @@ as near a regular equilibrium; at a multiple root each is half as long.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from ..core.expressions.linear_terms import coefficients
 from ..fields.base import Body
 from ..fields.field import system_of
 from ..fields.map import Map
-from ..keywords import public
+from ..keywords import lacking, public
 from ..status import Status
 
 _MOST, _MOST_DAMPED = 30, 60  # steps of Newton's method, and of its parts
@@ -60,6 +60,11 @@ class Equilibria(NamedTuple):
     eigenvalues: NDArray[np.complex128]
     status: NDArray[np.int8]
     stable: NDArray[np.bool_]
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            raise lacking(self, name)
 
 
 @public

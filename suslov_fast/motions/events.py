@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape, short, warn, wrong
 from ..core.expressions.event_formulas import EventAction, in_order_of_code
+from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..keywords import public
 from ..results.result import Result
@@ -21,6 +22,10 @@ from .event import Event, field_of, traced
 
 if TYPE_CHECKING:
     import xarray
+
+
+_NEAR = 2.0**-16  # part of the size of x0, at which surfaces are looked at near it
+_EVEN = 2.0**-8  # the odd part of a surface near x0, divided by the even one, if its rate is 0
 
 
 class Derivatives(dict[str, Any]):
@@ -295,6 +300,42 @@ def warn_of_times_that_never_come(
             f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
             f"from x0 as those of the motion do, which ends at {sign * last:g}"
         )
+
+
+def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> None:
+    """Warn of states x0 (..., D) at rest on a surface that acts, which they leave without an event.
+
+    The surface is looked at near x0 along f, to both sides, and after a midpoint step.
+    """
+    for event in events:
+        action = traced(event, field).action
+        if action.surface is None or (action.to is None and math.isinf(action.most)):
+            continue
+        with np.errstate(all="ignore"):
+            is_on = _surface_at(field, action.surface, x) == 0.0
+            if not is_on.any():
+                continue
+            rates, sizes = field(x), abs(x).max(axis=-1, keepdims=True)
+            h = _NEAR * np.where(sizes > 0, sizes, 1.0) / abs(rates).max(axis=-1, keepdims=True)
+            middle = x + h * rates
+            nearby = x - h * rates, middle, x + 2.0 * h * field(middle)
+            before, after, later = (_surface_at(field, action.surface, y) for y in nearby)
+        sizes = abs(after + before) + abs(later)
+        is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
+        leaves = later * event.direction > 0.0 if event.direction else later != 0.0
+        if (which := is_at_rest & leaves).any():
+            warn(
+                f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
+                "trajectories, and leaves it without an event, because a start is none: begin on "
+                "the side from which it is crossed, or hold x0 there by a variable for the mode"
+            )
+
+
+def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
+    """Return the function of a surface at states (..., D) of a field, or of a family."""
+    values = dict(enumerate([*np.moveaxis(x, -1, 0), *field._inputs]))
+    evaluate(surface.operations, values)
+    return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
 
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:

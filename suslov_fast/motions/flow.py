@@ -31,6 +31,7 @@ from .events import (
     derivatives_of,
     events_of_records,
     stops_of,
+    warn_of_starts_at_rest,
     warn_of_times_that_never_come,
 )
 from .integration import SolverRequest, SolverResult, empty_result, solve
@@ -41,6 +42,7 @@ from .motion_arguments import (
     checked_times,
     warn_of_ends,
     warn_of_growth,
+    warn_of_tables,
     warn_of_times,
 )
 from .sensitivities import Columns, WithColumns
@@ -157,9 +159,13 @@ def flow(
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
+        if sign > 0 and len(times):
+            warn_of_tables(body, x, times.max())
     if acting:
         stops = stops_of(acting, sign, batch)
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
+        if sign > 0:
+            warn_of_starts_at_rest(field, acting, x.reshape(*batch, -1))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from ..errors import NoConvergence
 from ..fields.base import Body
 from ..fields.field import Field, system_of
 from ..fields.map import Map
-from ..keywords import public
+from ..keywords import lacking, public
 from . import shooting
 from .event import Event
 from .events import checked_events
@@ -65,6 +65,11 @@ class PeriodicOrbit(NamedTuple):
 
     These are all multipliers without the one of the flow, which equations that depend on time lack,
     and those of known integrals."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            raise lacking(self, name)
 
 
 @public

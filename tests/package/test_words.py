@@ -90,6 +90,15 @@ ROWS = [
     # attributes
     ("MOTION.sol", r"time=\[3\.3\]"),
     ("MOTION.y | RUN.y | RUN.values", "states"),
+    ("MOTION.to_csv('a.csv')", "to_dataframe"),
+    ("np.asarray(with_slopes())", r"\.time"),
+    ("sf.equilibria(PENDULUM, [0, 0]).multipliers", "eigenvalues"),
+    ("sf.Map(np.sin, 'x').inverse", r"Map\(g, names\)"),
+    ("sf.periodic_orbit(sf.Map(np.sin, 'x'), [0.1])", "equilibria"),
+    ("sf.iterate(np.sin, [1.0], steps=3)", r"Map\(f, names\)"),
+    ("flow(PENDULUM, [1, 0], time=1, events=sf.Event('q', to='-p'))", r"to=\('q', '-p/2'\)"),
+    ("Field(lambda x, time: time * x, 'x', time=2.0)", r"tau=2\.0"),
+    ("Field(lambda du, u, p, t: None, 'q p')", r"lambda u, a, b"),
     ("MOTION.t | RUN.t", "time"),
     ("RUN.dt", "eps"),
     ("RUN.x0", r"states\[0\]"),
@@ -128,6 +137,11 @@ ROWS = [
     ("integrability.reversing_symmetries", r"report\(field\)\.symmetries"),
     ("integrability.RationalMap(lambda x: x, 'x y')", r"Map\(f, names\)"),
 ]  # fmt: skip
+
+
+def with_slopes():
+    motion = flow(PENDULUM, [1, 0], time=2.0, events=sf.Event("q"), derivatives="k")
+    return motion.events.derivatives["k"]
 
 
 def in_zeros(x):

@@ -305,8 +305,11 @@ def warn_of_times_that_never_come(
 def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> None:
     """Warn of states x0 (..., D) at rest on a surface that acts, which they leave without an event.
 
-    The surface is looked at near x0 along f, to both sides, and after a midpoint step.
+    The surface is looked at near x0 along f, to both sides, and after a midpoint step. Events at
+    time 0 may change x0, which then rests no more.
     """
+    if any(event.times is not None and event._earliest[1] == 0.0 for event in events):
+        return
     for event in events:
         action = traced(event, field).action
         if action.surface is None or (action.to is None and math.isinf(action.most)):

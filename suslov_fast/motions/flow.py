@@ -165,7 +165,7 @@ def flow(
         stops = stops_of(acting, sign, batch)
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
         if sign > 0:
-            warn_of_starts_at_rest(field, acting, x.reshape(*batch, -1))
+            warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)

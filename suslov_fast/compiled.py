@@ -29,7 +29,6 @@ from numba import types
 from numba.extending import overload, typeof_impl
 
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
-from .core.maps.map_system import MapSystem
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
@@ -44,7 +43,6 @@ __all__ = [
     "BodySystem",
     "FieldSystem",
     "GaussSystem",
-    "MapSystem",
     "NDSystem",
     "step",
     "step_system",
@@ -57,7 +55,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-System = BodySystem | NDSystem | FieldSystem | MapSystem
+System = BodySystem | NDSystem | FieldSystem
 _memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 

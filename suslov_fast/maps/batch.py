@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
-from ..core.maps.map_system import MapSystem
 from ..core.maps.step_system import FieldSystem
 from ..core.numba.decorators import Kernel
 from ..core.numba.status import OK, PASSED_POLE
@@ -97,7 +96,7 @@ class StepMethod(NamedTuple):
     # Returns the arguments of the kernel for (body, eps, batch).
     arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
     # Returns the constants of `compiled.step_system` for (body, eps).
-    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem | MapSystem]
+    system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem]
     carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, common_shape
 from ..core.maps import growth as tangents
-from ..core.maps.density import densities
 from ..core.maps.driver import WIDTH
+from ..core.maps.field_quantities import densities
 from ..core.maps.kernel import field_steps
 from ..core.numba.status import PASSED_POLE
 from .batch import Report

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, wrong
 from ..core.maps.kernel import scheme_of
 from ..core.maps.map_step import LONGEST
-from ..core.maps.map_system import MapSystem, map_system_of
 from ..core.maps.stages import WHOLE, Scheme, Stages
-from ..core.maps.step_system import FieldSystem, system_of
+from ..core.maps.step_system import FieldSystem, map_system_of, system_of
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 from ..core.suslov.system import BodySystem
 
@@ -116,7 +115,7 @@ def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
     return Scheme(body._operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
 
 
-def map_system(body: Any, _: float) -> MapSystem:
+def map_system(body: Any, _: float) -> FieldSystem:
     """Return the code and the parameters of a single map, for `compiled`."""
     if not body._operations.usual:
         raise wrong("system", f"a map of at most {LONGEST:,} operations", body._called)

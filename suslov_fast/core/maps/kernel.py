@@ -39,7 +39,7 @@ from .packs import (
     plan_of,
     tables_of,
 )
-from .pivoting import ENDED, PASSED, LineArrays, arguments_of, pivoting_step
+from .pivoting import ENDED, PASSED, arguments_of, pivoting_step
 from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
@@ -143,11 +143,10 @@ class _Lines:
         arrays, own = None, None
         if pivoting:
             step, stages = self.scheme
-            arrays = LineArrays(
-                self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes,
-                self.marks, np.empty(step.own_D * (3 * step.own_D + 4) + step.T), step.own_D,
-            )  # fmt: skip
-            own = arguments_of(arrays, start)
+            memory = np.empty(step.own_D * (3 * step.own_D + 4) + step.T)
+            arrays = self.x, self.halves, np.array(stages.fractions), step.indices
+            arrays = *arrays, *self.notes, self.marks, memory
+            own = arguments_of(arrays, step.own_D, start)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
         # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)

@@ -5,8 +5,7 @@ are the linear and constant parts of the field f.
 """
 
 import math
-from collections import namedtuple
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -17,7 +16,7 @@ from ..numba.gauss import solve
 from ..numba.status import CHANGED, OK, PASSED_POLE
 from .kahan_step import SIGNIFICANT
 
-ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
+ENDED, PASSED = range(2)  # rows of `LineArguments.marks`
 
 
 @function
@@ -76,32 +75,20 @@ def changes_sign(indices, x, after):
     return False
 
 
-class LineArrays(NamedTuple):
-    """The arrays of trajectories in lines of W lanes."""
-
-    x: Any  # (lines, D, W)
-    halves: Any  # (1 or lines, T, 1 or W), half the step size times the values of the terms
-    fractions: Any  # (stages,), of eps
-    indices: Any  # (3, T)
-    status: Any  # (B,)
-    failed_at: Any  # (B,)
-    poles: Any  # (B,), the first state beyond a pole, negative if a change of sign told it
-    marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
-    memory: Any  # (D (D + 4) + T,), and (D + 1) D for columns
-    own_D: Any  # components of x, without columns
-
-
 @function
-def take_columns(arrays, line, l, half, after, tangent, units):
-    """Multiply the columns of a lane by DPhi, and orthonormalise them, before its state changes."""
-    D, x = len(after), arrays.x[line, :, l]
-    fill_system(arrays.indices, half, -1.0, after, tangent)
+def take_columns(indices, half, x, after, tangent, units):
+    """Multiply the columns of a lane by DPhi, and orthonormalise them if it has sums of logarithms.
+
+    `x` has the state, columns and sums of the lane before the step, `after` (D,) the next state.
+    """
+    D = len(after)
+    fill_system(indices, half, -1.0, after, tangent)
     for i in range(D):
         for r in range(D):
             tangent[i, D + r] = 0.0
             for j in range(D):
                 tangent[i, D + r] += tangent[i, j] * x[D * (1 + r) + j]
-    fill_system(arrays.indices, half, 1.0, x[:D], tangent)
+    fill_system(indices, half, 1.0, x[:D], tangent)
     solve(tangent, units)
     for r in range(D):
         for s in range(r if len(x) > D * (1 + D) else 0):
@@ -122,79 +109,85 @@ def take_columns(arrays, line, l, half, after, tangent, units):
             x[D * (1 + r) + i] = tangent[i, D + r]
 
 
-@function
-def step_carefully(arrays, first, line, bad, negative, n):
+class LineArguments(NamedTuple):
+    """The integers of the array of `pivoting_step`: addresses of arrays of lines, and lengths."""
+
+    x: int  # (lines, D, W)
+    halves: int  # (own_lines, T, own_W), half the step size times the values of the terms
+    fractions: int  # (stages,), of eps
+    indices: int  # (3, T)
+    status: int  # (B,)
+    failed_at: int  # (B,)
+    poles: int  # (B,), the first state beyond a pole, negative if a change of sign told it
+    marks: int  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
+    memory: int  # (own_D (3 own_D + 4) + T,)
+    lines: int
+    D: int
+    W: int
+    own_lines: int  # 1 or `lines`
+    T: int
+    own_W: int  # 1 or W
+    stages: int
+    B: int
+    own_D: int  # components of x without columns
+    first: int  # number of the state before the first step
+
+
+PLACE = LineArguments(*range(len(LineArguments._fields)))
+_COUNT = len(PLACE)
+
+
+def arguments_of(arrays, own_D, first):
+    """Return the array for `pivoting_step`, from those whose addresses it contains, in order."""
+    x, halves, fractions, _, status, *_ = arrays
+    lengths = *x.shape, *halves.shape, len(fractions), len(status), own_D, first
+    return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)
+
+
+@c_function(types.void(*[types.int64] * 5))
+def pivoting_step(address, line, bad, negative, n):
     """Take step n of the lanes of a line whose bits are in `bad`; note failures and poles.
 
-    A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
+    The address is that of `LineArguments`. A step is one stage. Bits in `negative` mark lanes that
     took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
     """
-    D, W, T = arrays.own_D, arrays.x.shape[2], arrays.halves.shape[1]
-    stages = len(arrays.fractions)
-    fraction, n = arrays.fractions[n % stages], first + n // stages + 1
-    memory, halves = arrays.memory, arrays.halves
-    system = memory[: D * (D + 1)].reshape((D, D + 1))
-    units = memory[D * (D + 1) : D * (D + 3)].reshape((2, D))
-    state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) : D * (D + 4) + T]
-    tangent = memory[D * (D + 4) + T :].reshape((D, 2 * D))
+    a = array_at(address, (_COUNT,), np.int64)
+    lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]
+    x = array_at(a[PLACE.x], (lines, a[PLACE.D], W), np.float64)
+    halves = array_at(a[PLACE.halves], (a[PLACE.own_lines], T, a[PLACE.own_W]), np.float64)
+    fractions = array_at(a[PLACE.fractions], (stages,), np.float64)
+    indices = array_at(a[PLACE.indices], (3, T), np.int64)
+    statuses = array_at(a[PLACE.status], (a[PLACE.B],), np.int8)
+    failed_at = array_at(a[PLACE.failed_at], (a[PLACE.B],), np.int64)
+    poles = array_at(a[PLACE.poles], (a[PLACE.B],), np.float64)
+    marks = array_at(a[PLACE.marks], (2, lines), np.uint8)
+    memory = a[PLACE.memory]
+    system = array_at(memory, (D, D + 1), np.float64)
+    units = array_at(memory + 8 * D * (D + 1), (2, D), np.float64)
+    state = array_at(memory + 8 * D * (D + 3), (D,), np.float64)
+    half = array_at(memory + 8 * D * (D + 4), (T,), np.float64)
+    tangent = array_at(memory + 8 * (D * (D + 4) + T), (D, 2 * D), np.float64)
+    fraction, n = fractions[n % stages], a[PLACE.first] + n // stages + 1
     for l in range(W):
         bit, i = 1 << l, line * W + l
         beyond, changed, status = negative & bit != 0, (negative >> CHANGED) & bit != 0, OK
         if bad & bit:
             for j in range(D):
-                state[j] = arrays.x[line, j, l]
+                state[j] = x[line, j, l]
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
-            status, beyond = solve_lane(arrays.indices, half, state, system, units)
+            status, beyond = solve_lane(indices, half, state, system, units)
             if stages == 1:
-                changed = changes_sign(arrays.indices, arrays.x[line, :D, l], state)
-            if arrays.x.shape[1] > D:
-                take_columns(arrays, line, l, half, state, tangent, units)
+                changed = changes_sign(indices, x[line, :D, l], state)
+            if x.shape[1] > D:
+                take_columns(indices, half, x[line, :, l], state, tangent, units)
             for j in range(D):
-                arrays.x[line, j, l] = state[j]
+                x[line, j, l] = state[j]
         if status != OK:
-            arrays.status[i], arrays.failed_at[i] = status, n
-            arrays.marks[ENDED, line] |= bit
-            arrays.marks[PASSED, line] |= bit
-        elif (beyond or changed) and not arrays.marks[PASSED, line] & bit:
-            arrays.poles[i] = n if beyond else -n
-            arrays.status[i], arrays.failed_at[i] = PASSED_POLE, n
-            arrays.marks[PASSED, line] |= bit
-
-
-# Integers of the array of `pivoting_step`: addresses of `LineArrays`; lengths, of which `own_W` is
-# the last one of `halves`; and the number of the state before the first step.
-_NUMBERS = ("own_D", "lines", "D", "W", "T", "own_W", "stages", "B", "first")
-Arguments = namedtuple("Arguments", (*LineArrays._fields[:-1], *_NUMBERS))
-PLACE = Arguments(*range(len(Arguments._fields)))
-_COUNT = len(PLACE)
-
-
-def arguments_of(arrays, first):
-    """Return the array for `pivoting_step`; it holds addresses of these `LineArrays`."""
-    addresses = [array.ctypes.data for array in arrays[:-1]]
-    counts = len(arrays.fractions), len(arrays.status), first
-    _, T, own_W = arrays.halves.shape
-    return np.array([*addresses, arrays.own_D, *arrays.x.shape, T, own_W, *counts], np.int64)
-
-
-@c_function(types.void(*[types.int64] * 5))
-def pivoting_step(address, line, bad, negative, n):
-    """Call `step_carefully` for machine code, with the address of its `Arguments`."""
-    a = array_at(address, (_COUNT,), np.int64)
-    count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]
-    own = a[PLACE.own_D]
-    shape = count if a[PLACE.own_W] > 1 else 1, T, a[PLACE.own_W]
-    lines = LineArrays(
-        array_at(a[PLACE.x], (count, D, W), np.float64),
-        array_at(a[PLACE.halves], shape, np.float64),
-        array_at(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
-        array_at(a[PLACE.indices], (3, T), np.int64),
-        array_at(a[PLACE.status], (B,), np.int8),
-        array_at(a[PLACE.failed_at], (B,), np.int64),
-        array_at(a[PLACE.poles], (B,), np.float64),
-        array_at(a[PLACE.marks], (2, count), np.uint8),
-        array_at(a[PLACE.memory], (own * (3 * own + 4) + T,), np.float64),
-        own,
-    )
-    step_carefully(lines, a[PLACE.first], line, bad, negative, n)
+            statuses[i], failed_at[i] = status, n
+            marks[ENDED, line] |= bit
+            marks[PASSED, line] |= bit
+        elif (beyond or changed) and not marks[PASSED, line] & bit:
+            poles[i] = n if beyond else -n
+            statuses[i], failed_at[i] = PASSED_POLE, n
+            marks[PASSED, line] |= bit

@@ -85,7 +85,7 @@ def loader(text, step, for_each, state, table):
 def text_of_stage(step, name, *_):
     """Return the text of i64 name(x, table): a stage of one state x (D,), in place.
 
-    It returns bits of lanes: bad + 256 told.
+    The code returns 1 if the stage is not accurate, else 256 if det A < 0.
     """
     text = Code(1)
     text.begin(name, "x", "table")
@@ -99,23 +99,14 @@ def text_of_stage(step, name, *_):
             text.leave("i64 1")
         return [*after, told << 8]
 
-    *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare)
+    if step.of is None:
+        *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare)
+    else:
+        final, bits = usual, 0
+        with text.when(~Truth(text, stage.values[step.accurate])):
+            text.leave("i64 1")
     for k, number in enumerate(step.after):
         if number != k:
             x[k] = final[k]
     text.add(f"  ret i64 {bits}")
-    return text.finished()
-
-
-def text_of_map(step, name, *_):
-    """Return the text of i64 name(x, table): a step of one state x (D,) of a map, in place."""
-    text = Code(1)
-    text.begin(name, "x", "table")
-    x = text.array("%x")
-    final = Stage(text, step, loader(text, step, False, "%x", "%table")).take(
-        [x[i] for i in range(step.D)]
-    )
-    for k, value in enumerate(final):
-        x[k] = value
-    text.add("  ret i64 0")
     return text.finished()

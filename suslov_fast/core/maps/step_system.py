@@ -1,4 +1,4 @@
-"""Steps of one state of a field, for compiled loops of users (`compiled.step_system`)."""
+"""Steps of one state of a field or a map, for compiled loops of users (`compiled.step_system`)."""
 
 from typing import Any, NamedTuple
 
@@ -7,23 +7,28 @@ import numpy as np
 from ..llvm.compiler import code_of
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
-from ..numba.status import OK, PASSED_POLE
+from ..numba.status import NONFINITE, OK, PASSED_POLE
 from .kernel import scheme_of
 from .pivoting import changes_sign, solve_lane
 from .stage_code import text_of_stage
 
+_maps = {}  # steps of maps by the addresses of their codes, which last
+
 
 @with_address
 class FieldSystem(NamedTuple):
-    """A field and a step size. Unpickling it finds the address in that process."""
+    """A field and a step size, or a map. Unpickling it finds the address in that process."""
 
     address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
-    half: Any  # (stages, T), half of the step size times the values of the terms
+    half: Any  # (stages, T), half of the step size times the values of the terms; of a map (1, 0)
     table: Any  # (stages, n), see `Step.table`
     indices: Any  # (3, T)
     dimension: int
+    is_map: bool
 
     def __reduce__(self):
+        if self.is_map:
+            return _with_table, (_maps[self.address], self.table)
         return system_of, (self.indices, self.half, self.dimension)
 
 
@@ -33,12 +38,24 @@ def system_of(indices, half, D):
     table = np.ascontiguousarray(step.table_of(half.T).T)
     # The code lasts, because users may store the system anywhere.
     address = code_of(text_of_stage, step, lasts=True) if step.usual else None
-    return FieldSystem(int(address or 0), half, table, step.indices, D)
+    return FieldSystem(int(address or 0), half, table, step.indices, D, False)
+
+
+def map_system_of(step, parameters):
+    """Return the system of a `MapStep` with these parameters (P,)."""
+    return _with_table(step, np.ascontiguousarray(step.table_of(parameters))[np.newaxis])
+
+
+def _with_table(step, table):
+    address = int(code_of(text_of_stage, step, lasts=True))
+    _maps[address] = step
+    no_terms = np.empty((1, 0)), np.empty((3, 0), np.int64)
+    return FieldSystem(address, no_terms[0], table, no_terms[1], step.D, True)
 
 
 @function
 def field_memory(system):
-    """The memory of `field_step_of_one`."""
+    """Return the memory of `field_step_of_one`."""
     D = system.dimension
     return np.empty((D, D + 1)), np.empty((2, D)), np.empty((D,))
 
@@ -56,12 +73,15 @@ def field_step_of_one(system, state, out, memory):
             table = system.table[stage].ctypes.data
             bits = call_code(system.address, (x.ctypes.data, table))
         negative = bits & 256 != 0
-        if bits & 1:
+        if bits & 1 and system.is_map:
+            status = NONFINITE
+        elif bits & 1:
             status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
         passed |= negative
         if status != OK:
             break
-    passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
+    if not system.is_map:
+        passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
     for i in range(len(x)):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status

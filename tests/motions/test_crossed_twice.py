@@ -233,16 +233,6 @@ def test_polynomials_of_waves(n, rng):
     np.testing.assert_array_equal(found.count[:, 0], right)
 
 
-def test_products_of_waves():
-    clock = field(lambda s: (1.0,), "t")
-    found = sf.crossings(
-        clock, [0.1], lambda s: np.sin(s[0]) ** 2 * np.cos(s[0]) ** 2 - 0.24, time=99.9
-    )
-    ends = np.arcsin(np.sqrt(0.96)) / 2 * np.array([[1], [-1]]) + np.pi / 2 * np.arange(65)
-    right = np.sort(ends[(ends > 0.1) & (ends < 100)])
-    np.testing.assert_allclose(found.time + 0.1, right, atol=1e-10)
-
-
 @pytest.mark.parametrize(("direction", "right"), [(1, 1000), (-1, 1000), (0, 2000)])
 def test_counters_by_a_clock_go_on(direction, right):
     f = field(lambda s: (0.0, 1.0), "n t")
@@ -250,12 +240,6 @@ def test_counters_by_a_clock_go_on(direction, right):
                       to=lambda s: (s[0] + 1, s[1]))  # fmt: skip
     motion = sf.flow(f, [0.0, 0.0], time=1000.25, events=count)
     assert motion.states[0, 0] == right
-
-
-def test_hours_of_light_by_a_clock():
-    day = field(lambda s: (np.where(np.sin(2 * np.pi * s[1] / 24) > 0.995, 1.0, 0.0), 1.0), "x t")
-    light = sf.flow(day, [0.0, 0.0], time=1440.0).states[0, 0]
-    assert light == pytest.approx(60 * 24 * np.arccos(0.995) / np.pi, abs=1e-8)
 
 
 @pytest.mark.parametrize(("N", "_"), SURVEYS)

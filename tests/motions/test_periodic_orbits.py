@@ -8,7 +8,6 @@ from systems import LORENZ, three_bodies
 
 import suslov_fast as sf
 from suslov_fast import Field, NoConvergence, flow, periodic_orbit
-from suslov_fast.motions import shooting
 
 # Those of integrals that are not known are told by one warning, which a test below asks for.
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
@@ -105,11 +104,6 @@ def test_several_arcs():
     orbit = periodic_orbit(field, [1.0, 0.0, 0.0], 6.0)
     assert orbit.period == pytest.approx(2 * np.pi, rel=1e-12)
     assert orbit.multipliers[0] == pytest.approx(np.exp(20 * np.pi), rel=1e-8)
-    motion = shooting.OfMotion(LORENZ, np.array([-12.6, -17.0, 27.0]), 1e-12)
-    nodes = motion.states(np.array([-12.6, -17.0, 27.0]), np.arange(8) * 2.3 / 8)
-    search = shooting.Shooting(motion, nodes, 2.3, 1e-12, np.ones(3))
-    assert search.search()
-    assert abs(search.T / 2.3059072639398 - 1) < 1e-12
 
 
 def test_systems_with_an_integral():
@@ -197,19 +191,6 @@ def test_an_orbit_across_jumps(rtol, about):
     np.testing.assert_allclose(orbit.multipliers, 1.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("start", [(1.0, 0.0), (0.0, 0.4), (0.243, 1.801), (0.774, 0.281)])
-def test_a_return_is_found_wherever_steps_end(start, monkeypatch):
-    """Here they end where x'' = -sign x jumps alone, and pass each half of the orbit in one."""
-    x0, field = np.array(start), Field(lambda x: (x[1], -np.sign(x[0])), 2)
-    motion = shooting.OfMotion(field, x0, 1e-6)
-    x, v = start
-    speed = np.sqrt(v * v + 2 * abs(x))
-    times = np.append(0.0, speed + v + 2 * speed * np.arange(9) + 1e-12)
-    ends = times, motion.states(x0, times)
-    monkeypatch.setattr(motion, "steps", lambda *_: iter([ends]))
-    assert shooting.near_return(motion, x0)[0] == pytest.approx(4 * speed, rel=0.01)
-
-
 def van_der_pol(mu):
     return Field(lambda x: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2)
 
@@ -266,25 +247,6 @@ def test_relaxation_cycles(of, parameter, time, level, rtol):
     around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).states
     speeds = abs(field(around)).max(axis=1)
     assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
-
-
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
-@pytest.mark.parametrize(
-    ("mu", "start", "period"),
-    [
-        (1075.597107, [0.8281067262227219, -30.18114435450839], 1736.4174),
-        (484.202163, [-1.9825836799509253, -27.753642669524144], 782.3475),
-        # Beyond the largest x of the cycle, off the slow manifold, and on it.
-        (1151.398804, [2.000063921668133, -0.0005789789995359393], 1858.7417),
-        (1952.882047, [2.0000613328115775, -0.001289537739784978], 3152.0245),
-        (50.0, [2.1, 0.0], 82.5),
-    ],
-)
-def test_starts_beside_a_relaxation_cycle(mu, start, period, rtol):
-    assert periodic_orbit(van_der_pol(mu), start, rtol=rtol).period == pytest.approx(
-        period, rel=1e-2
-    )
 
 
 @pytest.mark.sampled(1)
@@ -358,9 +320,6 @@ def test_an_orbit_far_from_what_was_asked_for():
     with pytest.warns(UserWarning, match="period 2.04.* far from 2.8"):
         periodic_orbit(moon, [0.82, 0, 0, 0, 0.15, 0], period=2.8)
     assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
-
-
-# --------------------------------------------------------------------------------- orbits of maps
 
 
 def test_clocks_that_nothing_depends_on_or_that_stand():

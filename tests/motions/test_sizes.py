@@ -135,32 +135,6 @@ def test_components_that_are_0_but_for_rounding(options):
         np.testing.assert_array_equal(alone.states, motion.states[:, k])
 
 
-@pytest.mark.parametrize("options", [{}, {"stiff": True}])
-def test_rates_that_are_rounding_alone(options):
-    """Those of y and z, whose terms cancel."""
-    a, b, c, d = (
-        [-0.8, -0.55, 0.41],
-        [-1.32, -0.78, 0.83],
-        [-0.25, 0.75, -1.64],
-        [0.42, 1.63, -0.26],
-    )
-    sums = {"e": np.add(a, b).round(2), "g": np.add(c, d).round(2)}
-    cancels = field(
-        lambda s, a, b, c, d, e, g: (
-            s[1],
-            -s[0],
-            a * np.sin(s[0]) + b * np.sin(s[0]) - e * np.sin(s[0]),
-            c * s[1] + d * s[1] - g * s[1],
-        ),
-        "x v y z", a=a, b=b, c=c, d=d, **sums,
-    )  # fmt: skip
-    motion = sf.flow(cancels, [1.0, 0.3, 0.0, 0.0], time=5.0, **options)
-    right = np.cos(5.0) + 0.3 * np.sin(5.0)
-    np.testing.assert_allclose(motion["x"][0], right, atol=1e-7)
-    assert (motion.steps < 60).all()
-    assert (abs(motion.states[..., 2:]) < 1e-14).all()
-
-
 @pytest.mark.parametrize("options", [{}, {"stiff": True}, {"rtol": 1e-11}])
 def test_a_rate_that_is_rounding_beside_a_relaxation(options):
     """e' is 0 but for rounding; trajectories look for that at steps of their own."""

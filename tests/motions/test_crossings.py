@@ -1,4 +1,4 @@
-"""Crossings along motions: points, times, ends and bad input."""
+"""Crossings of surfaces along motions: points, times, ends, values that are no numbers."""
 
 import numpy as np
 import pytest
@@ -197,13 +197,6 @@ def test_crossings_beside_gaps(rng):
         times = np.add.outer(2 * np.pi * np.arange(7), [-angle[k], angle[k]]).ravel() - p[k]
         own = found.time[found.trajectory == k]
         np.testing.assert_allclose(own, times[(times > 0) & (times < 30)], atol=1e-6)
-
-
-@pytest.mark.parametrize("pull", [-9.81, 0.0, 9.81])
-def test_a_body_at_rest_on_the_surface_does_not_cross_it(pull):
-    field = sf.Field(lambda s: (s[1], pull + 0 * s[0]), "h v")
-    for surface in ("h", lambda s: -s[0]):
-        assert sf.crossings(field, [0.0, 0.0], surface=surface, time=1.0).count.tolist() == [0]
 
 
 def test_progress_ends_a_search():

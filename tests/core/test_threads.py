@@ -1,18 +1,14 @@
 """Threads, forks, Ctrl-C and progress."""
 
 import os
-import random
-import signal
 import sys
 import textwrap
 import threading
 import time
-from contextlib import contextmanager
 from itertools import count
 from types import SimpleNamespace
 
 import children
-import numba
 import numpy as np
 import pytest
 
@@ -196,43 +192,6 @@ def test_motions_take_the_threads_asked_for(monkeypatch):
         counts.clear()
         call(field, x0, time=0.01, rtol=1e-3, threads=children.TWO_THREADS, **options)
         assert {*counts} == ({1} if children.TWO_THREADS else set())
-
-
-@contextmanager
-def interrupts(handler):
-    """Take signals of a timer by a handler."""
-    before = signal.signal(signal.SIGALRM, handler)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
-
-
-@pytest.mark.compiled
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
-def test_ctrl_c_at_random_moments_of_a_field(monkeypatch):
-    """Later calls neither hang nor find other bits."""
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    chance, heard = random.Random(1), 0
-    field = sf.Field(lambda x: (x[1] * x[2], 1 - x[0] * x[2], -x[2]), 3)
-    x = np.random.default_rng(1).uniform(-1, 1, (900, 3))
-    expected = sf.iterate(field, x, 0.1, 30, threads=1).states
-    sf.iterate(field, x, 0.1, 30, threads=2)  # compiles
-    began = time.perf_counter()
-    sf.iterate(field, x, 0.1, 30, threads=2)
-    seconds = time.perf_counter() - began
-    with interrupts(lambda *_: signal.raise_signal(signal.SIGINT)):
-        while heard < 50:  # a busy machine hears few of them
-            try:
-                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, seconds))
-                sf.iterate(field, x, 0.1, 30, threads=2)
-                signal.setitimer(signal.ITIMER_REAL, 0)
-            except KeyboardInterrupt:
-                heard += 1
-            assert not threads._one_at_a_time._is_owned()
-    assert (sf.iterate(field, x, 0.1, 30, threads=2).states == expected).all()
 
 
 def test_a_call_during_a_parallel_call_is_serial():

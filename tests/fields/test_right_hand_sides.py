@@ -454,20 +454,6 @@ def test_rates_that_are_infinite_or_nan_are_refused(f):
         Field.from_hamiltonian(lambda x: f(x[0]), "q p")
 
 
-def test_parameters_that_count_or_choose_are_refused():
-    def f(x, m):
-        return (sum(x[0] ** k for k in range(m)),)
-
-    with pytest.raises(TypeError, match=r"^f\b"):
-        Field(f, "x", m=3)
-    with pytest.raises(TypeError, match=r"np\.where"):
-        Field(lambda x, a: (x[0] if a > 0 else -x[0],), "x", a=1.0)
-    with pytest.raises(TypeError, match="k"):
-        Field(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(K=2.0)
-    with pytest.raises(ValueError, match="k"):
-        Field(lambda x, k: (k * x[0],), "x", k=1.0).with_parameters(k=np.nan)
-
-
 # ------------------------------------------------------------------------------- files of strangers
 def read(equations, **others):
     return Field.from_dict({"body": "Field", "names": ["x"], "equations": equations} | others)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from systems import exactly
 
-from suslov_fast import Field, Map, iterate
+from suslov_fast import Field, Map
 
 pytest.importorskip("flint")
 
@@ -180,17 +180,6 @@ def test_symbolic_eps():
     assert "eps" in str(formula)
     y = step(field, eps, x)
     assert formula(x, eps) == formula(y, eps)
-
-
-@pytest.mark.slow
-def test_floats_along_a_run():
-    """Floats are exact numbers: along a run values differ by rounding of its states."""
-    field, eps = SYSTEMS["so(4)"]
-    run = iterate(field, [0.3, -0.7, 0.5, 0.9, 0.2, -0.4], float(eps), steps=60, save_every=20)
-    for each in chosen("so(4)"):
-        values = [each(x) for x in run.states]
-        assert each([F(a) for a in run.states[1]]) == values[1]
-        assert max(abs(value / values[0] - 1) for value in values) < 1e-11
 
 
 def test_points_without_a_value():

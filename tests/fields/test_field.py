@@ -37,6 +37,15 @@ def test_terms_are_collected_before_they_are_rounded(f, expected):
     assert [*map(float, value(field, [3, 4]))] == [*field([3.0, 4.0])] == [*expected]
 
 
+def test_a_field_in_the_function_of_another():
+    prey = Field(lambda x: (x[0] - x[0] * x[1], 2 * x[0] * x[1] - x[1] + 3), 2)
+    angles = Field(lambda x: (x[1], -np.sin(x[0])), 2)
+    both, x = Field(lambda x: np.add(prey(x), angles(x)), 2), [0.3, 0.7]
+    np.testing.assert_allclose(both(x), [0.09 + 0.7, 2.72 - np.sin(0.3)], rtol=1e-15)
+    with pytest.raises(TypeError, match="family"):
+        Field(lambda x: Field(lorenz, 3, rho=[1, 2])(x), 3)
+
+
 def test_random_polynomials(rng):
     """Sums and products of sums, of which Kahan's map and the motion take the same f."""
     for _ in range(25):

@@ -393,6 +393,8 @@ BAD = {
     "heaviside of a copy": (lambda x: np.heaviside(np.array(x), 0), TypeError),
     "int": (lambda x: (int(x[0]), x[1]), TypeError),
     "round": (lambda x: (round(x[0]), x[1]), TypeError),
+    "a name": (lambda x: (x["u"], x[1]), TypeError),
+    "a half": (lambda x: (x[0.5], x[1]), TypeError),
     "one component": (lambda x: (x[0],), ValueError),
     "none": (lambda x: None, ValueError),
     "text": (lambda x: ("a", x[1]), TypeError),

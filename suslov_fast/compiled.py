@@ -32,9 +32,8 @@ from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, w
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
-from .core.suslov.map import one_step
+from .core.suslov.map import BodySystem, one_step
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
-from .core.suslov.system import BodySystem
 from .fields.base import Body
 from .keywords import public
 from .maps import eps_of, map_of

@@ -20,8 +20,8 @@ from ..core.maps.step_system import FieldSystem
 from ..core.numba.decorators import Kernel
 from ..core.numba.status import OK, PASSED_POLE
 from ..core.suslov import orientations
+from ..core.suslov.map import BodySystem
 from ..core.suslov.n_dimensions import NDSystem
-from ..core.suslov.system import BodySystem
 from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .kernel_calls import call_kernel
 from .problem import Problem
@@ -255,7 +255,7 @@ class BatchRun:
 
         The batch is divided first, so that the data of a chunk stay in the caches, and time only
         if few trajectories take long. Chunks grow while they are short, because the estimated
-        cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
+        cost is the cost of the slowest steps; usual steps may take a thousandth of it. A batch of
         one block is serial: a block of lanes takes as long however many of them are in use.
         """
         kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays

@@ -12,8 +12,8 @@ from ..core.maps.kernel import scheme_of
 from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
+from ..core.suslov.map import BodySystem
 from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
-from ..core.suslov.system import BodySystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -94,8 +94,8 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories by the zeros of their fields; yield their indices and arguments.
 
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
-    groups, the bits of a trajectory would depend on the fields of others. Arguments are those of
-    `by_scheme`.
+    groups, the bits of a trajectory would depend on the fields of others. Arguments are what
+    `by_scheme` returns.
     """
     (step, stages), values, eps = arguments
     if len(values) == 1 or (nonzero := values != 0.0).all():

@@ -45,7 +45,7 @@ class Discretization:
     methods : mapping of str to StepMethod
         Ways to compute the steps, by the values of the argument `method`, the default first.
     formulas : mapping of str to Formula
-        How to compute the functions of `kahan`, and those of a state that are methods of `body`,
+        How to compute the functions of `kahan`, and the methods of `body` that take a state,
         by their names.
     stages : Stages
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
@@ -54,8 +54,8 @@ class Discretization:
         How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
         if they do not.
     eigenvalues : callable
-        ``eigenvalues(problem, slopes)`` returns those of f', the `slopes` (..., D, D), at steady
-        states, as an array (..., D), from which the `multipliers` follow.
+        ``eigenvalues(problem, slopes)`` returns the eigenvalues (..., D) of f', the `slopes`
+        (..., D, D), at steady states. The `multipliers` follow from them.
     """
 
     name: str
@@ -119,13 +119,9 @@ def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
     return eps
 
 
+@lru_cache(maxsize=64)  # for speed in small calls
 def methods_of(kind: Any) -> dict[str, Discretization]:
     """Return the maps of a class of bodies by the names of their methods."""
-    return _methods_of(kind)
-
-
-@lru_cache(maxsize=64)  # for speed in small calls
-def _methods_of(kind: Any) -> dict[str, Discretization]:
     records = [record for record in MAPS.values() if issubclass(kind, record.body)]
     return {method: record for record in records for method in record.methods}
 

@@ -62,9 +62,9 @@ def check(
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, and a step size.
 
-    States may be NaN; their components are those of the body, unless `components` has other names.
+    States may be NaN. They have the components of the body, unless `components` has other names.
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
-    the identity, or rotations. `later` is that of `checks.states`. The method is by default the
+    the identity, or rotations. `later` is passed to `checks.states`. The method is by default the
     first one of the map.
     """
     labels, turns = components or body._labels, None

@@ -26,7 +26,7 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Conditions:
-    """The choices of a right-hand side: those of jumps, and then those of kinks.
+    """The choices of a right-hand side: of jumps, and then of kinks.
 
     kinds          of the surfaces: comparisons, "floor", and `Table`s
     jumps, kinks   numbers of their choices
@@ -35,7 +35,7 @@ class Conditions:
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Take the kinds, those of `jumps` first."""
+        """Take the kinds; the kinds of `jumps` come first."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -110,7 +110,7 @@ def watch_of(f, kinds, jumps):
 
 
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
-    """Return the `RightHandSide` whose choices are its last parameters, after the P others.
+    """Return the `RightHandSide` with its choices as the last parameters, after the P others.
 
     Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
     differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
@@ -236,7 +236,7 @@ def _choosing(values, operations, of_clocks):
 
 
 def _watch(f, kinds, jumps, choices):
-    """Add to f what finds crossings of its surfaces: those of `kinds`, and those of changes."""
+    """Add to f what finds crossings of its surfaces: of `kinds`, and of events."""
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch, f.hidden = watch_of(f, kinds, jumps), double_crossings_of(f, kinds, jumps, choices)
@@ -290,6 +290,6 @@ def _of_clocks(operations, fixed, clocks):
 
 
 def _is_0_times(values, operand):
-    """Return whether a value is a product with 0, which tells of NaN alone."""
+    """Return whether a value is a product with 0, which is 0 or NaN."""
     name, of = values.of.get(operand, ("", ()))
     return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

@@ -1,8 +1,8 @@
 """Elementary functions as lists of operations on doubles.
 
-Each function takes a `Number` for each operand, and returns that of its value. Lists have no
-branches and no FMA, so their bits are the same wherever they are carried out. Errors are at most
-1 ulp, but of `logaddexp`; special values are those of the C library.
+Each function takes a `Number` for each operand, and returns the `Number` of its value. Programs
+have no branches and no FMA, so their bits are the same on all machines. Errors are at most 1 ulp,
+except in `logaddexp`; special values agree with the C library.
 
 A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
 Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a

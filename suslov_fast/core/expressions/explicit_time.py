@@ -30,7 +30,7 @@ class _Pair(NamedTuple):
 class ElapsedTime:
     """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
 
-    actions  changes of the state, whose functions read clocks that none of them changes
+    actions  changes of the state; no action changes a clock that counts from 0
     shifts   (p, q) by the numbers of the operands of tables that are sums
     """
 
@@ -51,7 +51,7 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return a change whose functions have these operands as results."""
+        """Return an action with functions that have these operands as results."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays

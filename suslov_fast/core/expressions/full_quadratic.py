@@ -1,4 +1,4 @@
-"""Right-hand sides of dense quadratic fields, whose coefficients are a table."""
+"""Right-hand sides of full quadratic fields, with a table of all coefficients."""
 
 import numpy as np
 

@@ -52,7 +52,7 @@ def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
 
 
 def _per_roots(a, b):
-    """Return 1 / sqrt(a b), whose digits do not go where one of both is near 0."""
+    """Return 1 / sqrt(a b), which keeps its digits if a or b is near 0."""
     return 1.0 / (a.sqrt() * b.sqrt())
 
 

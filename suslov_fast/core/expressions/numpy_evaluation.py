@@ -62,7 +62,7 @@ def _of_list(name):
 # Functions of the C library, by their names there, which a lane calls alone.
 _NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
-# Integer instructions, whose names in LLVM follow "bits_".
+# Integer instructions; their names in LLVM follow "bits_".
 OF_BITS = {
     "bits_and": _of_bits(np.bitwise_and),
     "bits_or": _of_bits(np.bitwise_or),

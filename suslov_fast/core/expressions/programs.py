@@ -49,7 +49,7 @@ class Values:
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return `total` of the pairs whose factors these are, one after the other."""
+        """Return `total` of pairs, from all their factors one after the other."""
         own, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)
@@ -88,7 +88,7 @@ class Program(NamedTuple):
 
 
 class Expressions(Values):
-    """Values of which equal ones are computed once, and those of constants at once.
+    """Values; equal values are computed once, and operations on constants at once.
 
     `written` has the function and operands of values that a user wrote, and that operations take
     apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
@@ -190,7 +190,7 @@ def in_order(values, results, more=0):
 
 
 def _depth_first(values, results):
-    """Yield the operations on which results depend, each after those of its operands."""
+    """Yield the operations on which results depend, each after the operations of its operands."""
     done, stack = set(), [(a, False) for a in reversed(results)]
     while stack:
         number, is_ready = stack.pop()
@@ -232,7 +232,8 @@ def renamed(operands, new):
 def emitted(values, program, new=None):
     """Add the operations of a `Program` to values; return its results there.
 
-    `new` has the operands there of given ones, which those of the operations join; others stay.
+    `new` maps given operands to operands there. The results of operations are added to it; other
+    operands stay.
     """
     new = {} if new is None else new
     for name, number, operands in program.operations:

@@ -1,4 +1,4 @@
-"""Right-hand sides of x' = f(x) as lists of operations, and what the motion asks of them."""
+"""Right-hand sides of x' = f(x) as expression programs, with derivatives and properties."""
 
 import functools
 import math
@@ -10,7 +10,8 @@ from .function_records import RECORDS
 from .numpy_evaluation import OF_TRUTH_VALUES, Groups, evaluate
 from .programs import Program, needed_for
 
-# Lists of more operations are carried out in groups, at fewer than MANY states.
+# Programs of more operations are carried out in groups, at fewer than MANY states: one state of
+# many variables then takes an eighth of the time.
 _FEW, _MANY = 32, 1024
 
 
@@ -28,9 +29,9 @@ class RightHandSide:
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `Program` of f' by itself; results are the entries of `pattern`
     of_parameters  `Program` of df/dp for the parameters `by`; D results for each, in `by`
-    reads        of each component those that its rate depends on, as the bits of an integer
+    reads        for each component the components that its rate depends on, as bits of an integer
     steady       components of constant rate, not 0
-    clocks       those of them that others depend on
+    clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators numbers of values of `f` that change their sign at poles by clocks and parameters
                  alone: divisors, 0 where their quotient is 0 or not taken
@@ -45,7 +46,7 @@ class RightHandSide:
     """
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
-        """Take `Expressions` whose operations are those of f, and the operands that are f.
+        """Take `Expressions` with the operations of f, and the operands that are f.
 
         `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
         are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
@@ -78,7 +79,9 @@ class RightHandSide:
         self.slope_places = [*of_surfaces]
         self.slopes = Program(needed_for(varying, results), results)
         lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
-        used = [a for each in lists for a in _operands(each)]
+        used = [a for each in lists for _, _, of in each.operations for a in of]
+        used += [a for each in lists for a in each.results]
+        used = [a for a in used if type(a) is int]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}
         both = fixed | values.fixed_truths
@@ -94,7 +97,7 @@ class RightHandSide:
 
     @functools.cached_property
     def key(self):
-        """A text that tells the lists of this right-hand side from those of others."""
+        """A text that is different for right-hand sides with different programs."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
         lists += self.hidden, self.aim, self.branches, self.slopes, self.slope_places
         kinds = None if self.conditions is None else self.conditions.kinds
@@ -231,12 +234,6 @@ def _both(emit, *truths):
     if 0.0 in others or not others:
         return 0.0 if others else 1.0
     return emit("and", *others) if len(others) == 2 else others[0]
-
-
-def _operands(program):
-    """Return the numbers of values that a list reads."""
-    operands = [a for _, _, of in program.operations for a in of] + program.results
-    return [a for a in operands if not isinstance(a, float)]
 
 
 def _common_factors(instruction, operands, factors, D):

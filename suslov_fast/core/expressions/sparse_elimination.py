@@ -24,15 +24,15 @@ NEAR = 8
 
 
 class ColumnOffsets(NamedTuple):
-    """Places at which the parts of a column begin; those of the next column are the ends."""
+    """Places at which the parts of a column begin. They end where the next column begins."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`
-    spans: int  # in `spans`; those of U come first
-    lower: int  # those of L
+    spans: int  # in `spans`; spans of U come first
+    lower: int  # in `spans`, the spans of L
     of_upper: int  # among the numbers of U
-    of_lower: int  # among those of L
-    skipped: int  # numbers of L before those that form a pair with the next column; 0 for no pair
+    of_lower: int  # among the numbers of L
+    skipped: int  # numbers of L before the pairs with numbers of the next column; 0 for no pair
 
 
 SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
@@ -41,10 +41,10 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 class Sparse:
     """The plan of elimination in A, for entries at places (i, j); 1 is added to the diagonal.
 
-    Columns and rows are places in the order of pivots, but for `lower` and `upper`.
+    Columns and rows are places in the order of pivots, except in `lower` and `upper`.
 
     order        (D,) the unknowns
-    offsets        (D + 1, 7) `ColumnOffsets` of each column
+    offsets      (D + 1, 7) `ColumnOffsets` of each column
     rows         of the entries, column by column
     numbers      of these entries in `places`
     pivots       2 k for the k < j with u_kj != 0, of each column j; 2 k + 1 for k and k + 1

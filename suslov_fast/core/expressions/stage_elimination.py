@@ -1,6 +1,6 @@
 """Elimination in A = 1 - s J as lists of operations, planned on the pattern of J.
 
-The equations are those of `kahan_step`, with N = s J. A small pivot shows as a value that is not
+`core.maps.kahan_step` has the equations, with N = s J. A small pivot shows as a value that is not
 finite, or as an error of the step, which is refused.
 """
 
@@ -38,7 +38,7 @@ class Elimination:
 
 
 class _Products(Values):
-    """Values whose sums are operations of their own, of which code can make blocks."""
+    """Values with a separate operation for each sum, so that code can be divided into blocks."""
 
     def total_of(self, start, factors):
         return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)

@@ -1,6 +1,6 @@
 """Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
 
-`operations` has the equations. Here numbers of values stand for the values themselves, and None
+`core.maps.kahan_step` has the equations. Here numbers of values stand for the values, and None
 stands for 0.
 """
 
@@ -17,7 +17,7 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return the places (i, j) of entries of N, and of those that depend on the state."""
+    """Return the places (i, j) of entries of N, and of entries that depend on the state."""
 
     def of(i, j):
         numbers = np.unique(i * D + j)
@@ -143,12 +143,12 @@ class Factors:
                     row[j] += (lower, upper)
 
     def forward(self, k, start, right):
-        """Return right side k after elimination, from those of earlier pivots."""
+        """Return right side k after elimination, from the right sides of earlier pivots."""
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)
 
     def backward(self, k, right):
-        """Return unknown k, from those of later pivots."""
+        """Return unknown k, from the unknowns of later pivots."""
         products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
         value = self.values.total(right[k], products)
         if value is None or k not in self.inverse:
@@ -182,7 +182,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
-        """Return the "min" or "max" of numbers; those of parameters alone come first."""
+        """Return the "min" or "max" of numbers; functions of parameters alone come first."""
         fixed, others = [], []
         for a in numbers:
             a = self.values.number(a) if isinstance(a, float) else a
@@ -262,7 +262,7 @@ def before_and_after(order, fill):
 
 
 def work_of(order, fill, varying):
-    """Return the number of products in elimination, and of those that depend on the state.
+    """Return the number of products in elimination, and of products that depend on the state.
 
     `fill` is what `filled` returns, and `varying` has the places of entries that do.
     """

@@ -19,7 +19,7 @@ class Variational(RightHandSide):
     A column has D components. The last ones are derivatives by the parameters that f names in
     `by`, times scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace`
     says whether u and s are there; u is a size that columns have, because they and s should count
-    as much as x in the error. It is a list as any other one, whose parameters are the table of f.
+    as much as x in the error. Its parameters are the table of f.
 
     of       the right-hand side of x
     columns  their number, the last q of them by parameters
@@ -58,7 +58,7 @@ class Variational(RightHandSide):
         self._with_denominators = Program(self.f.operations, [*self.f.results, *poles])
 
     def table_of(self, table, scales=()):
-        """Return the table (n, ...) for that of f and scales (q, ...)."""
+        """Return the table (n, ...) for the table of f and scales (q, ...)."""
         rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
         return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
 

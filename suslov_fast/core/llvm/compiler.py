@@ -54,7 +54,7 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 def compiled(key, text_of, level=2, lasts=False):
     """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
 
-    `key` tells the text from others; `level` is that of LLVM's optimisation.
+    `key` is different for different texts; `level` is the level of LLVM's optimisation.
     """
     key = key, level, lasts
     with _lock:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from ..expressions.sparse_elimination import SLOT, ColumnOffsets
 from .text import Carried, Code, Index, Integers
 
+# Without it one orbit of lattices of 144 to 784 variables takes 1.15 times as long.
 AT_ONCE = 4
 
 
@@ -32,7 +33,7 @@ def _between(text, begin, end):
 
 
 def _offsets(text, of, j):
-    """Return the `ColumnOffsets` of a column, and that of the next one."""
+    """Return the `ColumnOffsets` of a column, and of the next column."""
     offsets = Integers(text, of.offsets + j * (8 * len(SLOT)))
     return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
@@ -40,8 +41,8 @@ def _offsets(text, of, j):
 def _along(text, of, begin, end, rows, numbers=0):
     """Add loops over the rows of spans; `rows` is the address of row 0.
 
-    The body has the lanes of a text, the address of its row, and that of its number, where
-    `numbers` is the address of the first.
+    The body has the lanes of a text, the address of its row, and the address of its number;
+    `numbers` is the address of the first number.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
@@ -69,6 +70,7 @@ def add_factors(text, name, plan):
     """Add void name(from, table, to, scratch), the factors of A = 1 - s J.
 
     It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
+    room for a column (D).
     """
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")

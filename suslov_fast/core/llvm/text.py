@@ -198,8 +198,11 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write a row that is a choice between this one and others, see `Code.store_chosen`."""
-        self.text.store_chosen(self.text.value(value), self._place(i))
+        """Write a row that is a choice between this one and others.
+
+        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
+        """
+        self.text.store(self.text.V, self.text.value(value), self._place(i), how="volatile ")
 
     def choose(self, truth, i, value):
         """Write a row in the lanes where `truth` holds."""
@@ -314,13 +317,6 @@ class Code:
     def store(self, kind, value, address, how="", align=8):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}")
-
-    def store_chosen(self, value, address):
-        """Store W numbers that are a choice between those at the address and others.
-
-        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
-        """
-        self.store(self.V, value, address, how="volatile ")
 
     def _name(self, kind):
         self.target.blocks += 1
@@ -467,7 +463,7 @@ class Code:
 
     # --------------------------------------------------------------------------------------- loops
     def rounds(self, carried, *others):
-        """Add a loop, whose body is that of `for`; it goes on while `carried.goes_on` is true.
+        """Add a loop with the body of `for`; it goes on while `carried.goes_on` is true.
 
         The body is carried out once by Python, to write its instructions, and must not leave the
         `for`. It replaces what is in `carried` and in others, and sets `carried.goes_on`.
@@ -495,7 +491,7 @@ class Code:
         self.label(f"{name}_after")
 
     def each(self, count, carried=None, most=1):
-        """Add a loop over indices, whose body is that of `for`, see `rounds`.
+        """Add a loop over indices with the body of `for`, see `rounds`.
 
         A `count` in Python that is at most `most` gives no loop: the body is written so many times.
         Others must be 1 or more.
@@ -511,9 +507,9 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over indices, whose body is that of `for`.
+        """Return a function that adds a loop over indices with the body of `for`.
 
-        If it has to read them they stand in an array, whose address is found here.
+        Indices that do not follow each other stand in an array. Its address is found here.
         """
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
@@ -523,7 +519,7 @@ class Code:
 
     # ------------------------------------------------------------------------------ names, memory
     def value(self, value):
-        """Return a name with operators: that of W equal numbers, or of an integer."""
+        """Return a name with operators, of W equal numbers or of an integer."""
         if isinstance(value, float):
             return Value(self, self.constant(value))
         if isinstance(value, int):
@@ -531,7 +527,7 @@ class Code:
         return value
 
     def lanes(self, W):
-        """Return the same text for W of its lanes, whose rows stay as far apart."""
+        """Return the same text for W of its lanes; rows stay as far apart."""
         return Code(W, self.target, self.size)
 
     def array(self, base, first=0):
@@ -684,14 +680,14 @@ class Code:
             text.carry_out(operations, values, None)
             value = Value(text, values[result])
             if name in OF_ANGLES:
-                value = text._of_far_angles(name, value)
+                value = text._of_large_angles(name, value)
             text.add(f"  ret {self.V} {value}")
             self.target.functions |= text.functions | {function: [*text.lines, "}"]}
             self.target.declared |= text.declared
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
-    def _of_far_angles(self, name, value):
-        """Return the value of the C library where an angle x0 is far, else `value`."""
+    def _of_large_angles(self, name, value):
+        """Return the value of the C library where an angle x0 is large, else `value`."""
         is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 

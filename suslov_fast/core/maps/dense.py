@@ -21,7 +21,8 @@ from .kahan_step import of_one_sign
 from .packs import note_undefined
 from .pivoting import crosses_0, solve_lane
 
-LANES = 8  # that read the same coefficients
+# Lanes for which a coefficient is read once; coefficients are most of the memory of a step.
+LANES = 8
 
 
 class Dense(NamedTuple):

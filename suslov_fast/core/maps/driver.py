@@ -26,16 +26,16 @@ class DriverArguments(NamedTuple):
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # of all stages
-    plan: int  # address of those of `Step.table` of each stage, (n,) or (lines, n, W)
+    plan: int  # address of the addresses of tables of stages, each (n,) or (lines, n, W)
     stages: int
     bases: int = 0  # address of the states before a whole step (lines, D, W), 0 for none
     first_row: int = 0  # address of the first saved states
     row_bytes: int = 0  # from one saved row to the next
     first_until: int = 0  # steps before the one that makes the first saved state
-    between: int = 0  # steps between those that make two saved states
+    between: int = 0  # steps from one saved state to the next, less 1
     trajectories: int = 0
     ended: int = 0  # address of bits of lanes (lines,) that have ended
-    passed: int = 0  # and of those that have passed a pole or ended
+    passed: int = 0  # address of bits of lanes that have passed a pole or ended
     status: int = 0  # addresses of the statuses (i8) and of `failed_at`, which maps of one's own
     failed_at: int = 0  # write, or 0
     first: int = 0  # number of the state after the first step
@@ -84,12 +84,6 @@ class _Driver:
         text.add(f"  ret i64 {DONE}")
         return text.finished()
 
-    def leave_at(self, result, **at):
-        """Return; the next call goes on at this place."""
-        for key, value in at.items():
-            self.slots[getattr(SLOT, key)] = value
-        self.text.leave(f"i64 {result}")
-
     def block(self, at):
         """Add all steps of a block of lines, and where the next one begins, if there is one."""
         text, of, lo = self.text, self.of, at.lo
@@ -104,7 +98,6 @@ class _Driver:
     def step_of(self, lo, hi, now):
         """Add a step of all lines of a block, and what the next one begins with, if any."""
         text, of, n, row = self.text, self.of, now.n, now.row
-        self.at = {"line": lo, "n": n, "stage": now.stage, "until": now.until, "row": row}
         saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
         is_last = following.equals(of.stages)
@@ -127,8 +120,10 @@ class _Driver:
         with text.when(now.goes_on, likely=True):
             is_spent = self.slots[SLOT.budget].is_at_most(0)
             with text.when(is_spent, likely=False):
-                places = {"n": now.n, "stage": now.stage, "until": now.until, "row": now.row}
-                self.leave_at(DONE, line=lo, **places)
+                self.slots[SLOT.line] = lo  # where the next call goes on
+                for key in ("n", "stage", "until", "row"):
+                    self.slots[getattr(SLOT, key)] = getattr(now, key)
+                text.leave(f"i64 {DONE}")
 
     # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
@@ -136,15 +131,6 @@ class _Driver:
         marked = self.text.load("i8", marks + line, 1)
         marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
         return (bits | marked) ^ self.all_lanes
-
-    def lanes_to_tell(self, good, told, line):
-        """Return the bits of lanes that `pivoting_step` steps, and of those that it notes.
-
-        Lanes in `good` took the stage, those in `told` from det A < 0 or with a changed sign.
-        """
-        bad = self.others(good, line, self.of.ended)
-        alive = good & self.others(0, line, self.of.passed)
-        return bad, told & alive * (1 | 1 << CHANGED)
 
     def call_pivoting(self, line, bad, told, n):
         """Call `pivoting_step` for bits of lanes; leave if it is not ready."""
@@ -199,14 +185,16 @@ class _Driver:
     def take_rare_stage(self, stage, rows, line, n):
         """Add the rare operations, and pivoting where they do not suffice; return the state."""
         text, components = self.text, range(self.D)
-        # Loaded and computed anew, so that the registers of usual lines need not be stored.
+        # Loaded and computed again, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
         stage.take(x)
         after, accurate, good, told = stage.take_rare()
         after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value
-        bad, told = self.lanes_to_tell(good, told, line)
+        # Lanes that `pivoting_step` takes, and those from det A < 0 or with a changed sign.
+        bad = self.others(good, line, self.of.ended)
+        told = told & (good & self.others(0, line, self.of.passed)) * (1 | 1 << CHANGED)
 
         def with_pivoting():
             self.call_pivoting(line, bad, told, n)

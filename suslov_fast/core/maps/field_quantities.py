@@ -93,8 +93,8 @@ def determinants(part, parts, indices, halves, x, out):
 def densities(scheme, values, eps, x):
     """Return 1 / det A at states x (B, D), infinite where det A is 0 to rounding.
 
-    The determinant is the product of the pivots of a step. At states where these lose digits it is
-    that of elimination with pivoting.
+    The determinant is the product of the pivots of a step. At states where these lose digits it
+    comes from elimination with pivoting.
     """
     step, halves = scheme.step, 0.5 * eps[:, np.newaxis] * values
     found = dict(enumerate(np.ascontiguousarray(x.T)))

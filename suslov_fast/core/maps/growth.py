@@ -37,7 +37,7 @@ def derivative(indices, halves, x):
 
 
 class ByNumPy:
-    """Steps of states with columns; `take` is that of the kernel of steps."""
+    """Steps of states with columns, by NumPy."""
 
     def __init__(self, scheme, values, eps):
         self.step, self.fractions = scheme.step, scheme.stages.fractions

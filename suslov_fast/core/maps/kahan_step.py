@@ -45,8 +45,8 @@ SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 # Instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms for each; longer lists
 # take it 20 us each, in blocks, and twice the time to run.
 LONGEST_OPTIMISED = 4000
-# Products of elimination that depend on the state, and that a list may have: of dense fields, whose
-# products are more than SPARSE_PART D**3, and of others. Fields with more have no list.
+# The most products of elimination that depend on the state: of dense fields, which have more than
+# SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
 # Products of parameters alone, which NumPy carries out for each step size.
 LONGEST_ONCE = 400_000
@@ -181,7 +181,7 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
-        """Return x_next, in whose equations no increment cancels the state."""
+        """Return x_next from equations in which no increment cancels the state."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
             right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
@@ -275,7 +275,9 @@ class ExtendedStep(Step):
         return found
 
 
-MOST_COLUMNS, MOST_WORK = 16, 4000  # of lists; NumPy has others
+# Components, and products of elimination times components, of programs with columns. NumPy and
+# LAPACK take larger ones, which LLVM would compile for seconds.
+MOST_COLUMNS, MOST_WORK = 16, 4000
 
 
 @functools.lru_cache(32)

@@ -51,19 +51,14 @@ SHORT_RUN = 256  # steps of lines, which are prepared for `pivoting_step` only w
 @functools.lru_cache(PLANS)
 def _step_of(places, D, is_whole):
     # A copy, because kernels would be compiled once more for arrays that cannot be written.
-    return Step(np.frombuffer(places, np.int64).reshape(3, -1).copy(), D, keeps_signs=is_whole)
+    indices = np.frombuffer(places, np.int64).reshape(3, -1).copy()
+    return Step(indices, D, keeps_signs=is_whole and bool(of_one_sign(indices)))
 
 
 def scheme_of(indices, D, stages=WHOLE):
     """Return the scheme for fields of D variables with terms at these indices (3, T)."""
     places = np.ascontiguousarray(indices, np.int64).tobytes()
-    is_whole = len(stages.fractions) == 1 and _has_signs(places)
-    return Scheme(_step_of(places, D, is_whole), stages)
-
-
-@functools.lru_cache(PLANS)
-def _has_signs(places):
-    return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
+    return Scheme(_step_of(places, D, len(stages.fractions) == 1), stages)
 
 
 # ------------------------------------------------------------------------------------------- lines

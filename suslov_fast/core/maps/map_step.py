@@ -1,7 +1,7 @@
 """A step of a map x -> f(x) as a list of operations, with columns of derivatives.
 
-For `maps.kernel` it is a step whose h v are the parameters of f. It has a value where all
-components of f(x) are finite; where they are not, no other operations help.
+The kernel of steps takes it as a step of a field with the parameters of f in place of h v. A step
+exists if all components of f(x) are finite; otherwise the trajectory ends.
 """
 
 import functools

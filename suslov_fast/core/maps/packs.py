@@ -9,7 +9,7 @@ from ..llvm.compiler import address_of
 from ..numba.status import NONFINITE
 from .stages import distinct
 
-PLANS = 32  # of fields, whose tables are kept
+PLANS = 32  # fields for which tables are kept from call to call
 
 
 def zeros(*shape):
@@ -62,8 +62,8 @@ def compares_signs(step):
 def tables_of(scheme, values, eps, W):
     """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
 
-    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
-    trajectories have the same field.
+    There is a table for each of the fractions of `distinct`. The shapes are (1, T, 1) and
+    (fractions, 1, n, 1) if all trajectories have the same field.
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:
@@ -83,7 +83,7 @@ def note_undefined(states, notes):
     """Note which trajectories begin with NaN, and that none has passed a pole."""
     status, failed_at, poles = notes
     poles[:] = 0.0
-    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
+    # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.
     total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
     if not math.isfinite(total):
         undefined = np.isnan(states).any(axis=1)

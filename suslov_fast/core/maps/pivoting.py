@@ -1,4 +1,4 @@
-"""Steps of a field by elimination with pivoting, for lanes whose list of operations loses digits.
+"""Steps of a field by elimination with pivoting, for lanes in which the usual program loses digits.
 
 Such a lane solves A(x) x_next = x + (eps/2) l x + eps c, A(x) = 1 - (eps/2) f'(x), where l and c
 are the linear and constant parts of the field f.
@@ -138,7 +138,7 @@ _COUNT = len(PLACE)
 
 
 def arguments_of(arrays, own_D, first):
-    """Return the array for `pivoting_step`, from those whose addresses it contains, in order."""
+    """Return the array for `pivoting_step`: addresses of these arrays, in order, and lengths."""
     x, halves, fractions, _, status, *_ = arrays
     lengths = *x.shape, *halves.shape, len(fractions), len(status), own_D, first
     return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)
@@ -146,10 +146,10 @@ def arguments_of(arrays, own_D, first):
 
 @c_function(types.void(*[types.int64] * 5))
 def pivoting_step(address, line, bad, negative, n):
-    """Take step n of the lanes of a line whose bits are in `bad`; note failures and poles.
+    """Take stage n of the lanes of a line with bits in `bad`; note failures and poles.
 
-    The address is that of `LineArguments`. A step is one stage. Bits in `negative` mark lanes that
-    took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
+    `address` is the address of the `LineArguments`. Bits in `negative` mark lanes that
+    took this stage from det A < 0, and from CHANGED on lanes in which a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]

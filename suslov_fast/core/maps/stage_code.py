@@ -1,8 +1,8 @@
 """Machine code of one stage of a field: straight-line code made from a list of operations.
 
-A list (`kahan_step.Step`) becomes straight-line code for a line of W lanes. Its values stay in
-registers, and are those of `evaluate` in NumPy, to the bit. `Stage` is what a stage does to a
-line, for steps (`driver`), for users' loops and for derivatives.
+The program of a step becomes straight-line code for a line of W lanes. Its values stay in
+registers, and are bitwise identical to the values of `evaluate` in NumPy. `Stage` is used by the
+`driver` of steps, and by `text_of_stage` for loops of users.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ..llvm.text import Code, Index, Shared, Truth, Value
 from ..numba.status import CHANGED
 
-BLOCK = 64  # operations of a block of long lists
+BLOCK = 64  # operations of a block of long programs, see `Stage.carry_out`
 
 
 class RareResult(NamedTuple):

@@ -1,10 +1,11 @@
-"""Steps of large sparse fields, whose elimination is too long for a list, by SuperLU.
+"""Steps of large sparse fields by SuperLU, and of maps with long programs by NumPy.
 
 With A(x) = 1 - (eps/2) f'(x) a step is x_next = x + eps A(x)**-1 f(x).
 """
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..numba.status import NONFINITE, PASSED_POLE, SINGULAR
@@ -12,7 +13,7 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return the states after a run, see `kernel._iterate_part`; save those that are asked for."""
+    """Return the states after a run, see `kernel._iterate_part`; save every `every`-th state."""
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
@@ -92,11 +93,7 @@ class _Sparse:
 
 
 def _parity(order):
-    """Return 1 or -1 for an even or odd permutation."""
-    seen, sign = np.zeros(len(order), bool), 1
-    for first in range(len(order)):
-        length = 0
-        while not seen[first]:
-            seen[first], first, length = True, order[first], length + 1
-        sign *= -1 if length and length % 2 == 0 else 1
-    return sign
+    """Return 1 or -1 for an even or odd permutation, whose cycles are components of a graph."""
+    D = len(order)
+    cycles = connected_components(sparse.csr_matrix((np.ones(D), (np.arange(D), order)), (D, D)))[0]
+    return 1 - 2 * ((D - cycles) % 2)

@@ -1,4 +1,4 @@
-"""The cache of compiled functions on disk: which files are those of a function, and where they are.
+"""The cache of compiled functions on disk: the names of the files of a function, and their folder.
 
 Numba checks a file of its cache only against its own version and the source file of one function.
 Here the name of a function contains a digest of all sources of the package that are compiled, so
@@ -50,9 +50,9 @@ def _delete_stale_files(folder):
 # -------------------------------------------------------------------------------------------- files
 @functools.cache
 def _locators():
-    """Return the classes that Numba asks for a folder: first that of NUMBA_CACHE_DIR, as it is.
+    """Return the classes that Numba asks for a folder: first NUMBA_CACHE_DIR, as it is.
 
-    Numba takes only folders that it can write, as that of a container may not be.
+    Numba takes only folders that it can write. The folder of a container may be read-only.
     """
     usual = caching.CompileResultCacheImpl._locator_classes
     [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]

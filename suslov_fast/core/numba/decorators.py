@@ -156,7 +156,7 @@ _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 def as_python(py_function, of_arrays=False):
     """Return a function of which all that it calls is Python, too: the same bits, uncompiled.
 
-    If it is `of_arrays`, formulas compute arrays of numbers: `select` is that of NumPy.
+    If it is `of_arrays`, formulas compute arrays of numbers: `select` is `numpy.where`.
     """
     names, code = {}, py_function.__code__
     twin = FunctionType(
@@ -324,7 +324,7 @@ def c_function(signature):
 
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel(Patient):
-    """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
+    """A compiled kernel of numbers, arrays and tuples of them."""
 
     # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
     # a short run of a few trajectories, or None where the kernel has to take it.
@@ -539,7 +539,7 @@ def of_kind(name):
 
 @formula
 def share(count, part, parts):
-    """Return the first item of a part, and that of the next part, of `count` items."""
+    """Return the first of `count` items of a part, and the first item of the next part."""
     return count * part // parts, count * (part + 1) // parts
 
 

@@ -49,8 +49,8 @@ def keeps_digits(b, l):
 def eliminate(a, b, lanes):
     """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
 
-    A is replaced by U above the diagonal, inverse pivots on it, and L below it, whose diagonal is
-    1. Two pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
+    A is replaced by U above the diagonal, inverse pivots on it, and L, with ones on its diagonal,
+    below it. Two pivots at a time halve the loads and stores. LEAST and LARGEST of b are filled.
     """
     m, columns, _ = a.shape
     for l in range(lanes):

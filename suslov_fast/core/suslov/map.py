@@ -24,8 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numba.decorators import formula
+from ..numba.decorators import formula, function
 from ..numba.intrinsics import select
+from ..numba.status import NONFINITE, OK, SINGULAR
 
 ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
 NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow
@@ -184,3 +185,37 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
         next2 = v * frame.back
     exists = abs(next1) + abs(next2) < np.inf
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
+
+
+class BodySystem(NamedTuple):
+    """A body and a step size, for compiled loops of users; without a rotor k = 0."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    dimension: int = 2
+
+
+@function
+def no_memory(system):
+    """An array, because all systems have memory; steps in three dimensions need none."""
+    return np.empty(0)
+
+
+@function
+def step_of_one(system, x, out, memory):
+    """Write the state that follows x to `out`; return its status."""
+    s = system
+    w1, w2 = one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, x[0], x[1])
+    status = OK
+    if np.isnan(w1):
+        status = SINGULAR if abs(x[0]) + abs(x[1]) < np.inf else NONFINITE
+    out[0], out[1] = w1, w2
+    return status
+
+
+# What `compiled` calls for a system of this kind.
+BodySystem.memory, BodySystem.one_step = no_memory, step_of_one

@@ -13,14 +13,21 @@ from ..checks import FloatArray
 from ..core.expressions.branches import with_fixed_branches
 from ..core.expressions.event_formulas import EventAction, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
-from ..core.expressions.programs import in_order
+from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
+from ..core.expressions.programs import Expressions, emitted, in_order
 from ..core.expressions.quadratic import expressions_of, parameters_of
 from ..core.expressions.right_hand_side import RightHandSide
+from ..core.expressions.tables import is_table
 from .equations import Equations
 from .terms import Terms
 
 _MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
+_MOST_FORMS = 1024  # of equations, which are known
+_WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 _LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
+
+
+_known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equations of a form
 
 
 class OfMembers(NamedTuple):
@@ -45,6 +52,28 @@ def _of_list(
     return with_fixed_branches(values, results, P, by, twice, actions)
 
 
+def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
+    """Return equations with constants as parameters where others differ by them alone, and these.
+
+    So functions that differ by numbers, as in a sweep, share a code from the second one on.
+    """
+    names = {name for name, _, _ in equations.values.operations}
+    if not names.isdisjoint(_WITH_BRANCHES) or any(map(is_table, names)):
+        return equations, ()
+    count = len(equations.names) + len(equations.parameters)
+    program = EventAction.list_of(equations.values, equations.results)
+    (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
+    if len(_known_forms) >= _MOST_FORMS:
+        _known_forms.clear()
+    if _known_forms.setdefault((equations.parameters, form), constants) == constants:
+        return equations, ()
+    values = Expressions(
+        count + len(constants), range(len(equations.names), count + len(constants))
+    )
+    parameters = [*equations.parameters, *map(str, range(len(constants)))]
+    return Equations(equations.names, parameters, values, emitted(values, form.to)), constants
+
+
 def of_equations(
     equations: Equations,
     parameters: FloatArray,
@@ -57,6 +86,11 @@ def of_equations(
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
     differentiate f by, `twice` asks for second derivatives, and `actions` are events.
     """
+    if not actions:
+        equations, constants = _of_known_form(equations)
+        own = np.empty((len(constants), *parameters.shape[1:]))
+        own.T[...] = constants
+        parameters = np.concatenate([parameters, own])
     actions, constants = with_parameters(actions, len(equations.names) + len(parameters))
     f = _of_list(equations, names, twice, actions, len(constants))
     shape, P = parameters.shape[1:], len(parameters)

@@ -71,3 +71,25 @@ def test_random_formulas_in_which_numbers_take_the_places_of_variables():
             expected = [t for t, (a, b) in zip(times, pairwise(values), strict=False) if a * b < 0]
             found = crossings(field, start, surface, time=1.0).time
             np.testing.assert_allclose(found, np.add(expected, 5e-4), atol=5.1e-4)
+
+
+@pytest.mark.parametrize("derivatives", [(), ("x0",), ("b",)])
+def test_functions_that_differ_by_numbers_share_their_code(derivatives):
+    """Pendulums in a sweep have the bits of a family's members, and two codes."""
+    values, b = [0.3, 0.7, 1.3, 3.1], 0.25
+
+    def rates(s, a, b):
+        return s[1], -a * np.sin(s[0]) - b * s[1] / 3.0, 1.5
+
+    family = Field(rates, "x v t", a=values, b=b)
+    states = [1.0, 0.0, 0.0]
+    whole, codes = flow(family, states, time=[2.0, 5.0], derivatives=derivatives), []
+    for k, a in enumerate(values):
+        of_value = Field(lambda s, b: rates(s, a, b), "x v t", b=b)  # noqa: B023
+        run = flow(of_value, states, time=[2.0, 5.0], derivatives=derivatives)
+        np.testing.assert_array_equal(run.states, whole.states[:, k])
+        for name in derivatives:
+            own = whole.derivatives[name][:, k]
+            np.testing.assert_array_equal(run.derivatives[name], own)
+        codes.append(len(known_codes))
+    assert codes[1] == codes[-1]

@@ -5,14 +5,7 @@ import pytest
 from children import TWO_THREADS
 from hybrid import amounts
 
-from suslov_fast import (
-    Event,
-    Field,
-    Status,
-    Suslov3D,
-    crossings,
-    flow,
-)
+from suslov_fast import Event, Field, Status, Suslov3D, crossings, flow
 
 DECAY = Field(lambda x: (-x[0],), "x")
 GUT = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",

@@ -81,12 +81,7 @@ def test_states_without_an_equilibrium(f, near, status):
 
 def test_totals_are_kept():
     enzyme = _near(
-        lambda x: (
-            -x[0] * x[1] + x[2],
-            -x[0] * x[1] + 2 * x[2],
-            x[0] * x[1] - 2 * x[2],
-            x[2],
-        ),
+        lambda x: (-x[0] * x[1] + x[2], -x[0] * x[1] + 2 * x[2], x[0] * x[1] - 2 * x[2], x[2]),
         [10, 1, 0, 0],
     )
     np.testing.assert_allclose(enzyme.states, [0, 1, 0, 10], atol=1e-12)

@@ -365,12 +365,7 @@ def test_known_integrals_and_isolated_orbits_are_no_families():
     ).y[:, -1]  # fmt: skip
     np.testing.assert_allclose(orbit.state[:2], right, atol=1e-8)
     cycle = Field(  # x + y + z is constant, and given by the start
-        lambda x: (
-            x[1],
-            (1 - x[0] ** 2) * x[1] - x[0],
-            -x[1] - (1 - x[0] ** 2) * x[1] + x[0],
-        ),
-        3,
+        lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0], -x[1] - (1 - x[0] ** 2) * x[1] + x[0]), 3
     )
     assert periodic_orbit(cycle, [2.0, 0.0, 0.0]).period == pytest.approx(6.663286859, rel=1e-9)
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from suslov_fast import Event, Status
 
-pi, inf = np.pi, np.inf
+pi = np.pi
 
 
 @dataclass

@@ -101,9 +101,13 @@ def test_alone_as_in_a_batch(name):
     by = {"derivatives": ("x0", *own.parameters)} if own.is_smooth else {}
     starts = np.array(own.start) + 0.01 * np.random.default_rng(1).random((40, len(own.start)))
     one, two = (solved(replace(own, start=starts), threads=n, **by) for n in (1, TWO_THREADS))
-    assert one == two
-    for k in (0, 1, 7, 39):
-        assert solved(replace(own, start=starts[k]), **by) == one.member(k)
+    pairs = [(one, two)]
+    pairs += [(solved(replace(own, start=starts[k]), **by), one.member(k)) for k in (0, 1, 7, 39)]
+    for a, b in pairs:
+        assert a == b
+        for name in by.get("derivatives", ()) if own.events else ():
+            for each in zip(*(run.events.derivatives[name] for run in (a, b)), strict=True):
+                np.testing.assert_array_equal(*each)
 
 
 def by_differences(own, h=1e-3):
@@ -116,7 +120,8 @@ def by_differences(own, h=1e-3):
     found = [motion.final]
     if own.events:
         shape = len(inputs), len(own.which)
-        found += [motion.events.time.reshape(shape), motion.events.states.reshape(*shape, D)]
+        found += [motion.events.time.reshape(shape)]
+        found += [own.reshape(*shape, D) for own in (motion.events.states, motion.events.before)]
     for each in found:
         high, low, far, near = each.reshape(4, -1, *each.shape[1:])
         yield np.moveaxis((8 * (high - low) - (far - near)) / (12 * h), 0, -1)
@@ -128,14 +133,11 @@ def test_derivatives(name):
     own = SYSTEMS[name]
     stiff = [None, True][SMOOTH.index(name) % 2]
     motion = solved(own, derivatives=("x0", *own.parameters), stiff=stiff)
-    found = [motion.derivatives] + (
-        [
-            {k: v.time for k, v in motion.events.derivatives.items()},
-            {k: v.states for k, v in motion.events.derivatives.items()},
-        ]
-        if own.events
-        else []
-    )
+    found = [motion.derivatives]
+    if own.events:
+        of_events = motion.events.derivatives.items()
+        parts = "time", "states", "before"
+        found += [{name: getattr(own, part) for name, own in of_events} for part in parts]
     for each, right in zip(found, by_differences(own), strict=True):
         columns = [each["x0"], *(each[name][..., np.newaxis] for name in own.parameters)]
         columns = np.concatenate(columns, axis=-1).reshape(right.shape)

@@ -112,7 +112,7 @@ sf.step(field, [1.0, 2.0, 20.0], .01)
 run(family, (1500, 3), .01, 300, save_every=None)
 sf.lyapunov_exponents(field, x(3), .01, 50), sf.lyapunov_exponents(field, x(1000, 3), .01, 300)
 of_a_field(system(field, .01), np.ones(3))
-run(own, 2, 40), run(own, (9000, 2), 40)""",
+run(own, 2, 40, None), run(own, (9000, 2), 40, None)""",
     "methods and sections": """
 run(henon, 4, .1, 10, method="order4"), run(henon, (1000, 4), .1, 200, method="order4")
 run(henon, (1000, 4), .1, 100, method="order8", save_every=None)

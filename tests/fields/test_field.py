@@ -355,9 +355,10 @@ def test_equations_as_text(name):
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("", "like"), ("x = v", "x'"), ("x'' = -x", "order 1"), ("x' = v", "one of x, k, not 'v'"),
-        ("x' = 1; x' = 2", "two lines"), ("x' = k*x; k = 1", "two lines"), ("x", "cannot be read"),
-        ("x' = x^2", r"x\*\*2"), ("x' == 2", "cannot be read"), ("x' = exit()", "exit"),
+        ("", "like"), ("x = v", "x'"), ("x'' = -x", "order 1"), ("x' = 2x", r"2\*x"),
+        ("x' = v", "one of x, k, not 'v'"), ("x' = 1; x' = 2", "two lines"),
+        ("x' = k*x; k = 1", "two lines"), ("x", "cannot be read"), ("x' = x^2", r"x\*\*2"),
+        ("x' == 2", "cannot be read"), ("x' = exit()", "exit"),
     ],
 )  # fmt: skip
 def test_texts_that_are_no_equations(text, word):

@@ -110,14 +110,9 @@ run --body 4,1,0,1 | --eps
 run --save-every 3 | -o
 run --time 3 --eps 1 | --time
 run --points 3 | --time
-run --equations x''=-x --x0 1 --time 1 | order 1
 run --equations x'=y,y'=-x --x0 1,1 --time 1 | a ; between
-run --equations x'=x^2 --x0 1 --time 1 | x**2
 run --equations x'=2x --x0 1 --time 1 | 2*x
-run --equations x'=z --x0 1 --time 1 | 'z'
-run --equations x=y --x0 1 --time 1 | x' = y
 run --equations= --x0 1 --time 1 | x' =
-run --equations x'=x;x'=1 --x0 1 --time 1 | x has two
 run --equations x'=x --time 1 | --x0
 run --equations x'=sin(x) --x0 1 --eps 1 | --time
 report --equations x'=x**3 | degree 2

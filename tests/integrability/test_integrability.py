@@ -29,7 +29,6 @@ from suslov_fast.integrability import (
     growth as growth_of,
     hk_bases,
     kahan,
-    pencils,
     polynomials,
     rational_map,
     report,
@@ -653,17 +652,6 @@ def test_a_hamiltonian_that_was_not_given():
         assert kahan(field).hamiltonian is None
 
 
-@pytest.mark.slow
-def test_members_with_more_than_two_factors():
-    """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
-    eps, x, y = polynomials.polynomial_ring(2, True).gens()
-    lines = y * (2 * x + 3 * y) * (x - y) ** 2
-    others = math.prod(eps * a + s for a in (3 * x + 2 * y, x - 6 * y) for s in (1, -1))
-    members = [*pencils.reducible_members([others + 2 * lines, 3 * others - lines])]
-    for expected in (lines, others):
-        assert expected in members or -expected in members
-
-
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("field", "symmetries"),
@@ -703,16 +691,6 @@ def test_reversing_symmetries(field, symmetries):
             assert (exactly(now.terms, y) == image) == any(
                 [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
             )
-
-
-def test_limits_become_independent():
-    """All three polynomials tend to x1 + 1, and so do some of their combinations, over eps."""
-    eps, x1, x2 = polynomials.polynomial_ring(2, True).gens()
-    space = [x1 + 1, x1 + 1 + eps * x2, x1 + 1 + eps**2 * x1 + 2 * eps * x2]
-    basis = polynomials.with_independent_limits(space)
-    limits = [*map(polynomials.limit, basis)]
-    assert [str(P) for P in limits] == ["x1 + 1", "x2", "x1"]
-    assert polynomials.rank([*basis, *space]) == polynomials.rank(limits) == 3
 
 
 @pytest.mark.slow

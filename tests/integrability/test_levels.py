@@ -160,14 +160,6 @@ def test_eps_stays_symbolic():
         on_level(map, [total])
 
 
-@pytest.mark.slow
-def test_the_integrals_of_a_report_are_taken():
-    map = kahan(lotka_volterra(1, 2, 3), F(1, 2))
-    level = on_level(map)
-    assert level.map == on_level(map, [total]).map
-    assert "x1 + x2 + x3 = h" in repr(level)
-
-
 CYCLE = kahan(lotka_volterra(1, 1, 1), 1)  # with the integral x1 x2 x3 / (...), too
 PRODUCT = third_order(lambda x, y, z: y * z / x)  # with x1 / x3
 SCALED = rational_map(

@@ -11,7 +11,7 @@ from systems import FLOWS, HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast import IntegrationWarning, Status, compiled
-from suslov_fast.maps import kernel_calls, map_of
+from suslov_fast.maps import map_of
 
 # As published, up to the middle one: Suzuki (1990); Sofroniou and Spaletta (2005), with 32 digits.
 # The others follow by symmetry, the middle one from the sum, which is 1.
@@ -182,16 +182,3 @@ def test_a_pole_in_a_sub_step(method):
         out = np.empty(1)
         found = compiled.step_system(system, np.array(starts[1]), out, compiled.work(system))
         assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
-
-
-@pytest.mark.parametrize("method", ["auto", *METHODS])
-def test_one_thread_of_numba(method, monkeypatch):
-    """A call that Numba is told to make with one thread has no pool to wait for."""
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        run = sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method)
-    finally:
-        numba.set_num_threads(before)
-    assert run == sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method, threads=1)

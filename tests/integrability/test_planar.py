@@ -83,16 +83,11 @@ HENON = rational_map(
 )
 def test_known_entropies(map, lengths, entropy, minimal, proved):
     found = planar_entropy(map)
-    assert found.entropy == pytest.approx(entropy, abs=1e-6)
+    assert check_entropy(map, found) == pytest.approx(entropy, abs=1e-6)
     assert minimal is None or str(found.minimal) == minimal
     assert sorted(found.lengths, key=lambda n: n or 0) == lengths
     assert (found.proved, found.reason) == (proved, "")
-    assert [*found.degrees[:10]] == degrees(map, 10)
     assert found == pickle.loads(pickle.dumps(found))
-    assert found.root == pytest.approx(math.exp(entropy), abs=1e-5)
-    coefficients = {int(e): int(c) for (e,), c in found.minimal.to_dict().items()}
-    assert abs(sum(c * found.root**k for k, c in coefficients.items())) < 1e-9
-    assert growth(found.degrees, planar=True).entropy == pytest.approx(found.entropy, abs=1e-3)
     for each in found.contractions:
         assert str(each) in repr(found)
         assert each.how in found.based_on
@@ -249,10 +244,11 @@ def cheap_degrees(map):
     return found
 
 
-def check_entropy(map):
+def check_entropy(map, found=None):
     """Compare it with degrees, which are computed on lines, and return it."""
-    found = planar_entropy(map)
+    found = found or planar_entropy(map)
     assert found.entropy is not None, found.reason
+    assert found.root == pytest.approx(math.exp(found.entropy), abs=1e-5)
     d = cheap_degrees(map)
     assert [*found.degrees[: len(d)]] == d
     c = [int(found.polynomial.to_dict().get((k,), 0)) for k in range(len(found.polynomial) + 99)]

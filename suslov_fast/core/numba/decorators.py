@@ -485,7 +485,9 @@ class Universal(_WithFiles):
         return np.vectorize(self._of_one, otypes=kinds, signature=self.layout)
 
     def _in_python(self, *arguments):
-        results = self._vectorized(*arguments)  # arrays, also of one number
+        pairs = zip(self.inputs, arguments, strict=True)
+        is_single = all(np.ndim(each) == len(axes) for axes, each in pairs)
+        results = (self._of_one if is_single else self._vectorized)(*arguments)  # arrays
         return results[()] if len(self.outputs) == 1 else tuple(each[()] for each in results)
 
     @functools.cached_property

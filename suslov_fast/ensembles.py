@@ -116,30 +116,15 @@ def ensemble(
     checks.instance("store", store, (str, os.PathLike, zarr.abc.store.Store))
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
-    own: dict[str, Any]
-    is_of_motion = time is not None
-    if system._has_eps:
-        either_map_or_motion("ensemble", eps, steps, time)
-    function: Any = flow if is_of_motion else iterate
-    if is_of_motion:
-        own = {"time": checks.real_number("time", time)}
-        own["events"] = tuple(c.of(system) for c in checked_events(options.get("events", ())))
-    else:
-        own = {"steps": steps, "on_singular": "ignore"}
-        own |= {} if eps is None else {"eps": checks.real_number("eps", eps)}
+    function: Any = iterate if time is None else flow
+    own = _checked(system, eps, steps, time, options)
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
     states = checks.states("x0", x0(0) if callable(x0) else x0, system._labels)
+    own = _checked(system, eps, steps, time, options)
     given = {"system": system, "x0": states, **options, **own}
-    shapes: dict[str, Any] = {
-        name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
-    }
-    if callable(x0):
-        shapes["x0"] = *shapes["x0"][:-1], count * sum(shapes["x0"][-1:])
-    batch = common_shape(shapes)
-    if not batch or not math.prod(batch) or (callable(x0) and shapes["x0"][-1] != batch[-1]):
-        raise wrong("x0", f"states (..., N, {system.dimension})", f"of shape {states.shape}")
+    batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntegrationWarning)  # one of all chunks follows
@@ -169,16 +154,43 @@ def ensemble(
                 done += part.stop - part.start
                 goes_on = report is None or report(done)
     data = xarray.open_zarr(store)
-    status = data.status.values
+    _check_end(data.status.values, goes_on, store)
+    return data
+
+
+def _check_end(status: Any, goes_on: bool, store: Any) -> None:
+    """Raise an error if chunks are missing; warn once of all trajectories that failed."""
     if goes_on and (status == _PENDING).any():
         raise wrong("client", "have workers that write to the store", f"{store} lacks chunks")
     if (failed := status[(status < 0) & (status > _PENDING)]).size:
         kinds = ", ".join(f"{(failed == k).sum()} {Status(k).name}" for k in np.unique(failed))
-        warn(
-            f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}",
-            IntegrationWarning,
-        )
-    return data
+        text = f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}"
+        warn(text, IntegrationWarning)
+
+
+def _checked(system: Any, eps: Any, steps: Any, time: Any, options: Any) -> dict[str, Any]:
+    """Return the arguments of `flow`, or of `iterate`, other than the options of the user."""
+    if system._has_eps:
+        either_map_or_motion("ensemble", eps, steps, time)
+    if time is not None:
+        events = tuple(each.of(system) for each in checked_events(options.get("events", ())))
+        return {"time": checks.real_number("time", time), "events": events}
+    own = {"steps": steps, "on_singular": "ignore"}
+    return own | ({} if eps is None else {"eps": checks.real_number("eps", eps)})
+
+
+def _batch_of(given: dict[str, Any], chunks: int) -> tuple[int, ...]:
+    """Return the batch shape of arguments; `chunks` is how often a function x0 is called, or 0."""
+    shapes: dict[str, Any] = {
+        name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
+    }
+    if chunks:
+        shapes["x0"] = *shapes["x0"][:-1], chunks * sum(shapes["x0"][-1:])
+    batch = common_shape(shapes)
+    if not batch or not math.prod(batch) or (chunks and shapes["x0"][-1] != batch[-1]):
+        states = f"states (..., N, {given['system'].dimension})"
+        raise wrong("x0", states, f"of shape {given['x0'].shape}")
+    return batch
 
 
 def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:

@@ -341,8 +341,13 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
     return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
 
 
-def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the events in `Records`, with the numbers of events in the list of the user."""
+def events_of_records(
+    records: Any, events: tuple[Event, ...], motion: Any, names: Sequence[str]
+) -> Events:
+    """Return the events in `Records`, with their numbers in the list of the user.
+
+    Their derivatives have names; the columns by x0 are the first D.
+    """
     D, order = motion.body.dimension, in_order_of_code(events)
     columns = {
         "trajectory": records.trajectory,
@@ -351,16 +356,14 @@ def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> E
         "before": records.before[:, :D],
         "states": records.states[:, :D],
     }
-    return events_of(columns, events, motion)
-
-
-def derivatives_of(records: Any, names: Sequence[str], D: int) -> dict[str, EventDerivatives]:
-    """Return the derivatives in `Records` by name; the columns by x0 are the first D."""
-    found, first = {}, D * ("x0" in names)
-    for name in names:
-        at: Any = slice(D) if name == "x0" else first
-        first += name != "x0"
-        found[name] = EventDerivatives(*(a[..., at].copy() for a in records.derivatives))
+    found, first = events_of(columns, events, motion), D * ("x0" in names)
+    if names and records.derivatives is not None:
+        derivatives = vars(found)["_derivatives"] = {}
+        for name in names:
+            at: Any = slice(D) if name == "x0" else first
+            first += name != "x0"
+            parts = (a[..., at].copy() for a in records.derivatives)
+            derivatives[name] = EventDerivatives(*parts)
     return found
 
 

@@ -20,7 +20,7 @@ from ..maps.batch import Progress, reporter
 from ..maps.derivatives import growth
 from ..maps.evaluation import mask_and_warn
 from ..maps.kernel_calls import thread_count
-from ..maps.problem import check, warn_of_times
+from ..maps.problem import Problem, check, warn_of_times
 from ..status import report_poles
 from .event import Event, field_of
 from .events import actions_of, batch_of, checked_events, stops_of
@@ -115,46 +115,51 @@ def lyapunov_exponents(
     if isinstance(body, Map):
         eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
     others = {"method": method, "rtol": rtol, "events": events}
-    if either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
-        checks.instance("system", body, Body)
-        time, before = checks.positive("time", time), checks.real_number("transient", transient)
-        if not isinstance(before, float) or before < 0.0:
-            raise wrong("transient", "a time, 0 or more", short(transient))
-        settings = checked_settings(body, rtol)
-        acting = checked_events(events)
-        if any(each.terminal or each.most is not None for each in acting):
-            received = "terminal or most, with which a trajectory ends"
-            raise wrong("events", "those with which trajectories go on", received)
-        acting = tuple(each for each in acting if each.to is not None)
-        x, batch = checked_starts(body, x0, batch_of(acting))
-        field = field_of(body)
-        actions = actions_of(field, acting)
-        stops = stops_of(acting, 1, batch) if actions else None
-        count = threads_for(len(x), thread_count(threads))
-        with reporter(progress, 1000) as report:
-            request = SolverRequest(np.array([time]), 1, settings, count, report, stops)
-            exponents, ends = exponents_of(field, x, batch, request, before, actions)
-        warn_of_ends(ends, x, batch)
-        return exponents.reshape(*batch, exponents.shape[1])
-    checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
-    steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    warn_of_times(checked)
-    length = abs(np.broadcast_to(checked.eps, checked.batch))[..., np.newaxis]
+    if not either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
+        checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
+        return _of_map(checked, integer("steps", steps, 1), transient, progress)
+    checks.instance("system", body, Body)
+    time, before = checks.positive("time", time), checks.real_number("transient", transient)
+    if not isinstance(before, float) or before < 0.0:
+        raise wrong("transient", "a time, 0 or more", short(transient))
+    settings = checked_settings(body, rtol)
+    acting = checked_events(events)
+    if any(each.terminal or each.most is not None for each in acting):
+        received = "terminal or most, with which a trajectory ends"
+        raise wrong("events", "those with which trajectories go on", received)
+    acting = tuple(each for each in acting if each.to is not None)
+    x, batch = checked_starts(body, x0, batch_of(acting))
+    field = field_of(body)
+    actions = actions_of(field, acting)
+    stops = stops_of(acting, 1, batch) if actions else None
+    count = threads_for(len(x), thread_count(threads))
+    with reporter(progress, 1000) as report:
+        request = SolverRequest(np.array([time]), 1, settings, count, report, stops)
+        exponents, ends = exponents_of(field, x, batch, request, before, actions)
+    warn_of_ends(ends, x, batch)
+    return exponents.reshape(*batch, exponents.shape[1])
+
+
+def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) -> FloatArray:
+    """Return the exponents (..., D) of orbits of a map, per unit of time."""
+    transient = integer("transient", transient, 0)
+    warn_of_times(problem)
+    length = abs(np.broadcast_to(problem.eps, problem.batch))[..., np.newaxis]
     if not length.all():
         raise wrong("eps", "other than 0, because exponents are per unit of time")
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
-        found = growth(checked, steps, transient, report)
+        found = growth(problem, steps, transient, report)
         sums = found.sums
     sums[np.isnan(sums).any(axis=1)] = np.nan
     means = -np.sort(-sums / max(found.steps, 1), axis=1)
-    exponents = means.reshape(*checked.batch, body.dimension) / length
+    exponents = means.reshape(*problem.batch, problem.body.dimension) / length
     report_poles(
-        checked,
-        checked.map.methods[checked.method],
-        found.status.reshape(checked.batch),
-        found.failed_at.reshape(checked.batch),
-        told_by_signs=found.by_signs.reshape(checked.batch),
+        problem,
+        problem.map.methods[problem.method],
+        found.status.reshape(problem.batch),
+        found.failed_at.reshape(problem.batch),
+        told_by_signs=found.by_signs.reshape(problem.batch),
     )
     if found.steps == 0:  # `progress` ended the run in its transient
         return exponents
-    return mask_and_warn(checked, exponents, poles=True)
+    return mask_and_warn(problem, exponents, poles=True)

@@ -28,7 +28,6 @@ from .events import (
     actions_of,
     batch_of,
     checked_events,
-    derivatives_of,
     events_of_records,
     stops_of,
     warn_of_starts_at_rest,
@@ -152,20 +151,13 @@ def flow(
     names, field = checked_derivatives(body, derivatives)
     acting = checked_events(events)
     actions: tuple[EventAction, ...] = ()
-    stops, of_columns = None, None
+    of_columns = None
     if acting:
         field = field or field_of(body)
         actions = actions_of(field, acting)
     x, batch = checked_starts(body, x0, batch_of(acting))
-    if isinstance(body, Field):
-        warn_of_times(body, x, times)
-        if sign > 0 and len(times):
-            warn_of_tables(body, x, times.max())
-    if acting:
-        stops = stops_of(acting, sign, batch)
-        warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
-        if sign > 0:
-            warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
+    _warn_of_arguments(body, field, x.reshape(*batch, x.shape[1]), times, sign, acting)
+    stops = stops_of(acting, sign, batch) if acting else None
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)
@@ -195,11 +187,24 @@ def flow(
         }
     )
     if acting:
-        met = events_of_records(found.records, acting, motion)
-        if names and found.records.derivatives is not None:
-            vars(met)["_derivatives"] = derivatives_of(found.records, names, body.dimension)
-        vars(motion)["events"] = met
+        vars(motion)["events"] = events_of_records(found.records, acting, motion, names)
     return motion
+
+
+def _warn_of_arguments(
+    body: Any, field: Any, x: FloatArray, times: FloatArray, sign: int, events: tuple[Event, ...]
+) -> None:
+    """Warn of starts x (..., D), times and events that are likely to be mistakes."""
+    last = abs(times).max(initial=0.0)
+    if isinstance(body, Field):
+        starts = x.reshape(-1, x.shape[-1])
+        warn_of_times(body, starts, times)
+        if sign > 0:
+            warn_of_tables(body, starts, last)
+    if events:
+        warn_of_times_that_never_come(events, sign, last, times.size)
+        if sign > 0:
+            warn_of_starts_at_rest(field, events, x)
 
 
 def motion_with_events(

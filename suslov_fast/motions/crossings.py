@@ -13,16 +13,15 @@ from numpy.typing import ArrayLike
 from ..bodies.systems import System
 from ..checks import integer, one_number, short, warn, wrong
 from ..fields.field import system_of
-from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps.batch import Progress, reporter
 from ..maps.kernel_calls import thread_count
 from ..status import IntegrationWarning, Status
 from .event import Event, checked_direction, field_of
-from .events import Events, actions_of, stops_of
-from .integration import SolverRequest, solve
+from .events import Events, actions_of, derivatives_of, stops_of
+from .flow import checked_derivatives, motion_with_events, with_derivatives
+from .integration import SolverRequest
 from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
-from .sensitivities import WithColumns
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
@@ -42,6 +41,7 @@ def crossings(
     direction: int | str = 0,
     transient: float = 0,
     most: int | None = None,
+    derivatives: Sequence[str] | str = (),
     threads: int | None = None,
     progress: Progress = None,
 ) -> Events:
@@ -74,6 +74,8 @@ def crossings(
         The time at first in which crossings are ignored.
     most : int, optional
         The number of crossings, 1 or more, at which a trajectory ends.
+    derivatives : sequence of str, or str
+        As in :func:`flow`: ``crossings(...).derivatives["a"].time`` are those of the times.
     threads, progress
         As in :func:`iterate`; `progress` is called with the number of trajectories that have ended.
 
@@ -102,6 +104,7 @@ def crossings(
         most = integer("most", most, 1, "None or an integer of at least 1")
     system = system_of(system, x0)
     settings = checked_settings(system, rtol, atol, max_step, stiff)
+    names, _ = checked_derivatives(system, derivatives)
     field = field_of(system)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:
@@ -115,17 +118,20 @@ def crossings(
     x, batch = checked_starts(system, x0)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
     actions = actions_of(field, events)
-    changed = WithColumns(field.shape, with_events(field, actions))
     stops = stops_of(events, sign, batch)
     limit = math.inf if most is None else most
     with reporter(progress, len(x)) as report:
         own = settings, thread_count(threads), report, stops, limit, before
         request = SolverRequest(np.array([last]), sign, *own)
-        found = solve(changed, x, batch, request)
+        if names:
+            found, _ = with_derivatives(field, x, batch, names, request, actions)
+        else:
+            found = motion_with_events(field, x, batch, actions, request)
         if report is not None and not found.is_stopped:
             report(len(x))
     met = Events._of(
-        _attributes(found, x, batch, limit, len(given)) | {"body": system, "_given": events}
+        _attributes(found, x, batch, limit, len(given))
+        | {"body": system, "_given": events, "_by": names}
     )
     ends = met.end.ravel()
     if message := ends_in_words(met.status.ravel(), ends, found.is_stopped, x, batch):
@@ -144,6 +150,7 @@ _of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
     """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
     trajectory, which, time, _, states = found.records[:5]
+    states = states[:, : x.shape[1]]
     count = np.bincount(trajectory, minlength=len(x))
     first = np.cumsum(count) - count
     own: Any = slice(None)
@@ -162,6 +169,7 @@ def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int
         "before": states,
         "states": states,
         "count": counts.reshape(*batch, C),
+        **{k: a if a is None else a[own] for k, a in derivatives_of(found.records).items()},
         "status": status.astype(np.int8).reshape(batch),
         "end": np.where(status < 0, found.t, np.nan).reshape(batch),
         "final": final.reshape(*batch, x.shape[1]),

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+_DERIVATIVES = [column.name for column in OF_EVENTS if column.when]
 _NEAR = 2.0**-16  # part of the size of x0, at which surfaces are looked at near it
 _EVEN = 2.0**-8  # the odd part of a surface near x0, divided by the even one, if its rate is 0
 
@@ -32,7 +33,13 @@ class Derivatives(dict[str, Any]):
     """Derivatives by the name of what they are with respect to."""
 
     def __missing__(self, name: str) -> Any:
-        raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},) to flow")
+        raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},)")
+
+    @classmethod
+    def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
+        """Return ``part(index)`` of each name; columns by x0 are the first D of the last axis."""
+        others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
+        return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
 
 class EventDerivatives(NamedTuple):
@@ -80,12 +87,8 @@ class Events(Result):
         the crossing number `most`.
 
     derivatives : dict of EventDerivatives
-        For each name in `derivatives` of :func:`flow`, the derivatives of `time`, `before` and
+        For each name in the argument `derivatives`, the derivatives of `time`, `before` and
         `states` (dt/dp, and dx/dp at the event): by the saltation matrix, to the tolerance.
-
-    Notes
-    -----
-    Files of a motion have its events, without their derivatives.
 
     Examples
     --------
@@ -117,7 +120,10 @@ class Events(Result):
     end: FloatArray
     final: FloatArray
     _given: tuple[Event, ...] = field(default=(), compare=False)
-    _derivatives: Any = field(default=None, compare=False)
+    _by: tuple[str, ...] = ()
+    _time_by: FloatArray | Any = None  # derivatives of `time`, (K, C), those by x0 first
+    _before_by: FloatArray | Any = None  # (K, D, C)
+    _states_by: FloatArray | Any = None
 
     @property
     def given(self) -> tuple[Event, ...]:
@@ -128,7 +134,11 @@ class Events(Result):
     @property
     def derivatives(self) -> dict[str, EventDerivatives]:
         """The derivatives of times and states, by what they are with respect to."""
-        return Derivatives(self._derivatives or {})
+        columns = self._time_by, self._before_by, self._states_by
+        D = self.body.dimension
+        return Derivatives.of(
+            self._by, D, lambda at: EventDerivatives(*(a[..., at].copy() for a in columns))
+        )
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Events:
@@ -158,11 +168,8 @@ class Events(Result):
         attributes = super()._members(index)
         own = self.trajectory == np.ravel_multi_index(index, self._batch)
         for column in OF_EVENTS:
-            attributes[column.name] = attributes[column.name][own]
-        attributes["_derivatives"] = {
-            name: EventDerivatives(*(a[own] for a in each))
-            for name, each in self.derivatives.items()
-        }
+            if (values := attributes[column.name]) is not None:
+                attributes[column.name] = values[own]
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
     def _at_events(self, values: Any, axes: int = 0) -> Any:
@@ -341,13 +348,8 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
     return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
 
 
-def events_of_records(
-    records: Any, events: tuple[Event, ...], motion: Any, names: Sequence[str]
-) -> Events:
-    """Return the events in `Records`, with their numbers in the list of the user.
-
-    Their derivatives have names; the columns by x0 are the first D.
-    """
+def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
+    """Return the events in `Records`, with their numbers in the list of the user."""
     D, order = motion.body.dimension, in_order_of_code(events)
     columns = {
         "trajectory": records.trajectory,
@@ -356,15 +358,12 @@ def events_of_records(
         "before": records.before[:, :D],
         "states": records.states[:, :D],
     }
-    found, first = events_of(columns, events, motion), D * ("x0" in names)
-    if names and records.derivatives is not None:
-        derivatives = vars(found)["_derivatives"] = {}
-        for name in names:
-            at: Any = slice(D) if name == "x0" else first
-            first += name != "x0"
-            parts = (a[..., at].copy() for a in records.derivatives)
-            derivatives[name] = EventDerivatives(*parts)
-    return found
+    return events_of(columns | derivatives_of(records), events, motion)
+
+
+def derivatives_of(records: Any) -> dict[str, Any]:
+    """Return the derivatives in `Records` by the names of columns, None where there are none."""
+    return dict(zip(_DERIVATIVES, records.derivatives or (None,) * 3, strict=True))
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
@@ -383,4 +382,5 @@ def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -
         last = np.searchsorted(columns["trajectory"], np.flatnonzero(is_stopped), "right") - 1
         final[is_stopped] = columns["states"][last]
     about = {"status": status, "end": motion.end, "final": final}
-    return Events._of(columns | about | {"count": count, "body": motion.body, "_given": events})
+    about |= {"count": count, "body": motion.body, "_given": events, "_by": motion._by}
+    return Events._of(columns | about)

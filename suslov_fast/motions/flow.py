@@ -162,7 +162,7 @@ def flow(
     with reporter(progress, total) as report:
         request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)
         if names:
-            found, of_columns = _with_derivatives(field, x, batch, names, request, actions)
+            found, of_columns = with_derivatives(field, x, batch, names, request, actions)
         elif acting:
             found = motion_with_events(field, x, batch, actions, request)
         else:
@@ -187,7 +187,7 @@ def flow(
         }
     )
     if acting:
-        vars(motion)["events"] = events_of_records(found.records, acting, motion, names)
+        vars(motion)["events"] = events_of_records(found.records, acting, motion)
     return motion
 
 
@@ -236,7 +236,7 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     return tuple(names), field
 
 
-def _with_derivatives(
+def with_derivatives(
     field: Any,
     x: FloatArray,
     batch: tuple[int, ...],

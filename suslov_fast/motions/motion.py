@@ -104,13 +104,8 @@ class Motion(States, OfMotion):
     @property
     def derivatives(self) -> dict[str, FloatArray]:
         """The derivatives of the states, by what they are with respect to."""
-        found, column = {}, 0
-        for name in sorted(self._by, key=lambda name: name != "x0"):  # the columns by x0 are first
-            width = self.body.dimension if name == "x0" else 1
-            columns = self._derivatives[..., column : column + width]
-            found[name] = np.ascontiguousarray(columns if name == "x0" else columns[..., 0])
-            column += width
-        return Derivatives((name, found[name]) for name in self._by)
+        of_columns, D = self._derivatives, self.body.dimension
+        return Derivatives.of(self._by, D, lambda at: np.ascontiguousarray(of_columns[..., at]))
 
     @property
     def final(self) -> FloatArray:

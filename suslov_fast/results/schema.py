@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ..core.flow.batch_solver import Settings
 
 # Version of files.
-FORMAT = 15
+FORMAT = 16
 # Files have names that begin with it, datasets do not.
 _PRIVATE = "_"
 
@@ -59,6 +59,9 @@ OF_EVENTS = (
     Column("time", "float64", "event"),
     Column("before", "float64", "event component", "state before"),
     Column("states", "float64", "event component", "state after"),
+    Column("_time_by", "float64", "event direction", when="_by"),
+    Column("_before_by", "float64", "event component direction", when="_by"),
+    Column("_states_by", "float64", "event component direction", when="_by"),
 )
 EVENTS = (
     *OF_EVENTS,
@@ -81,7 +84,7 @@ OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
 # The arguments of the functions that made a result: texts, numbers or None.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
-    "Events": (),
+    "Events": ("_by",),
     "Motion": (*Settings._fields, "_by"),
 }
 

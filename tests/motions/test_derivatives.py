@@ -262,3 +262,36 @@ def test_states_keep_their_tolerance_beside_large_derivatives():
     wanted = flow(field, x0, time=T, rtol=1e-12).states[0]
     found = flow(field, x0, time=T, rtol=1e-8, derivatives="x0")
     assert found.states[0] == pytest.approx(wanted, rel=2e-6)
+
+
+def test_derivatives_of_crossings_and_their_files(tmp_path):
+    """Of x'' = -w**2 x from (1, v): three crossings of x = c upward after t = 15."""
+    w, c, v = np.array([1.0, 2.5]), 0.25, 0.5
+    field = Field(lambda s, w, c: (s[1], -(w**2) * s[0]), "x v", w=w, c=c)
+    wanted = {"direction": "up", "transient": 15.0, "most": 3, "derivatives": ("c", "x0", "w")}
+    met = sf.crossings(field, [1.0, v], lambda s, c: s[0] - c, time=25.0, **wanted)
+    assert met.count.ravel().tolist() == [3, 3]
+    own, t = w[met.trajectory], met.time
+    sin, cos = np.sin(own * t), np.cos(own * t)
+    rate = v * cos - own * sin  # with x = cos(w t) + v / w sin(w t) = c
+    of_w = (v / own * cos - sin) * t - v / own**2 * sin
+    found = met.derivatives
+    np.testing.assert_allclose(found["c"].time, 1 / rate, rtol=1e-6)
+    np.testing.assert_allclose(found["w"].time, -of_w / rate, rtol=1e-6)
+    by_start = -np.stack([cos, sin / own], axis=-1) / rate[:, np.newaxis]
+    np.testing.assert_allclose(found["x0"].time, by_start, rtol=1e-6)
+    np.testing.assert_allclose(found["c"].states[:, 0], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(found["w"].before[:, 0], 0.0, atol=1e-6)
+    kick = sf.Event("x - 0.5", to=("x", "2*v"), direction="up")
+    motion = flow(field, [1.0, v], time=[3.0, 9.0], events=kick, derivatives=("w", "x0"))
+    for result in (met, motion):
+        result.save(tmp_path / "result.npz", overwrite=True)
+        loaded = sf.load(tmp_path / "result.npz")
+        assert loaded == result
+        events, other = (getattr(each, "events", each) for each in (result, loaded))
+        assert len(events.time)
+        for name, arrays in events.derivatives.items():
+            for a, b in zip(arrays, other.derivatives[name], strict=True):
+                np.testing.assert_array_equal(a, b)
+    alone = motion.member(1).events.derivatives["x0"].time
+    np.testing.assert_array_equal(alone, motion.events.derivatives["x0"].time[-len(alone) :])

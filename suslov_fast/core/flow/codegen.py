@@ -7,7 +7,6 @@ from ..llvm.text import Integers, Shared, Truth
 from . import step_length
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 from .memory import EVENT_ROWS, LaneState
-from .weights import EXPLICIT, IMPLICIT
 
 
 class FunctionCode:
@@ -93,8 +92,7 @@ class StepCode(FunctionCode):
 
     def of_columns(self, rows, i):
         """Return what rows such as `work.ends` have of component i, of each column."""
-        columns = IMPLICIT if self.integrator.is_implicit else EXPLICIT
-        return [rows.after(c * self.D)[i] for c in range(len(columns))]
+        return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
         """Return what rules take for the last time: that of the next change, if it is earlier."""

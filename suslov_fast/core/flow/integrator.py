@@ -14,7 +14,7 @@ from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
 from .memory import EVENT_ROWS, TrajectoryRows, WorkRows, firsts_of
 from .vector_functions import LONGEST, DenseProduct, DenseQuadratic, OfList, SparseLoops
-from .weights import EXPLICIT, IMPLICIT
+from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
 class Integrator:
@@ -25,8 +25,9 @@ class Integrator:
                  from these and s; `solve`; and `power`, f' times a vector after the entries and s
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each
-    largest      the rule for the size of all components
-    allowed      the rule for the error that one may have
+    columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
+    largest      the kernel for the size of all components
+    allowed      the kernel for the error that one may have
     parts        the first components and the numbers of those that have a size together: what
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
@@ -62,6 +63,9 @@ class Integrator:
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.events = f.events
         self.sets = None if is_implicit else sets_of(f)
+        self.columns, p = (IMPLICIT, 1) if is_implicit else (EXPLICIT, 2)
+        self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
+        self.error_weights = [factor * w for w in weights_of_errors(self.columns, p)]
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(D, False)}
         else:
@@ -95,7 +99,7 @@ class Integrator:
             "counts": count, "acted": 2 * surfaces,
             "of_events": events * len(EVENT_ROWS),
         })  # fmt: skip
-        columns = len(IMPLICIT if self.is_implicit else EXPLICIT) * D
+        columns = len(self.columns) * D
         jumps = bool(chooses and f.conditions.jumps and f is not block)
         self.work = firsts_of(WorkRows, of_f | {
             "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,

@@ -8,7 +8,7 @@ from ..llvm.text import Carried, Integers
 from . import branch_choice, dense_output, event_actions, step_length
 from .code_arguments import SLOT
 from .memory import LaneState
-from .step import move
+from .next_state import move
 
 
 def take_next(code, free):

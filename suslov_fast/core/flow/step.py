@@ -1,19 +1,41 @@
-"""A step of all lanes of a line: the next state, and whether it is taken.
+"""The step: from x to the next state x_next, a length h later, or to a shorter length.
 
-From the ends y_c of columns, with weights (`weights`),
+1. Columns. Column c takes N_c sub-steps of the length h / N_c, and ends at y_c (`gragg`, `stormer`,
+   and `linearly_implicit`, which computes f' first).
 
-x_next = x + sum_c w_c (y_c - x),     e = sum_c (w_c - v_c) (y_c - x),
+2. Extrapolation with the weights w_c (`weights`, `next_state`):
 
-where v_c are the weights without the first column. The step is taken if
+       x_next = x + sum_c w_c (y_c - x),     f_next = f(x_next).
 
-max_i |e_i| / allowed_i <= 1,     max_i |d_i| / allowed_i <= MOST_APART,
+3. Error estimate, where v_c are the weights without the first column (`tolerance`, `second_trial`):
 
-where d = sum_c w_c (a_c - b_c) or 0, see `gragg`, or what `linearly_implicit` says. `tolerance`
-says what is allowed, and `step_length` how long the next step is and which integrator takes it.
-Lanes that take no step with this integrator have length 0 and stay as they are.
+       e = sum_c (w_c - v_c) (y_c - x),     ratio = max_i |e_i| / allowed_i.
+
+   All columns may agree on a false end. The sum d vanishes on true steps: for `gragg` it is
+   sum_c w_c (a_c - b_c), and `apart` = max_i |d_i| / allowed_i.
+
+4. Acceptance and step-length rule (`step_length`). The step is accepted if
+
+       ratio <= 1,     apart <= MOST_APART,
+
+   f_next is finite, and components keep the signs that the equations keep. In both cases
+
+       h_next = 0.75 ratio**(-7/64) h.
+
+5. Choice of the explicit or the implicit integrator for the next step (`step_length`).
+
+6. Event cut (`event_location`): if a surface is crossed, the step is refused, and h_next leads to
+   the surface, until a step ends there.
+
+7. Output at the times that the step has passed (`dense_output`), actions of events at its end
+   (`event_actions`), and new branches of f (`branch_choice`).
+
+8. x = x_next, f(x) = f_next, where the step is accepted.
+
+A line has a trajectory in each lane. Lanes that take no step with this integrator have h = 0, and
+stay as they are.
 """
 
-from ..llvm.text import Carried
 from . import (
     branch_choice,
     dense_output,
@@ -24,84 +46,25 @@ from . import (
     step_length,
     tolerance,
 )
-from .codegen import weighted
 from .linearly_implicit import derive, find_apart
-from .scalar_kernels import scalar_kernel
-from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
-
-
-@scalar_kernel
-def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return whether all components have their sign that have one to keep; `new` gets it back.
-
-    A component that has decayed below its tolerance may have any sign after a long step.
-    """
-    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    changes = changes & (keeps > 0.0)
-    is_large = abs(new) > extra + rtol * size
-    return {"kept": (changes & is_large).select(0.0, kept), "new": changes.select(-new, new)}
-
-
-@scalar_kernel
-def CLOCK(x, new, f, signed, steady):
-    """A component at the end of a step; of a constant rate x + h x', which columns round more."""
-    return {"new": (steady > 0.0).select(x + signed * f, new)}
-
-
-@scalar_kernel
-def SAME_SIGN(x, new, kept):
-    """Return whether a denominator that depends on clocks alone has kept its sign."""
-    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    return {"kept": changes.select(0.0, kept)}
+from .next_state import find_next_state, move
 
 
 def take_step(code):
-    """Take a step in the lanes that do so."""
-    text, integrator, line, work = code.text, code.integrator, code.line, code.work
-    columns, p = (IMPLICIT, 1) if integrator.is_implicit else (EXPLICIT, 2)
-    own, of_error = weights(columns, p), weights_of_errors(columns, p)
-    if integrator.sets:
-        of_error = [tolerance.CAUTION * w for w in of_error]
-    rate = derive(code) if integrator.is_implicit else None
-    code.columns(line.x, line.f, len(columns))
-    if integrator.is_implicit and integrator.looks_inside:  # shorter steps overwrite them
-        text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
-    kept, sizes = _next_states(code, own, of_error)
-    if integrator.is_implicit:
-        find_apart(code)
-    sums = tolerance.find_errors(code, own, sizes)
-    if integrator.sets:
-        sums["apart"] = tolerance.apart_of_rough(code, own)
-        sums |= tolerance.differences_of_sets(code)
-    sums |= {"on_trial": text.value(0.0), "of_length": sums["ratio"]}
-    sums |= second_trial.try_again(code, own, of_error, sums)
-    if integrator.is_implicit and code.f.entries:
-        least = growing_components.longest_step(code)
-        kept = (work.taken[0] > least).select(0.0, kept)
-    sums |= {"kept": kept, "taken": work.taken[0], "rate": rate, **code.near()}
-    before = line.t[0]
-    found = code.apply(step_length.AFTER, **sums, **code.goal())
-    sums["accepted"], served = found.pop("accepted"), found.pop("served")
-    code.keep(work, {"accepted": sums["accepted"], "served": served, "t": before})
-    if integrator.events:
-        own = {"before": line.wanted[0], "state_before": line.state[0]}
-        own |= {name: found[name] for name in ("t", "wanted", "state")}
-        found |= code.apply(step_length.AT_STOP, accepted=sums["accepted"], **own)
-    code.keep(line, found)
-    if integrator.sets:
-        code.keep(line, code.apply(step_length.REFUSALS, ratio=sums["ratio"]))
-    if integrator.is_implicit:
-        code.keep(line, code.apply(step_length.TURN_IMPLICIT, **sums))
-    else:
-        looks = code.apply(step_length.LOOKS, **sums)["looks"]
-        with text.when(looks.any(), likely=False):
-            code.keep(line, code.apply(step_length.TURN_EXPLICIT, **sums))
+    """Take a step in the lanes whose length, in the row `taken`, is not 0."""
+    integrator = code.integrator
+    rate = _find_columns(code)
+    kept, sizes = find_next_state(code)
+    errors = _estimate_errors(code, kept, sizes) | {"rate": rate, **code.near()}
+    before = code.line.t[0]
+    _accept(code, errors, before)
+    _choose_integrator(code, errors)
     if integrator.watched:
-        event_location.cut(code, before, sums["total"])
+        event_location.cut(code, before, errors["total"])
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)
-    growing_components.watch_small(code, sums["fallen"])
+    growing_components.watch_small(code, errors["fallen"])
     if integrator.events:
         event_actions.act(code)
         dense_output.save_at_end(code)
@@ -110,44 +73,57 @@ def take_step(code):
     move(code)
 
 
-def _next_states(code, own, of_error):
-    """Write the next states, f there, and errors; return which are kept, and sizes of parts."""
-    text, integrator, line, work = code.text, code.integrator, code.line, code.work
-    sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []
-    for first, count in integrator.parts:
-        for i in text.each(count, sums):
-            i = i + first
-            x, ends = line.x[i], code.of_columns(work.ends, i)
-            new = x + weighted(own, ends)
-            if code.f.steady:
-                signed = {"f": line.f[i], "signed": work.signed[0]}
-                new = code.apply(CLOCK, i, x=x, new=new, **signed)["new"]
-            if code.f.of_one_sign:
-                size = abs(x) if integrator.has_atol else line.largest[i]
-                found = code.apply(KEPT, i, x=x, new=new, kept=sums.kept, size=size)
-                new, sums.kept = found["new"], found["kept"]
-            work.new.put_chosen(i, new)
-            work.error[i] = weighted(of_error, ends)
-            sums.update(code.apply(integrator.largest, i, **vars(sums) | {"new": new}))
-        size = {name: getattr(sums, name) for name in integrator.largest.results}
-        if size:
-            smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
-            size |= code.apply(tolerance.LEAST_ALLOWED, smallest=smallest, **size)
-        sizes.append(size)
-    kept = sums.kept
-    code.call("f", work.new, code.table, work.f_new)
-    for k in range(code.D, code.extended):  # denominators of clocks
-        kept = code.apply(SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]
-    return kept, sizes
+def _find_columns(code):
+    """Write y_c - x to the rows `ends`; return the rate of f' of an implicit step, else None."""
+    integrator, work = code.integrator, code.work
+    rate = derive(code) if integrator.is_implicit else None
+    code.columns(code.line.x, code.line.f, len(integrator.columns))
+    if integrator.is_implicit and integrator.looks_inside:  # shorter steps overwrite them
+        code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
+    return rate
 
 
-def move(code):
-    """Move the lanes whose step is taken to their next state."""
-    text, line, work = code.text, code.line, code.work
-    accepted = work.accepted[0] > 0.0
-    for i in text.each(code.D):
-        new = work.new[i]
-        line.x.choose(accepted, i, new)
-        code.keep_largest(accepted, i, new)
-    for i in text.each(code.extended):
-        line.f.choose(accepted, i, work.f_new[i])
+def _estimate_errors(code, kept, sizes):
+    """Return `ratio`, `apart`, `total` and the other inputs of `step_length.AFTER`, by name.
+
+    `kept` is 1 in lanes whose components keep their signs, and `sizes` are of `find_next_state`.
+    """
+    integrator, work = code.integrator, code.work
+    own, of_error = integrator.weights, integrator.error_weights
+    if integrator.is_implicit:
+        find_apart(code)
+    errors = tolerance.find_errors(code, own, sizes)
+    if integrator.sets:
+        errors["apart"] = tolerance.apart_of_rough(code, own)
+        errors |= tolerance.differences_of_sets(code)
+    errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
+    errors |= second_trial.try_again(code, own, of_error, errors)
+    if integrator.is_implicit and code.f.entries:
+        least = growing_components.longest_step(code)
+        kept = (work.taken[0] > least).select(0.0, kept)
+    return errors | {"kept": kept, "taken": work.taken[0]}
+
+
+def _accept(code, errors, before):
+    """Decide which lanes accept the step from the time `before`, and on the next lengths."""
+    line, work = code.line, code.work
+    found = code.apply(step_length.AFTER, **errors, **code.goal())
+    errors["accepted"], served = found.pop("accepted"), found.pop("served")
+    code.keep(work, {"accepted": errors["accepted"], "served": served, "t": before})
+    if code.integrator.events:
+        own = {"before": line.wanted[0], "state_before": line.state[0]}
+        own |= {name: found[name] for name in ("t", "wanted", "state")}
+        found |= code.apply(step_length.AT_STOP, accepted=errors["accepted"], **own)
+    code.keep(line, found)
+    if code.integrator.sets:
+        code.keep(line, code.apply(step_length.REFUSALS, ratio=errors["ratio"]))
+
+
+def _choose_integrator(code, errors):
+    """Let stiff lanes become implicit, and others explicit again; end lanes that fail."""
+    if code.integrator.is_implicit:
+        code.keep(code.line, code.apply(step_length.TURN_IMPLICIT, **errors))
+        return
+    looks = code.apply(step_length.LOOKS, **errors)["looks"]
+    with code.text.when(looks.any(), likely=False):
+        code.keep(code.line, code.apply(step_length.TURN_EXPLICIT, **errors))

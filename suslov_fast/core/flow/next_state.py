@@ -1,0 +1,78 @@
+"""The next state from the ends of columns: x_next, f there, and the error estimate e (`step`).
+
+Components whose rate contains them as a factor keep their sign, and so do denominators of time.
+"""
+
+from ..llvm.text import Carried
+from . import tolerance
+from .codegen import weighted
+from .scalar_kernels import scalar_kernel
+
+
+@scalar_kernel
+def KEPT(x, new, keeps, kept, extra, rtol, size):
+    """Return whether all components have their sign that have one to keep; `new` gets it back.
+
+    A component that has decayed below its tolerance may have any sign after a long step.
+    """
+    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
+    changes = changes & (keeps > 0.0)
+    is_large = abs(new) > extra + rtol * size
+    return {"kept": (changes & is_large).select(0.0, kept), "new": changes.select(-new, new)}
+
+
+@scalar_kernel
+def CLOCK(x, new, f, signed, steady):
+    """A component at the end of a step; of a constant rate x + h x', which columns round more."""
+    return {"new": (steady > 0.0).select(x + signed * f, new)}
+
+
+@scalar_kernel
+def SAME_SIGN(x, new, kept):
+    """Return whether a denominator that depends on clocks alone has kept its sign."""
+    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
+    return {"kept": changes.select(0.0, kept)}
+
+
+def find_next_state(code):
+    """Write the next state, f there, and e; return which lanes keep signs, and sizes of parts."""
+    text, integrator, line, work = code.text, code.integrator, code.line, code.work
+    own, of_error = integrator.weights, integrator.error_weights
+    sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []
+    for first, count in integrator.parts:
+        for i in text.each(count, sums):
+            i = i + first
+            x, ends = line.x[i], code.of_columns(work.ends, i)
+            new = x + weighted(own, ends)
+            if code.f.steady:
+                signed = {"f": line.f[i], "signed": work.signed[0]}
+                new = code.apply(CLOCK, i, x=x, new=new, **signed)["new"]
+            if code.f.of_one_sign:
+                size = abs(x) if integrator.has_atol else line.largest[i]
+                found = code.apply(KEPT, i, x=x, new=new, kept=sums.kept, size=size)
+                new, sums.kept = found["new"], found["kept"]
+            work.new.put_chosen(i, new)
+            work.error[i] = weighted(of_error, ends)
+            sums.update(code.apply(integrator.largest, i, **vars(sums) | {"new": new}))
+        size = {name: getattr(sums, name) for name in integrator.largest.results}
+        if size:
+            smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
+            size |= code.apply(tolerance.LEAST_ALLOWED, smallest=smallest, **size)
+        sizes.append(size)
+    kept = sums.kept
+    code.call("f", work.new, code.table, work.f_new)
+    for k in range(code.D, code.extended):  # denominators of clocks
+        kept = code.apply(SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]
+    return kept, sizes
+
+
+def move(code):
+    """Move the lanes whose step is taken to their next state."""
+    text, line, work = code.text, code.line, code.work
+    accepted = work.accepted[0] > 0.0
+    for i in text.each(code.D):
+        new = work.new[i]
+        line.x.choose(accepted, i, new)
+        code.keep_largest(accepted, i, new)
+    for i in text.each(code.extended):
+        line.f.choose(accepted, i, work.f_new[i])

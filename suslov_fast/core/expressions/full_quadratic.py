@@ -10,7 +10,8 @@ class DenseRightHandSide:
     each component c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, events, offsets = True, None, {}
+    is_dense, events, offsets, columns = True, None, {}, 0
+    of = property(lambda self: self)
     conditions = watched = watch = aim = None
     hidden = None
     clocks = steady = of_one_sign = denominators = fixed = ()

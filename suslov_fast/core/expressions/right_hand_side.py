@@ -42,6 +42,8 @@ class RightHandSide:
     watched      `Program` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     events       `EventPrograms` of actions along the motion, or None
+    of, columns  the right-hand side of x, and the number of columns of derivatives beside x, see
+                 `variational`; here itself and 0
     key          what tells this right-hand side from others
     """
 
@@ -90,7 +92,8 @@ class RightHandSide:
         self._of_table = Program(self.fixed, self.table)
         self._with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
-    is_dense, events, offsets = False, None, {}
+    is_dense, events, offsets, columns = False, None, {}, 0
+    of = property(lambda self: self)
     conditions = watched = watch = hidden = aim = branches = derived = None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))

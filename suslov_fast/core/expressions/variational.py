@@ -25,6 +25,8 @@ class Variational(RightHandSide):
     columns  their number, the last q of them by parameters
     """
 
+    of = None
+
     def __init__(self, f, columns, has_trace=False):
         self.of, self.columns, self.has_trace, self.q = f, columns, has_trace, len(f.by) // f.D
         D, P = f.D, len(f.table) + self.q

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..expressions.variational import Variational
 from ..llvm.compiler import address_of, compiled
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
@@ -16,7 +15,7 @@ from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumber
 from .event_actions import MOST_AT_ONCE
 from .event_records import size_of
 from .integrator import Integrator
-from .memory import BEGINS, EVENT_ROWS, EndCause, LaneState
+from .memory import BEGINS, EndCause, LaneState
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 
@@ -155,7 +154,7 @@ def counted_from_start(f, table, x0):
     if not np.count_nonzero(starts):
         return table, x0, None
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
-    own = f.of if isinstance(f, Variational) else f
+    own = f.of
     count = own.P if f.conditions is None else f.conditions.P  # after them there are choices
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
@@ -243,8 +242,7 @@ class BatchSolver:
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
         if self.stops is not None:
             first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
-            of_events = found[:, rows.of_events :]
-            of_events[:, EVENT_ROWS.stop], of_events[:, EVENT_ROWS.stop_which] = first.T
+            found[:, rows.stop], found[:, rows.stop_which] = first.T
         return found
 
     def _take(self, block, abandoned, flat=None):
@@ -273,13 +271,13 @@ class BatchSolver:
         if k.size:
             self.causes.append((numbers[k], self._causes_of_end(flat[k], numbers[k])))
         if self.stops is not None:
-            limit = flat[:, rows.of_events + EVENT_ROWS.at]
+            limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
     def _causes_of_end(self, flat, which):
         """Return a `EndCause` for each of these rows of trajectories `which`."""
         rows, whole = self.rows, self.f.D
-        f = self.f.of if isinstance(self.f, Variational) else self.f
+        f = self.f.of
         table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
         x, t, rates = flat[:, : f.D].T, flat[:, rows.t], flat[:, rows.f : rows.f + f.D].T
         denominators = flat[:, rows.f + whole : rows.f + whole + len(f.denominators)].T

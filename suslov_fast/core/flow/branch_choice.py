@@ -151,7 +151,7 @@ def _jump(code, jumped):
     line, work = code.line, code.work
     acted = code.text.value(0.0)
     if code.integrator.events:
-        acted = line.t[0].equals(code.of_events.at[0]).select(1.0, 0.0)
+        acted = line.t[0].equals(line.at[0]).select(1.0, 0.0)
     _choose(code, jumped, acted)
     code.keep(line, code.apply(CHOSEN, mode=code.mode, acted=acted), jumped)
     ahead = code.apply(LOOK_AHEAD, part=AHEAD)
@@ -173,8 +173,8 @@ def _put_ahead(code, x, f, signed):
 def _choose(code, truth, acted):
     """Make choices anew at the new state of lanes, and f and columns with them."""
     text, line, work, f = code.text, code.line, code.work, code.f
-    has_columns = code.integrator.block is not f and f.conditions.jumps > 0
-    text.copy(work.f_new, work.f_old, code.integrator.block.D)
+    has_columns = f.columns and f.conditions.jumps > 0
+    text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
     update_branches(code, truth)
@@ -186,14 +186,14 @@ def _choose(code, truth, acted):
                 code.keep_largest(own, i, work.new[i])
             _change_columns(code, own)
             code.call("f", work.new, code.table, work.f_new)
-    for i in text.each(code.integrator.block.D):
+    for i in text.each(code.f.of.D):
         of_f = {"before": work.f_old[i], "after": work.f_new[i]}
         line.low.choose(truth, i, code.apply(INFLOW, i, **of_f)["low"])
 
 
 def _change_columns(code, truth):
     """Change the columns of a `Variational` where f jumps."""
-    text, work, f, block = code.text, code.work, code.f, code.integrator.block
+    text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
         gradient[j] = 0.0
@@ -272,10 +272,10 @@ def _put_all(code, truth):
     """Write all choices to the table of lanes, with the numbers that depend on them."""
     text, work, conditions = code.text, code.work, code.f.conditions
     _put_choices(code, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
-    derived = code.integrator.block.derived.results
+    derived = code.f.of.derived.results
     if derived:
         code.call("derived", code.table, code.table, work.derived)
-        places = text.constants([code.integrator.block.places[a] for a in derived])
+        places = text.constants([code.f.of.places[a] for a in derived])
         table = text.array(code.table)
         for k in text.each(len(derived)):
             table.choose(truth, places[k], work.derived[k])
@@ -283,7 +283,7 @@ def _put_all(code, truth):
 
 def _put_choices(code, truth, kinds, found, place):
     """Write choices, which rows have, or arguments of tables, to the table of lanes."""
-    text, f = code.text, code.integrator.block
+    text, f = code.text, code.f.of
     first = len(f.conditions.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]

@@ -6,7 +6,7 @@
 from ..llvm.text import Integers, Shared, Truth
 from . import step_length
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
-from .memory import EVENT_ROWS, LaneState
+from .memory import LaneState
 
 
 class FunctionCode:
@@ -29,7 +29,6 @@ class StepCode(FunctionCode):
     of        the arguments of the code, see `CodeArguments`
     line      an array for each part of `TrajectoryRows`
     work      one for each part of `WorkRows`
-    of_changes   one for each part of `EventRows`, if there are changes
     table     the address of the table
     """
 
@@ -39,9 +38,6 @@ class StepCode(FunctionCode):
         super().__init__(text, integrator, name, for_each, self.of.work)
         self.line = text.arrays(self.work.line.at(), integrator.rows)
         self.table = self.work.table.at() if for_each else self.of.table
-        self.of_events = None
-        if integrator.events:
-            self.of_events = text.arrays(self.line.of_events.at(), EVENT_ROWS)
 
     def has_trajectories(self):
         """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
@@ -79,8 +75,7 @@ class StepCode(FunctionCode):
             elif name in ComponentNumbers._fields:
                 inputs[name] = self.component(name, i)
             else:
-                places = self.line, self.work, self.of_events
-                rows = next(each for each in places if hasattr(each, name))
+                rows = self.line if hasattr(self.line, name) else self.work
                 inputs[name] = getattr(rows, name)[i]
         return self.text.apply(scalar_kernel, **inputs)
 

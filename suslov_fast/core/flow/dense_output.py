@@ -19,7 +19,7 @@ import numpy as np
 from ..expressions.values import larger
 from ..llvm.text import Carried, Integers, Shared, Value
 from .codegen import StepCode, weighted
-from .memory import EVENT_ROWS, LaneState
+from .memory import LaneState
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .tolerance import LARGER_RATIO
@@ -256,5 +256,5 @@ def save(code, bits, states):
         times = Shared(one, of.times)
         line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0
-        if code.of_events:
-            one.arrays(line.of_events.at(), EVENT_ROWS).actions[0] = 0.0
+        if code.integrator.events:
+            line.actions[0] = 0.0

@@ -16,7 +16,7 @@ from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
 from .codegen import StepCode
 from .event_records import record
-from .memory import EVENT_ROWS, LaneState
+from .memory import LaneState
 from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 
@@ -190,7 +190,7 @@ def act(code):
     if code.integrator.events:
         is_there = _is_there(code)
         if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
-            is_there = is_there | (code.of_events.resting[0] * code.work.accepted[0] > 0.0)
+            is_there = is_there | (code.line.resting[0] * code.work.accepted[0] > 0.0)
         with code.text.when(is_there.any(), likely=False):
             code.text.invoke(f"{code.name}_change", code.arguments)
 
@@ -209,13 +209,13 @@ def find_sides(code, begins):
         side.after(1).choose(begins, k * 2, found["level"])
         code.line.acted.choose(begins, k * 2, -inf)
         resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
-    code.of_events.resting.choose(begins, 0, resting.resting)
+    code.line.resting.choose(begins, 0, resting.resting)
 
 
 def _is_at_stop(code):
     """Return which lanes have reached the next time of a change."""
     accepted = code.work.accepted[0] > 0.0
-    return accepted & (code.line.t[0] >= code.of_events.stop[0])
+    return accepted & (code.line.t[0] >= code.line.stop[0])
 
 
 def _is_there(code):
@@ -233,7 +233,7 @@ def _look(code):
 
 
 def _look_at(code, x, f, to):
-    pair, D = code.work.pair, code.integrator.block.D
+    pair, D = code.work.pair, code.f.of.D
     code.text.copy(x, pair, D)
     code.text.copy(f, pair.after(D), D)
     code.call("toward", pair, code.table, to)
@@ -250,7 +250,7 @@ def _act_of_lanes(code):
     is_there, is_at_stop = _is_there(code), _is_at_stop(code)
     work.noted[0] = 0.0
     _keep_largest(code, is_there)
-    if code.integrator.block is not code.f:
+    if code.f.columns:
         for c in text.each(code.f.columns):
             work.tau[c] = 0.0
     if events.at_times:
@@ -269,7 +269,7 @@ def _act_at_times(code):
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
         for k in range(events.surfaces, events.count):
-            own = acts & code.of_events.stop_which[0].equals(float(k))
+            own = acts & code.line.stop_which[0].equals(float(k))
             with text.when(own.any()):
                 _act(code, k, own)
         _next_stop(code, acts.bits())
@@ -315,7 +315,7 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         found = code.apply(AGAIN, **own, more=again.more, limit=again.limit)
         acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
-    code.of_events.resting[0] = vars(again).pop("resting")
+    code.line.resting[0] = vars(again).pop("resting")
 
 
 def _with_flat_side(code, k, side, level):
@@ -368,7 +368,7 @@ def _cross(code, k, is_there, by_motion):
 
 def _note(code, k, truth, crosses, by_motion):
     """Record a crossing where nothing changes; a trajectory with enough of them stops."""
-    line, work, of = code.line, code.work, code.of_events
+    line, work = code.line, code.work
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
     counts = truth & (t > code.number("since")) & ~slides
@@ -376,7 +376,7 @@ def _note(code, k, truth, crosses, by_motion):
     with code.text.when(counts.any()):
         _take_columns(code, k, counts, by_motion, work.new, work.f_new, False)
         record(code, counts, k, line.t, work.new, work.new, *_of_columns(code, work.f_new))
-        of.recorded[0] = recorded = of.recorded[0] + counts.select(1.0, 0.0)
+        line.recorded[0] = recorded = line.recorded[0] + counts.select(1.0, 0.0)
         line.tries.choose(counts, 0, 0.0)
         line.state.choose(counts & (recorded >= code.number("enough")), 0, float(LaneState.STOPPED))
 
@@ -384,7 +384,7 @@ def _note(code, k, truth, crosses, by_motion):
 def _act(code, k, truth, by_motion=None):
     """Let change k act in these lanes, in some because of the motion."""
     text, work, integrator = code.text, code.work, code.integrator
-    own, D = integrator.events.components[k], integrator.block.D
+    own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
     text.copy(work.f_new, work.f_before, D)
     if own:
@@ -399,11 +399,11 @@ def _act(code, k, truth, by_motion=None):
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before, bool(own))
-    if own and integrator.block is not integrator.f:
+    if own and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
     counts = code.line.counts[k] + truth.select(1.0, 0.0)
     code.line.counts[k] = counts
-    actions = code.of_events.actions
+    actions = code.line.actions
     actions[0] = actions[0] + truth.select(1.0, 0.0)
     if integrator.events.most[k] < np.inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
@@ -413,16 +413,16 @@ def _act(code, k, truth, by_motion=None):
 
 def _of_columns(code, f_before):
     """Return what a record of a `Variational` has: tau of each column, f before and after."""
-    if code.integrator.block is code.f:
+    if not code.f.columns:
         return ()
-    work, D = code.work, code.integrator.block.D
+    work, D = code.work, code.f.of.D
     return (work.tau, code.f.columns), (f_before, D), (work.f_new, D)
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
     """Find tau of the columns of a `Variational`, and change them if the state is changed."""
-    text, work, f, D = code.text, code.work, code.f, code.integrator.block.D
-    if code.integrator.block is f:
+    text, work, f, D = code.text, code.work, code.f, code.f.of.D
+    if not f.columns:
         return
     for c in range(f.columns):
         q, column = c - (f.columns - f.q), D * (1 + c)
@@ -444,7 +444,7 @@ def _next_stop(code, bits):
     text, of = code.text, code.of
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
-        own = one.arrays(code.line.of_events.at() + offset, EVENT_ROWS)
+        own = one.arrays(code.line.x.at() + offset, code.integrator.rows)
         trajectory = Integers(text, code.line.trajectory.at() + offset)[0]
         place_at = Integers(text, own.stop_place.at())
         place = place_at[0] + 1
@@ -455,7 +455,7 @@ def _next_stop(code, bits):
 
 def _keep_largest(code, truth):
     """Let the largest moduli of components include those before a change; forget which are low."""
-    for i in code.text.each(code.integrator.block.D):
+    for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
     for i in code.text.each(code.D):
@@ -479,6 +479,4 @@ def _go_on(code, is_at_stop, again):
     if conditions and conditions.jumps:
         is_changed = (inputs["number"] > 0.0) & code.line.state[0].equals(code.mode)
         work.jumped.choose(is_changed, 0, 1.0)
-    for name, value in code.apply(AFTER_EVENT, **inputs, **vars(sums)).items():
-        rows = code.of_events if hasattr(code.of_events, name) else code.line
-        getattr(rows, name).put_chosen(0, value)
+    code.keep(code.line, code.apply(AFTER_EVENT, **inputs, **vars(sums)))

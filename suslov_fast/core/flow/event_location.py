@@ -308,7 +308,7 @@ def _aim(code, inputs, is_far, from_start):
     `is_far` is true in lanes that were not looking for a surface before this step, and
     `from_start` in those that know of no part of it that crosses none.
     """
-    text, line, work, D = code.text, code.line, code.work, code.integrator.block.D
+    text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)
     for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
         work.aim.put_chosen(k, value)

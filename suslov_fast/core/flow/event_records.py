@@ -1,13 +1,12 @@
 """Records of what changes of the state did, in a buffer of which Python makes arrays."""
 
-from ..expressions.variational import Variational
 from ..llvm.text import Integers, Shared
 from .code_arguments import SLOT
 
 
 def size_of(f):
     """Return how many numbers a record has, see `record`."""
-    of_columns = f.columns + 2 * f.of.D if isinstance(f, Variational) else 0
+    of_columns = f.columns and f.columns + 2 * f.of.D
     return 3 + 2 * f.D + of_columns
 
 

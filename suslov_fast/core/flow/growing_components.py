@@ -149,14 +149,14 @@ def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watche
 def longest_step(code):
     """Return the length of the longest step that damps no growth, infinity if there is none."""
     text, line, work, sums = code.text, code.line, code.work, Carried(grows=0.0)
-    for i in text.each(code.integrator.block.D, sums):
+    for i in text.each(code.f.of.D, sums):
         inputs = {"x": line.x[i], "f": line.f[i], "new": work.new[i], "f_new": work.f_new[i]}
         inputs |= {"inverse": work.error[i]}
         sums.update(code.apply(GROWS, **inputs, **vars(sums)))
 
     def longest():
         feeds, least = _growth(code, line.x, line.f, text.value(inf))
-        for i in text.each(code.integrator.block.D):
+        for i in text.each(code.f.of.D):
             inputs = {"x": line.x[i], "inverse": work.error[i], "remembers": work.start[i]}
             work.new.put_chosen(i, code.apply(KEEPS_SIGN, i, feeds=feeds, **inputs)["new"])
         code.call("f", work.new, code.table, work.f_new)
@@ -184,7 +184,7 @@ def _factor_alone(code, x, rates):
     text, work, f = code.text, code.work, code.f
     _find_fed(code, x, NEAR)
     text.fill(work.start, code.D, lambda: 0.0)
-    for i in text.each(code.integrator.block.D):
+    for i in text.each(code.f.of.D):
         inputs = {"x": x[i], "f": rates[i], "fed": work.f[i], "inverse": work.error[i]}
         work.start[i] = code.apply(REMEMBERS, **inputs)["remembers"]
     code.call("j", x, code.table, work.alone)
@@ -207,7 +207,7 @@ def _find_fed(code, x, times):
     """Write f at a state without components below so many allowed errors to the row `f`."""
     text, work = code.text, code.work
     text.copy(x, work.start, code.D)
-    for i in text.each(code.integrator.block.D):
+    for i in text.each(code.f.of.D):
         alone = code.apply(LARGE_ALONE, x=x[i], inverse=work.error[i], times=times)["alone"]
         work.start.put_chosen(i, alone)
     code.call("f", work.start, code.table, work.f)
@@ -223,7 +223,7 @@ def watch_small(code, fallen):
     with text.when(looks.any(), likely=False):
         _find_fed(code, work.new, FEW)
         largest = Carried(watches=0.0)
-        for i in text.each(code.integrator.block.D, largest):
+        for i in text.each(code.f.of.D, largest):
             inputs = {"inverse": work.error[i], "watches": largest.watches, "fed": work.f[i]}
             found = code.apply(LOW, i, taken=work.taken[0], **inputs)
             line.low.choose(looks, i, found["low"])

@@ -5,15 +5,14 @@ import functools
 from ..expressions.double_crossings import POINTS, DoubleCrossings
 from ..expressions.event_formulas import OF_SURFACE, read_by
 from ..expressions.partitioned import part_of, sets_of
-from ..expressions.programs import Program, Values, dot
+from ..expressions.programs import Program
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled
-from ..expressions.variational import Variational
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
-from .memory import EVENT_ROWS, TrajectoryRows, WorkRows, firsts_of
-from .vector_functions import LONGEST, DenseProduct, DenseQuadratic, OfList, SparseLoops
+from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of
+from .vector_functions import LONGEST, DenseQuadratic, OfList, SparseLoops
 from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
@@ -22,7 +21,7 @@ class Integrator:
 
     functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
                  end on surfaces; in the implicit integrator also `j`, the entries of f'; `factor`,
-                 from these and s; `solve`; and `power`, f' times a vector after the entries and s
+                 from these and s; and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
@@ -32,33 +31,20 @@ class Integrator:
                  columns are large by must not loosen the tolerance of x
     watched      how many components surfaces are functions of, `surfaces` how many there are
     read         the components that `surfaces` read
-    hidden       what tells whether a step hides crossings, see `DoubleCrossings`
+    hidden       `DoubleCrossings`, which find whether a step hides crossings
     events       `EventPrograms`, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
     rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`
-    is_bounded   whether steps are at most a part of the time: f has clocks, or it may jump
-    codes        addresses of its code, see `batch_solver.code_of`
+    is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
+    codes        addresses of its machine code, see `batch_solver.code_of`
     """
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
-        D = f.D
-        if has_atol:
-            self.largest, self.allowed = tolerance.NO_SIZE, tolerance.ALLOWED_WITH_ATOL
-        elif f.clocks:
-            self.largest, self.allowed = (
-                tolerance.LARGEST_WITH_CLOCKS,
-                tolerance.ALLOWED_WITH_CLOCKS,
-            )
-        else:
-            self.largest, self.allowed = tolerance.LARGEST, tolerance.ALLOWED
-        # What the derivative has a block of for x, and the same for each column beside it.
-        self.block = f.of if isinstance(f, Variational) else f
-        self.parts = [(0, self.block.D)]
-        if self.block is not f:
-            self.parts.append((self.block.D, D - self.block.D))
-        self.watched = self.block.D if f.watch else 0
+        self.largest, self.allowed = tolerance.kernels(has_atol, bool(f.clocks))
+        self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
+        self.watched = f.of.D if f.watch else 0
         self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
         self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
         self.events = f.events
@@ -67,14 +53,14 @@ class Integrator:
         self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
         self.error_weights = [factor * w for w in weights_of_errors(self.columns, p)]
         if f.is_dense:
-            self.functions = {"f": DenseQuadratic(D, False)}
+            self.functions = {"f": DenseQuadratic(f.D, False)}
         else:
             self.functions = {
-                "f": OfList(Program(f.f.operations, [*f.f.results, *f.denominators]), D, f.places)
+                "f": OfList(Program(f.f.operations, [*f.f.results, *f.denominators]), f.D, f.places)
             }
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
-                self.functions[name] = OfList(part_of(f.f, components), D, f.places)
+                self.functions[name] = OfList(part_of(f.f, components), f.D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = _read(f.watched, self.watched) if self.watched else []
         self.hidden = f.hidden or DoubleCrossings()
@@ -89,48 +75,48 @@ class Integrator:
 
     def _set_rows(self, factors):
         """Set `rows` and `work`, for so many factors of 1 - s f'."""
-        f, D, block, c, watched = self.f, self.f.D, self.block, self.events, self.watched
+        f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
         extended, chooses, events = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
         of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
         self.rows = firsts_of(TrajectoryRows, of_f | {
-            "x": D, "largest": D, "mode": D, "low": self.block.D, "far": watched,
+            "x": D, "largest": D, "mode": D, "low": of_x.D, "far": watched,
             "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
             "counts": count, "acted": 2 * surfaces,
-            "of_events": events * len(EVENT_ROWS),
+            **dict.fromkeys(OF_EVENTS, events),
         })  # fmt: skip
         columns = len(self.columns) * D
-        jumps = bool(chooses and f.conditions.jumps and f is not block)
+        jumps = bool(chooses and f.conditions.jumps and f.columns)
         self.work = firsts_of(WorkRows, of_f | {
             "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
-            "jacobian": f.entries + 1 + D if self.is_implicit else 0,
+            "jacobian": f.entries + 1 if self.is_implicit else 0,
             "alone": f.entries + 1 if self.is_implicit else 0,
             "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
-            "point": watched, "quartic": block.D if watched else 0, "told": 3,
+            "point": watched, "quartic": of_x.D if watched else 0, "told": 3,
             "moving": 2 * watched + 1,
             "end": 2 * (watched + surfaces), "aim": 5,
             "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
             "changed": events * D, "before": events * D, "f_before": events * D,
-            "pair": events * (4 * block.D + 1), "toward": OF_SURFACE * surfaces,
+            "pair": events * (4 * of_x.D + 1), "toward": OF_SURFACE * surfaces,
             "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": events,
             "chooses": chooses,
-            "chosen": len(block.branches.results) if chooses else 0,
-            "derived": len(block.derived.results) if chooses else 0, "f_old": chooses * block.D,
-            "slopes": len(block.slope_places) if jumps else 0,
-            "gradient": block.D + f.q if jumps else 0,
-            "tau": events * D // block.D,
+            "chosen": len(of_x.branches.results) if chooses else 0,
+            "derived": len(of_x.derived.results) if chooses else 0, "f_old": chooses * of_x.D,
+            "slopes": len(of_x.slope_places) if jumps else 0,
+            "gradient": of_x.D + f.q if jumps else 0,
+            "tau": events * D // of_x.D,
             "scratch": max(function.scratch for function in self.functions.values()),
         })  # fmt: skip
 
     def _add_surfaces(self):
         """Add the functions of surfaces whose crossings end steps."""
-        f, D = self.f, self.block.D
+        f, D = self.f, self.f.of.D
         sides = 2 * (f.events.surfaces if f.events else 0)
         for name, program in (("surfaces", f.watched), ("phases", self.hidden.phases)):
             if program:
-                self.functions[name] = OfList(program, D, self.block.places)
+                self.functions[name] = OfList(program, D, self.f.of.places)
         of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
         for name, program, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
@@ -139,23 +125,23 @@ class Integrator:
             ("rates", self.hidden.rates, 2 * D + 1),
         ):
             if program:
-                places = {first + k: k for k in range(len(self.block.table))}
+                places = {first + k: k for k in range(len(self.f.of.table))}
                 self.functions[name] = OfList(program, first, places)
 
     def _add_changes(self):
         """Add the functions of changes."""
-        P, block = self.events.P, self.block
+        P, of_x = self.events.P, self.f.of
         for name, (program, rows) in self.events.parts.items():
-            if self.f is block and name.startswith(("tau", "column")):
+            if not self.f.columns and name.startswith(("tau", "column")):
                 continue  # there are no columns
             places = {rows + p: p for p in range(P)}
-            if self.f is not block:  # whose scales follow the table of f
-                places |= {rows + P + q: len(block.table) + q for q in range(self.f.q)}
+            if self.f.columns:  # whose scales follow the table of f
+                places |= {rows + P + q: len(of_x.table) + q for q in range(self.f.q)}
             self.functions[name] = OfList(program, rows, places)
 
     def _add_choices(self):
         """Add the functions of choices."""
-        f, conditions = self.block, self.f.conditions
+        f, conditions = self.f.of, self.f.conditions
         given = conditions.P + conditions.jumps + conditions.kinks
         places = {f.D + p: p for p in range(given)}
         self.functions["branches"] = OfList(f.branches, f.D, places)
@@ -169,10 +155,8 @@ class Integrator:
         f, D, functions = self.f, self.f.D, self.functions
         if f.is_dense:
             functions["j"] = DenseQuadratic(D, True)
-            functions["power"] = DenseProduct(D)
         else:
             functions["j"] = OfList(f.derivative, D, f.places)
-            functions["power"] = OfList(_product(f), f.entries + 1 + D)
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:
@@ -201,11 +185,3 @@ class Integrator:
 def _read(program, D):
     """Return the numbers of the components that a list reads."""
     return sorted(read_by(program, program.results).intersection(range(D)))
-
-
-def _product(f):
-    """Return the `Program` of f' times a vector."""
-    values, totals = Values(f.entries + 1 + f.D, ()), {}
-    for k, (i, j) in enumerate(f.pattern):
-        totals[i] = dot(values.emit, [(k, f.entries + 1 + j)], totals.get(i))
-    return Program(values.operations, [totals.get(i, 0.0) for i in range(f.D)])

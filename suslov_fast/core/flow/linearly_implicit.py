@@ -150,8 +150,7 @@ def derive(code):
     """Write the entries of f'; return its rate by a step of the power iteration."""
     text, line, work = code.text, code.line, code.work
     entries = code.f.entries
-    jacobian, right, scale = work.jacobian, work.right, work.start
-    scaled = jacobian.after(entries + 1)
+    jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a
     code.call("j", line.x, code.table, jacobian)
     text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
     largest = Carried(top=0.0)
@@ -160,7 +159,12 @@ def derive(code):
     for i in text.each(code.D):
         found = code.apply(SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
-    code.call("power", jacobian, code.table, right)
+    text.fill(right, code.D, lambda: 0.0)
+    if entries:
+        rows, columns = map(text.constants, zip(*code.f.pattern, strict=True))
+        for k in text.each(entries):
+            i = rows[k]
+            right[i] = right[i] + jacobian[k] * scaled[columns[k]]
     size = Carried(size=0.0)
     for i in text.each(code.D, size):
         found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)

@@ -56,7 +56,16 @@ class TrajectoryRows(NamedTuple):
     counts: int  # how often each change has acted (changes)
     acted: int  # when each change at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
-    of_events: int  # numbers of `EventRows`, if there are changes
+    # These exist if there are events, see OF_EVENTS.
+    stop: int  # modulus of the next time of an event, infinity after the last
+    stop_which: int  # number of that event
+    stop_place: int  # the place of the time, an integer
+    at: int  # time of the last action; of actions that accumulate their limit
+    recorded: int  # crossings of surfaces where nothing acts
+    often: int  # how often in a row an event has acted again at once
+    resting: int  # number of surfaces on which the state stays
+    actions: int  # since the last time that was asked for
+
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
@@ -81,20 +90,7 @@ class TrajectoryRows(NamedTuple):
     size: int  # number of all rows
 
 
-class EventRows(NamedTuple):
-    """The rows of a trajectory that has changes of its state."""
-
-    stop: int  # modulus of the next time of a change, infinity after the last
-    stop_which: int  # number of that change
-    stop_place: int  # the place of the time, an integer
-    at: int  # time of the last change; of changes that accumulate their limit
-    recorded: int  # crossings of surfaces where nothing changes
-    often: int  # how often in a row a change has acted again at once
-    resting: int  # number of surfaces on which the state stays
-    actions: int  # of changes since the last time that was asked for
-
-
-EVENT_ROWS = EventRows(*range(len(EventRows._fields)))
+OF_EVENTS = "stop stop_which stop_place at recorded often resting actions".split()
 
 
 def firsts_of(kind, sizes):

@@ -23,7 +23,7 @@ from .batch_solver import (
     set_times,
 )
 from .code_arguments import NUMBER, SLOT
-from .memory import BEGINS, EVENT_ROWS, LaneState
+from .memory import BEGINS, LaneState
 
 _KEPT = 1024  # times that memory is kept of
 _NAN = array("d", [math.nan])
@@ -95,7 +95,7 @@ def solve_small_batch(f, table, x0, times, sign, settings, stops=None, enough=ma
     if f.events:
         of_stops, equal = (stops or NO_EVENT_TIMES).array
         memory.numbers[NUMBER.enough], memory.numbers[NUMBER.since] = enough, since
-        first = integrator.rows.of_events + EVENT_ROWS.stop
+        first = integrator.rows.stop
         memory.rows[:, first : first + 2] = of_stops[:, 0]
         runner.point_to_events(of_stops, equal, records)
     while not runner.take():

@@ -96,6 +96,15 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
+def kernels(has_atol, has_clocks):
+    """Return the kernels of the size of all components, and of the allowed error of one."""
+    if has_atol:
+        return NO_SIZE, ALLOWED_WITH_ATOL
+    if has_clocks:
+        return LARGEST_WITH_CLOCKS, ALLOWED_WITH_CLOCKS
+    return LARGEST, ALLOWED
+
+
 def find_errors(code, own, sizes):
     """Return sums over components: the largest ratio of an error by what is allowed, and others.
 

@@ -1,4 +1,4 @@
-"""Functions of rows, of which the steps of the motion are made: f, f', elimination, products.
+"""Functions of rows, of which the steps of the motion are made: f, f', elimination.
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
 writes rows at another. Lists of operations are straight-line code, long ones in blocks, and dense
@@ -145,26 +145,3 @@ class DenseQuadratic:
                 linear, total = linear_and_sum(own, j)
                 sums.f = sums.f + (linear + total) * x[j]
             f[i] = sums.f
-
-
-class DenseProduct:
-    """f' times a vector, for all entries of f' in rows, s, and the vector."""
-
-    scratch = 0
-
-    def __init__(self, D):
-        self.D = D
-
-    def add(self, text, name, for_each):
-        """Add the function."""
-        with text.function(name):
-            self._write(text)
-
-    def _write(self, text):
-        D, f = self.D, text.array("%to")
-        entries, vector = text.array("%from"), text.array("%from", D * D + 1)
-        for i in text.each(D):
-            sums = Carried(total=0.0)
-            for j in text.each(D, sums):
-                sums.total = sums.total + entries[i * D + j] * vector[j]
-            f[i] = sums.total

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
 from ..checks import integer, one_number, short, warn, wrong
+from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
 from ..maps.batch import Progress, reporter
@@ -20,7 +21,6 @@ from ..status import IntegrationWarning, Status
 from .event import Event, checked_direction, field_of
 from .events import Events, actions_of, derivatives_of, stops_of
 from .flow import checked_derivatives, motion_with_events, with_derivatives
-from .integration import SolverRequest
 from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, integer, short, wrong
+from ..core.flow.batch_solver import SolverRequest
 from ..fields.base import Body
 from ..fields.field import system_of
 from ..fields.map import Map
@@ -24,7 +25,7 @@ from ..maps.problem import Problem, check, warn_of_times
 from ..status import report_poles
 from .event import Event, field_of
 from .events import actions_of, batch_of, checked_events, stops_of
-from .integration import SolverRequest, threads_for
+from .integration import threads_for
 from .motion_arguments import (
     RTOL,
     checked_settings,

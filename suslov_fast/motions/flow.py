@@ -14,6 +14,7 @@ from ..bodies.exact import states_at
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, short, wrong
 from ..core.expressions.event_formulas import EventAction
+from ..core.flow.batch_solver import SolverRequest
 from ..fields.base import Body
 from ..fields.field import Field, system_of
 from ..fields.right_hand_sides import with_events
@@ -33,7 +34,7 @@ from .events import (
     warn_of_starts_at_rest,
     warn_of_times_that_never_come,
 )
-from .integration import SolverRequest, SolverResult, empty_result, solve
+from .integration import SolverResult, empty_result, solve
 from .motion import Motion
 from .motion_arguments import (
     checked_settings,

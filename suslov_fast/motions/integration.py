@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.flow.batch_solver import BatchSolver, EventTimes, Settings, prepare
-from ..core.flow.code_arguments import NUMBER
-from ..core.flow.memory import EndCause, LaneState
+from ..core.flow.batch_solver import BatchSolver, SolverRequest, prepare
+from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
 from ..maps.kernel_calls import available
@@ -29,19 +27,6 @@ _STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[LaneState.DONE], _STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
 _STATUS[LaneState.NO_VALUE], _STATUS[LaneState.SLIDING] = Status.NONFINITE, Status.SLIDING
 _STATUS[LaneState.STOPPED], _STATUS[LaneState.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
-
-
-class SolverRequest(NamedTuple):
-    """The request for a motion."""
-
-    times: FloatArray  # (n,), in any order
-    sign: int  # -1 backwards in time
-    settings: Settings
-    threads: int | None = None
-    report: Callable[[int], bool] | None = None  # takes the number of states that are done
-    stops: EventTimes | None = None  # times of events, if the right-hand side has events
-    most: float = math.inf  # crossings that are recorded, before a trajectory stops
-    since: float = -1.0  # modulus of the time after which they count
 
 
 class Records(NamedTuple):
@@ -64,11 +49,9 @@ class SolverResult(NamedTuple):
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
-    records: Any = None  # `Records` of events, if there are any; of `_of_group` those of `Engine`
-    causes: NDArray[np.int64] | None = None  # (B,), why solutions ended, `EndCause`, or all unknown
-    grown: NDArray[np.int64] | None = (
-        None  # (B,), see `core.flow.batch_solver.BatchSolver`; None if all -1
-    )
+    records: Any = None  # `Records`, if there are events; of `_of_group` as in `BatchSolver`
+    causes: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if unknown
+    grown: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if there are none
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
 
@@ -132,32 +115,28 @@ def _of_group(
     f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
 ) -> SolverResult:
     """Return what is found of trajectories that share f; `records` are those of the engine."""
-    times, sign, settings, threads, report, stops, most, since = request
-    B, count, begun = len(starts), threads_for(len(starts), threads), None
-    if report is None and count == 1 and (B == 1 or starts.size <= _FEW):
-        given = f, table, starts, times, sign, settings, stops, most, since
-        states, steps, records, begun = solve_small_batch(*given)
+    B, threads, begun = len(starts), threads_for(len(starts), request.threads), None
+    if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
+        states, steps, records, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
             ends = np.empty(B)
             ends.fill(np.nan)
             status = np.zeros(B, np.int8)
             return SolverResult(states, ends, steps, status, False, records, None, None, True)
     else:
-        states = np.full((len(times), *starts.shape), np.nan)
-    engine = BatchSolver(f, table, starts, times, sign, settings, states, stops)
-    engine.numbers[NUMBER.enough], engine.numbers[NUMBER.since] = most, since
-    engine.run(count, report, begun)
-    ends = np.where(engine.state == LaneState.DONE, np.nan, sign * engine.t)
-    causes = _noted(None, EndCause.UNKNOWN, B, engine.causes)
-    grown, status = _noted(None, -1, B, engine.grown), status_of(engine.state)
-    others = engine.is_stopped, engine.records, causes, grown
-    return SolverResult(states, ends, engine.steps, status, *others)
+        states = np.full((len(request.times), *starts.shape), np.nan)
+    engine = BatchSolver(f, table, starts, request, states)
+    engine.run(threads, begun)
+    ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
+    others = engine.is_stopped, engine.records, engine.causes, engine.grown
+    return SolverResult(states, ends, engine.steps, status_of(engine.state), *others)
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return what is found of groups of trajectories, as of one."""
     whole, report, stops = empty_result(starts, len(request.times)), request.report, request.stops
-    B, done, records, causes, grown = len(starts), 0, [], None, None
+    B, done, records = len(starts), 0, []
+    causes, grown = np.zeros(B, np.int64), np.full(B, -1)
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
         own_stops = None if stops is None else stops.of(where)
@@ -168,23 +147,12 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
             numbers = rows[:, 0].view(np.int64)
             numbers[:] = where[numbers]
         records += part.records
-        causes = _noted(causes, EndCause.UNKNOWN, B, [(where, part.causes)])
-        grown = _noted(grown, -1, B, [(where, part.grown)])
+        if part.causes is not None and part.grown is not None:
+            causes[where], grown[where] = part.causes, part.grown
         done += len(request.times) * len(where)
         if part.is_stopped:
             break
     return SolverResult(*whole[:4], part.is_stopped, records, causes, grown)
-
-
-def _noted(
-    before: NDArray[np.int64] | None, none: int, B: int, notes: Any
-) -> NDArray[np.int64] | None:
-    """Return notes of B trajectories with those of some, pairs; None as long as there are none."""
-    for where, values in notes:
-        if values is not None:
-            before = np.full(B, none) if before is None else before
-            before[where] = values
-    return before
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:

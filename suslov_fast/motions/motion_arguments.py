@@ -152,9 +152,8 @@ def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> 
 
 def warn_of_growth(found: SolverResult, names: Any, batch: tuple[int, ...]) -> None:
     """Warn once of components that fell near their allowed errors, and grew again."""
-    if found.grown is None:
+    if found.grown is None or not (which := found.grown >= 0).any():
         return
-    which = found.grown >= 0
     index = spell(first_index(which.reshape(batch)))
     name = names[int(found.grown[int(np.argmax(which))])]
     checks.warn(

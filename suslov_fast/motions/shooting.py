@@ -22,14 +22,14 @@ import numpy as np
 from ..checks import FloatArray
 from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.numpy_evaluation import evaluate
-from ..core.flow.batch_solver import Settings
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.single_steps import attempts
 from ..fields.right_hand_sides import with_events
 from ..status import Status
 from .event import Event
 from .events import actions_of, stops_of
 from .flow import to_tolerance
-from .integration import SolverRequest, SolverResult
+from .integration import SolverResult
 from .sensitivities import Columns, WithColumns
 
 _ROUNDS, _HALVINGS = 60, 10

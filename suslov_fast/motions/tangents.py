@@ -26,11 +26,16 @@ from ..checks import FloatArray
 from ..core.expressions.event_formulas import EventAction, components_of
 from ..core.expressions.orthonormal_frame import SHIFT, with_frame
 from ..core.expressions.variational import variational
-from ..core.flow.batch_solver import BatchSolver, EventTimes, counted_from_start
+from ..core.flow.batch_solver import (
+    BatchSolver,
+    EventTimes,
+    SolverRequest,
+    counted_from_start,
+)
 from ..fields.right_hand_sides import with_events
 from ..maps.kernel_arguments import ALL
 from ..status import Status
-from .integration import SolverRequest, SolverResult, empty_result, right_hand_sides, status_of
+from .integration import SolverResult, empty_result, right_hand_sides, status_of
 
 _MOST = 40  # m of the shortest segment
 _UNITS = 2**_MOST  # of a phase, the lengths of this segment
@@ -198,8 +203,8 @@ class _Run:
         start[:, -2] = sizes
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
-        arguments = self.tangent, table, start, np.array([length]), 1, self.settings, states
-        engine = BatchSolver(*arguments, self._stops_of(which))
+        request = self._request(length, self._stops_of(which))
+        engine = BatchSolver(self.tangent, table, start, request, states)
         engine.run(self.threads)
         (end,), status = states, status_of(engine.state)
         ended = status != Status.OK
@@ -252,7 +257,7 @@ class _Run:
         start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)
-        engine = BatchSolver(frame, table, start, np.array([length]), 1, self.settings, states)
+        engine = BatchSolver(frame, table, start, self._request(length), states)
         engine.run(self.threads)
         (end,), ended = states, status_of(engine.state) != Status.OK
         if starts is not None:
@@ -285,6 +290,9 @@ class _Run:
         return EventTimes(
             np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1)
         )
+
+    def _request(self, length: float, stops: EventTimes | None = None) -> SolverRequest:
+        return SolverRequest(np.array([length]), 1, self.settings, stops=stops)
 
     def _changes_of(
         self, engine: BatchSolver, K: int

@@ -4,7 +4,7 @@ import functools
 from array import array
 from math import inf
 from threading import get_ident
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,12 +31,25 @@ integrator_of = functools.lru_cache(64)(Integrator)
 
 
 class Settings(NamedTuple):
-    """Settings that all trajectories of a motion share: keywords of `flow`, under their names."""
+    """Settings of all trajectories: keywords of `flow`, under their names."""
 
     rtol: float
     atol: float | tuple | None = None  # one for all components, or one for each
     max_step: float | None = None
     stiff: bool | None = None  # whether all steps are implicit, None to choose
+
+
+class SolverRequest(NamedTuple):
+    """All that trajectories of a call share, except f and its table."""
+
+    times: Any  # (n,), moduli, ascending; `flow` also has them in any order
+    sign: int  # -1 backwards in time, else 1
+    settings: Settings
+    threads: int | None = None
+    report: Any = None  # takes the number of states that are done; it may return False to stop
+    stops: Any = None  # `EventTimes`, if f has events
+    most: float = inf  # crossings that are recorded, before a trajectory stops
+    since: float = -1.0  # modulus of the time after which they count
 
 
 @functools.lru_cache(64)
@@ -78,6 +91,11 @@ def set_times(numbers, integrator, settings, times):
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
 
 
+def set_limits(numbers, request):
+    """Set the crossings after which a trajectory stops, and the time since which they count."""
+    numbers[NUMBER.enough], numbers[NUMBER.since] = request.most, request.since
+
+
 def code_of(integrator, W, for_each):
     """Return the `Address` of the machine code of an integrator."""
     # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
@@ -101,19 +119,11 @@ def prepare(f, settings, B, for_each):
         code_of(integrator, W, for_each or f.conditions is not None)
 
 
-def records_at_once(events, equal):
-    """Return how many records a trajectory may add to the buffer before there is a pause.
-
-    `equal` is how many times of changes are equal at most.
-    """
-    return 2 * (equal + 2 * events.surfaces + int(MOST_AT_ONCE))
-
-
 class EventTimes:
-    """The times of changes of the state, ascending, in a row for all trajectories or for each.
+    """The times of events, ascending, in a row for all trajectories or for each.
 
     times   moduli (1 or B, n), infinity for none
-    which   numbers of the changes (1 or B, n)
+    which   numbers of the events (1 or B, n)
     """
 
     def __init__(self, times, which):
@@ -176,51 +186,50 @@ def add_starts(f, starts, states, records):
 
 
 class BatchSolver:
-    """Trajectories x0 (B, D) of x' = f(x) at ascending moduli of times, forward or backward.
+    """Trajectories x0 (B, D) of x' = f(x) at the times of a `SolverRequest`.
 
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
-    sign     1 or -1, forward or backward in time
     states   (count, B, D), to which the states are written; where a solution has ended they stay
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `LaneState`
-    grown    pairs: numbers of trajectories of which a component fell and grew, see
-    `growing_components.LOW`,
-             and that component of each
-    causes   pairs: numbers of trajectories that ended, and why, a `EndCause` of each
-    stops    `EventTimes` of changes, if f has them; times may then begin with 0
-    records  arrays of what changes did, see `event_records`: the trajectory and the number of the
-             change, two integers, the modulus of the time, and the states before and after
+    grown    (B,), a component that fell and grew, see `growing_components.LOW`, or -1
+    causes   (B,), why a trajectory ended, an `EndCause`
+    records  arrays of the actions of events, see `event_records`
+    is_stopped   True if `report` stopped the run
     """
 
-    def __init__(self, f, table, x0, times, sign, settings, states, stops=None):
-        self.f, self.states = f, states
+    def __init__(self, f, table, x0, request, states):
+        B, settings = len(x0), request.settings
+        self.f, self.states, self.request = f, states, request
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
-        self.settings, self.times = settings, np.concatenate([times, NO_TIMES])
+        self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings.atol)
-        self.numbers = numbers_of(settings, sign)[:]
-        self.has_atol = settings.atol is not None
-        self.t, self.steps = np.zeros(len(x0)), np.zeros(len(x0), np.int64)
-        self.state = np.zeros(len(x0), np.int8)
-        self.grown, self.causes, self.is_stopped = [], [], False
-        integrator = integrator_of(f, False, self.has_atol)
-        self.rows = integrator.rows
+        self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
+        self.state = np.zeros(B, np.int8)
+        self.grown, self.causes = np.full(B, -1), np.zeros(B, np.int64)
+        self.records, self.is_stopped, self.stops = [], False, None
+        integrator = self.integrator(LaneState.EXPLICIT)
+        self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
         set_times(self.numbers, integrator, settings, self.times)
-        self.records, self.stops = [], None
         if f.events:
-            self.stops, self.equal_stops = (stops or NO_EVENT_TIMES).array
-        if f.conditions:  # trajectories have choices of their own, which the code makes
-            shape = len(x0), self.table.shape[-1]
-            self.table = np.broadcast_to(self.table, shape).copy()
+            self.stops, self.equal_stops = (request.stops or NO_EVENT_TIMES).array
+            set_limits(self.numbers, request)
+        if f.conditions:  # trajectories have branches of their own, which the code chooses
+            self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
-    def run(self, threads=1, report=None, begun=None):
+    def integrator(self, mode):
+        """Return the explicit or the implicit integrator, for this `LaneState`."""
+        has_atol = self.request.settings.atol is not None
+        return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
+
+    def run(self, threads=1, begun=None):
         """Take all steps of all trajectories, or those left by `solve_small_batch` in `begun`.
 
-        `report` takes the number of states that are done, in this thread, now and then; if it
-        returns False, the steps end, and `is_stopped` is true.
+        `report` is called in this thread, now and then; if it returns False, the steps end.
         """
         B = len(self.x0)
-        self.report, self.caller = report, get_ident()
-        self.places = None if report is None else np.zeros(B, np.int64)
+        self.caller = get_ident()
+        self.places = None if self.request.report is None else np.zeros(B, np.int64)
         size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
         rows, abandoned = None, []
         if begun is not None:
@@ -247,15 +256,14 @@ class BatchSolver:
 
     def _take(self, block, abandoned, flat=None):
         """Take all steps of a block of trajectories, with these rows if they have begun."""
-        rows, B, mode = self.rows, block.stop - block.start, int(bool(self.settings.stiff))
+        rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
         while not abandoned and np.count_nonzero((state := flat[:, rows.state]) < LaneState.DONE):
             (which,) = np.nonzero((state == mode) | (state == BEGINS))
             if which.size:
-                integrator = integrator_of(self.f, mode == LaneState.IMPLICIT, self.has_atol)
                 own = flat if which.size == B else flat[which]
-                self._steps(integrator, own, numbers[which], W, abandoned)
+                self._steps(self.integrator(mode), own, numbers[which], W, abandoned)
                 if own is not flat:
                     flat[which] = own
             mode = 1 - mode  # of those that turned to the other integrator
@@ -263,13 +271,12 @@ class BatchSolver:
         self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
         low = flat[:, rows.low : rows.far] >= 3.0
         if np.count_nonzero(low):
-            (k,) = np.nonzero(low.any(axis=1))
-            self.grown.append((numbers[k], low[k].argmax(axis=1)))
+            self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
         if not np.count_nonzero(state != LaneState.DONE):
             return
         (k,) = np.nonzero(state == LaneState.ENDED)
         if k.size:
-            self.causes.append((numbers[k], self._causes_of_end(flat[k], numbers[k])))
+            self.causes[numbers[k]] = self._causes_of_end(flat[k], numbers[k])
         if self.stops is not None:
             limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
@@ -310,10 +317,10 @@ class BatchSolver:
         take = self._taker(integrator, rows, table, W)
         while not abandoned:
             is_done = take()
-            if self.report is not None:
+            if (report := self.request.report) is not None:
                 reached = rows[:, integrator.rows.place].view(np.int64)
                 self.places[which] = reached
-                if get_ident() == self.caller and self.report(int(self.places.sum())) is False:
+                if get_ident() == self.caller and report(int(self.places.sum())) is False:
                     self.is_stopped = True
                     abandoned.append(True)
             if is_done:
@@ -348,7 +355,8 @@ class StepRunner:
             table_bytes=table.strides[0], work=address_of(work),
             numbers=numbers.buffer_info()[0], components=address_of(components),
         ))  # fmt: skip
-        self.kept = rows, table, work, numbers, components  # the arguments point there
+        self.rows, self.table, self.numbers = rows, table, numbers
+        self.kept = work, components  # the arguments point to all of these
         self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // integrator.f.work, 1)
         self.code = code_of(integrator, W, self.for_each)
 
@@ -360,7 +368,9 @@ class StepRunner:
     def point_to_events(self, stops, equal, records):
         """Let them point to the times of changes; `records` is the list that arrays come to."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
-        at_once, count = records_at_once(f.events, equal) * self.W, arguments[SLOT.count]
+        # Records that lanes may add before there is a pause; `equal` times of events are equal.
+        at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W
+        count = arguments[SLOT.count]
         self.buffer = np.empty((4 * (at_once + count), size_of(f)))
         arguments[SLOT.stops] = address_of(stops)
         arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0

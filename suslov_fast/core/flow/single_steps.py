@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .batch_solver import BatchSolver, integrator_of
+from .batch_solver import BatchSolver, SolverRequest
 from .code_arguments import NUMBER
 from .memory import BEGINS, LaneState
 
@@ -12,7 +12,8 @@ def attempts(f, table, x, last, settings):
 
     The steps are those of `BatchSolver` to the time `last`.
     """
-    motion = BatchSolver(f, table, x[np.newaxis], [last], 1, settings, np.empty((1, 1, f.D)))
+    request = SolverRequest([last], 1, settings)
+    motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
     motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
     rows, which, mode = np.zeros((1, places.size)), np.zeros(1, np.int64), LaneState.EXPLICIT
     rows[0, : f.D], rows[0, places.state] = motion.x0[0], BEGINS
@@ -25,7 +26,7 @@ def attempts(f, table, x, last, settings):
             return
         if state in (BEGINS, 1 - mode):  # the first integrator, or the other one
             mode = int(max(state, LaneState.EXPLICIT))
-            integrator = integrator_of(f, mode == LaneState.IMPLICIT, motion.has_atol)
+            integrator = motion.integrator(mode)
             of_half = motion._table(which)
             take = motion._taker(integrator, rows, of_half, 1)
         while not take():

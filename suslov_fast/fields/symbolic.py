@@ -389,7 +389,7 @@ def _asked(what: str) -> str:
     )
 
 
-class Symbol:
+class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     """A symbolic number: f is called with it as a number."""
 
     __slots__ = ("operand", "tracer")
@@ -401,6 +401,8 @@ class Symbol:
         self.tracer, self.operand = tracer, operand
 
     def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+        if isinstance(kwargs.get("out", (None,))[0], Symbol):
+            del kwargs["out"]  # of x += y, which gives x another value
         return _carried_out(ufunc, method, inputs, kwargs)
 
     def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
@@ -454,33 +456,3 @@ class Symbol:
 
 
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}
-_OPERATORS = {
-    "add": "add", "sub": "subtract", "mul": "multiply", "truediv": "divide", "pow": "power",
-    "mod": "remainder", "floordiv": "floor_divide", "lt": "less", "gt": "greater",
-    "le": "less_equal", "ge": "greater_equal", "eq": "equal", "ne": "not_equal",
-    "and": "bitwise_and", "or": "bitwise_or", "xor": "bitwise_xor",
-}  # fmt: skip
-
-
-def _operator(name: str) -> Callable[[Symbol, Any], Any]:
-    def of_two(a: Symbol, b: Any) -> Any:
-        return getattr(np, name)(a, b) if isinstance(b, np.ndarray) else applied(name, a, b)
-
-    return of_two
-
-
-def _reflected(name: str) -> Callable[[Symbol, Any], Any]:
-    def of_two(a: Symbol, b: Any) -> Any:
-        return applied(name, b, a)
-
-    return of_two
-
-
-for _short, _long in _OPERATORS.items():
-    setattr(Symbol, f"__{_short}__", _operator(_long))
-    if _short not in ("lt", "gt", "le", "ge", "eq", "ne"):
-        setattr(Symbol, f"__r{_short}__", _reflected(_long))
-for _short, _long in {
-    "neg": "negative", "pos": "positive", "abs": "absolute", "invert": "bitwise_not"
-}.items():  # fmt: skip
-    setattr(Symbol, f"__{_short}__", functools.partialmethod(lambda a, n: applied(n, a), _long))

@@ -1,4 +1,4 @@
-"""The base class of bodies of the Suslov problem: values at states, and the closed form."""
+"""Base classes of bodies, and of bodies of the Suslov problem: values at states, closed form."""
 
 from __future__ import annotations
 
@@ -25,7 +25,57 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound="Suslov")
 
 
-class Suslov(Body):
+class BodyOfEquations(Body):
+    """A body with equations of motion, which its class names once, as the field `_field`."""
+
+    @public
+    def __call__(self, omega: ArrayLike, /) -> FloatArray:
+        """Return the time derivative of the state, by the equations of motion."""
+        values: FloatArray = self._field(omega)
+        return values
+
+    @public
+    def field(self) -> Field:
+        """Return the equations of motion as a field in the components of the states.
+
+        Returns
+        -------
+        Field
+            Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
+        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
+        """
+        return self._field
+
+    @public
+    def jacobian(self, omega: ArrayLike, /) -> FloatArray:
+        """Return the derivative of the equations of motion by the angular velocity.
+
+        Parameters
+        ----------
+        omega : array_like(float, shape=(..., D))
+            Angular velocities.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D, D))
+            The derivative of component i with respect to component j at [..., i, j]; unit: omega.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).jacobian([1.0, 0.5])
+        array([[ 0.0625,  0.1875],
+               [-1.125 , -0.25  ]])
+        """
+        return self._field.jacobian(omega)
+
+
+class Suslov(BodyOfEquations):
     """A rigid body with a nonholonomic constraint, in three or in n dimensions."""
 
     _axes: ClassVar[dict[str, int]] = {"rotation": 2}
@@ -74,10 +124,11 @@ class Suslov(Body):
 
         def _check_solved(self, function: str) -> None: ...
 
-    def _value(self, name: str, omega: Any, eps: Any = 0.0) -> Any:
+    def _value(self, name: str, omega: Any, eps: Any = 0.0) -> FloatArray:
         """Return the value of a formula of the map."""
         map = map_of(self)
-        return evaluate(map.formulas[name], map, self, omega, eps)
+        values: FloatArray = evaluate(map.formulas[name], map, self, omega, eps)
+        return values
 
     def _problem(
         self, omega: Any, eps: Any = 0.0, threads: int | None = None, name: str = "omega0"
@@ -110,48 +161,7 @@ class Suslov(Body):
         >>> body([1.0, 0.5])
         array([ 0.078125, -0.625   ])
         """
-        values: FloatArray = self._value("vector_field", omega)
-        return values
-
-    @public
-    def field(self) -> Field:
-        """Return the equations of motion as a field in the components of the states.
-
-        Returns
-        -------
-        Field
-            Coefficients of a single body are exact functions of its parameters, which are doubles.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=0).field()
-        Field(Omega1' = 1/8*Omega1*Omega2, Omega2' = -1/2*Omega1**2)
-        """
-        return self._field
-
-    @public
-    def jacobian(self, omega: ArrayLike, /) -> FloatArray:
-        """Return the derivative of the equations of motion by the angular velocity.
-
-        Parameters
-        ----------
-        omega : array_like(float, shape=(..., D))
-            Angular velocities.
-
-        Returns
-        -------
-        ndarray(float, shape=(..., D, D))
-            The derivative of component i with respect to component j at [..., i, j]; unit: omega.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).jacobian([1.0, 0.5])
-        array([[ 0.0625,  0.1875],
-               [-1.125 , -0.25  ]])
-        """
-        return self._field.jacobian(omega)
+        return self._value("vector_field", omega)
 
     @public
     def energy(self, omega: ArrayLike, /) -> FloatArray:
@@ -177,8 +187,7 @@ class Suslov(Body):
         >>> body.energy([[1.0, 0.5], [0.0, 2.0]])
         array([2.125, 2.   ])
         """
-        values: FloatArray = self._value("energy", omega)
-        return values
+        return self._value("energy", omega)
 
     @public
     def first_integral(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
@@ -220,8 +229,7 @@ class Suslov(Body):
         >>> float(F[0].round(9)), bool(abs(F / F[0] - 1).max() < 1e-12)
         (0.26534473, True)
         """
-        values: FloatArray = self._value("first_integral", omega, eps)
-        return values
+        return self._value("first_integral", omega, eps)
 
     @public
     def criticality(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
@@ -255,8 +263,7 @@ class Suslov(Body):
         >>> body.criticality([[1, 2], [-40, -250]], eps=1).round(4)
         array([0.1049, 1.2281])
         """
-        values: FloatArray = self._value("criticality", omega, eps)
-        return values
+        return self._value("criticality", omega, eps)
 
     @public
     def reaction(self, omega: ArrayLike, /, eps: Reals | None = None) -> FloatArray:
@@ -291,8 +298,7 @@ class Suslov(Body):
         >>> float(body.reaction([1.0, 0.5], eps=0.01).round(6))
         -1.336328
         """
-        values: FloatArray = self._value("reaction", omega, 0.0 if eps is None else eps)
-        return values
+        return self._value("reaction", omega, 0.0 if eps is None else eps)
 
     @public
     def momentum(

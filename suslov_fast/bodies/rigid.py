@@ -270,8 +270,7 @@ class Suslov3D(Suslov):
         >>> body.rotation_number([1.1, -0.4], eps=0.35).round(6)
         array([0.      , 0.      , 0.043038])
         """
-        values: FloatArray = self._value("rotation_number", omega, eps)
-        return values
+        return self._value("rotation_number", omega, eps)
 
     @public
     def to_xy(self, omega: ArrayLike, /) -> FloatArray:
@@ -303,8 +302,7 @@ class Suslov3D(Suslov):
         array([-0.625, -0.75 ])
         """
         self._without_rotor("to_xy")
-        values: FloatArray = self._value("to_xy", omega)
-        return values
+        return self._value("to_xy", omega)
 
     @public
     def closed_form(self, omega0: ArrayLike, /, eps: Reals) -> ClosedForm:

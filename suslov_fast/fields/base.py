@@ -15,9 +15,6 @@ from .exact_numbers import from_lists, to_lists
 from .latex import equations, symbol
 from .members import Members
 
-if TYPE_CHECKING:
-    from .field import Field
-
 Kind = TypeVar("Kind", bound="Body")
 
 
@@ -153,7 +150,7 @@ class Body(Members, metaclass=Answering):
         def dimension(self) -> int: ...
 
         @property
-        def _field(self) -> "Field":
+        def _field(self) -> Any:
             """The equations of motion; TypeError for a `Map`, which has none."""
 
     @property

@@ -95,19 +95,10 @@ def brief(
     length: int = 60,
     ratios: Mapping[float, Fraction] = _NONE,
 ) -> str:
-    """Return the text of a value for readers; the middle of a long text is left out."""
-
-    def text_of(a: Any, depth: int) -> tuple[str, int]:
-        if isinstance(a, float):
-            return _number(a, ratios)
-        if a < len(names):
-            return names[a], _CALL
-        if depth > 12:
-            return "...", _CALL
-        name, operands, tables = _node(values, a)
-        return _joined(name, [text_of(b, depth + 1) for b in operands], tables)
-
-    text, _ = text_of(operand, 0) if size_of(values, operand, length) <= length else ("...", 0)
+    """Return the text of a value for readers; a long one is left out."""
+    if size_of(values, operand, length) > length:
+        return "..."
+    [text] = written(values, [operand], names, ratios, defines=False)[1]
     return text
 
 
@@ -127,8 +118,12 @@ def written(
     results: Sequence[Any],
     names: Sequence[str],
     ratios: Mapping[float, Fraction] = _NONE,
+    defines: bool = True,
 ) -> tuple[dict[str, str], list[str]]:
-    """Return definitions of values that occur twice or deep inside, and the texts of results."""
+    """Return definitions of values that occur twice or deep inside, and the texts of results.
+
+    Without `defines` there are no definitions.
+    """
     of, order = {}, []
     stack = [(a, False) for a in reversed(results)]
     while stack:
@@ -152,7 +147,7 @@ def written(
         parts = [_number(b, ratios) if isinstance(b, float) else texts[b] for b in operands]
         texts[a] = _joined(name, parts, tables)
         depths[a] = 1 + max((depths.get(b, 0) for b in _numbers(operands)), default=0)
-        if (uses[a] > 1 and operands) or depths[a] >= _DEEPEST:
+        if defines and ((uses[a] > 1 and operands) or depths[a] >= _DEEPEST):
             own = next(each for each in free if each not in names)
             definitions[own], texts[a], depths[a] = texts[a][0], (own, _CALL), 0
     rows = [_number(a, ratios) if isinstance(a, float) else texts[a] for a in results]

@@ -1,6 +1,6 @@
 """Kahan's map of quadratic fields, small, dense and large, and maps of higher order."""
 
-from functools import partial
+from functools import cache, partial
 
 import problem
 import work
@@ -21,6 +21,15 @@ def exponents(field, x, steps):
 
 def last_field(field, x, steps):
     return sf.iterate(field, x, EPS_FIELD, steps, save_every=None).final
+
+
+@cache
+def map_of(f):
+    return sf.Map(f, 2)
+
+
+def last_of_map(f, x, steps):
+    return sf.iterate(map_of(f), x, steps=steps, save_every=None).final
 
 
 def many_variables(function, f, D, batch, steps, reference, size):
@@ -100,6 +109,12 @@ def add_cases(add):
                 reference,
             )
             add("dense fields", key, whose, label, *arguments, x=n, **more)
+    for name in problem.OWN_MAPS:
+        for key, whose, label, function in (
+            ("iterate", OURS, "`iterate` of a `Map`", last_of_map),
+            ("numba", OTHERS, "Numba, `prange` over orbits", "numba_loops.own_map"),
+        ):
+            add("own maps", key, whose, label, work.own_maps, function, name, 10_000, 1000, x=name)
     for table, batch in (("one orbit of a field", 1), ("eight orbits of a field", 8)):
         for key, label, function in (
             ("iterate", "`iterate`", last_field),

@@ -98,6 +98,18 @@ def starts(batch, components=2, low=-2, high=2):
     return np.random.default_rng(0).uniform(low, high, (batch, components))
 
 
+def henon_map(x):
+    return 1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]
+
+
+def standard_map(x):
+    p = np.mod(x[1] + 1.2 * np.sin(x[0]), 2 * np.pi)
+    return np.mod(x[0] + p, 2 * np.pi), p
+
+
+OWN_MAPS = {"Hénon": henon_map, "standard": standard_map}
+
+
 def starts_field(batch, D):
     """States whose orbits by these fields stay in reach."""
     return starts(batch, D, -0.2, 0.2) if D == 4 else starts(batch, D, 0.5, 1)

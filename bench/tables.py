@@ -70,6 +70,8 @@ def table(results, name, across, columns):
     "orders in short and inside" has the columns of both tables, and the lines of the first.
     """
     rows = [row for each in name.split(" and ") for row in rows_of(results, each)]
+    if not rows:
+        return "Not measured yet."
     headers, counts = columns.split(" | "), {row.threads for row in rows}
     cells = [COLUMNS.get(header) or rate(float(header.split()[0])) for header in headers]
     lines = [[named(row, counts), *(cell(results, row) for cell in cells)] for row in rows]

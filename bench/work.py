@@ -175,6 +175,21 @@ def fields(function, field, batch, steps, reference, size):
     return Work(lambda: call(field, x, steps), len(x) * steps, "step", check if checked else None)
 
 
+def own_maps(function, name, batch, steps, size):
+    """Steps of a map of one's own by a function of (f, x, steps)."""
+    call, f = load(function), problem.OWN_MAPS[name]
+    x = problem.starts(size(batch, 32), 2, 0.0, 0.1)
+
+    def by_numpy(x, steps):
+        for _ in range(steps):
+            x = np.stack(f(x.T), axis=-1)
+        return x
+
+    check = lambda: (call(f, x[:8], 5), by_numpy(x[:8], 5))  # noqa: E731
+    steps = size(steps, 2)
+    return Work(lambda: call(f, x, steps), len(x) * steps, "step", check)
+
+
 def saved_states_of_field(D, batch, rows, size):
     """All states of a field."""
     field, eps = problem.sparse_field(D), problem.EPS_FIELD

@@ -83,9 +83,13 @@ def saddle(count):
     return field, starts
 
 
+def saddle_run():
+    return sf.iterate(*saddle(3), 1 / 16, 50)
+
+
 def test_runs_and_events_are_drawn_with_their_names():
     field, starts = saddle(3)
-    run = sf.iterate(field, starts, 1 / 16, 50)
+    run = saddle_run()
     axes = run.plot("time", "px")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$t$", "$p_{x}$")
     drawn = [line.get_xydata() for line in axes.lines]
@@ -117,6 +121,13 @@ def test_orbits_of_large_batches_share_lines():
     assert len({line.get_color() for line in axes.lines}) == 64
 
 
+def test_states_far_apart_are_dots():
+    henon = sf.Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), 2)
+    for run, style in ((sf.iterate(henon, [0.1, 0.1], 99), "None"), (saddle_run(), "-")):
+        assert {line.get_linestyle() for line in run.plot().lines} == {style}
+        assert {line.get_linestyle() for line in run.plot(lines=True).lines} == {"-"}
+
+
 def test_components_over_time_have_a_colour_each():
     run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
     axes = run.plot("time")
@@ -131,5 +142,6 @@ def test_components_over_time_have_a_colour_each():
 def test_what_is_no_axes_is_refused(names):
     run = sf.iterate(BODY, [1.0, 0.5], 0.2, 9)
     flat = Figure() if len(names) == 2 else Figure().add_subplot()
-    with pytest.raises(TypeError, match="add_subplot"):
+    with pytest.raises(TypeError, match=r"add_subplot\(\)|add_subplot\(projection='3d'\)") as told:
         run.plot(*names, ax=flat)
+    assert ("3d" in str(told.value)) == (len(names) == 3)

@@ -42,7 +42,7 @@ def test_events_and_ends(name, stiff):
         assert motion.events.count.tolist() == [len(times) for times in own.times]
 
 
-@pytest.mark.sampled(16)
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize("name", ENDING)
 def test_terminal_events(name):
     """A motion ends at the second time of its first event, or at the first one if that is all."""
@@ -58,7 +58,7 @@ def test_terminal_events(name):
     assert np.isnan(motion.states).all() == (right < own.time)
 
 
-@pytest.mark.sampled(16)
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_units_and_the_direction_of_time(name):
     """x' = c f has the events at t/c: with all bits if c is 1, -1, or another power of 2."""
@@ -93,7 +93,7 @@ def test_directions_of_records(name):
     assert abs(len(up) - len(down)) <= 1
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_alone_as_in_a_batch(name):
     """With the same bits, also of derivatives, and by two threads."""
@@ -127,7 +127,7 @@ def by_differences(own, h=1e-3):
         yield np.moveaxis((8 * (high - low) - (far - near)) / (12 * h), 0, -1)
 
 
-@pytest.mark.sampled(10)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_derivatives(name):
     own = SYSTEMS[name]

@@ -53,25 +53,7 @@ class BodyOfEquations(Body):
 
     @public
     def jacobian(self, omega: ArrayLike, /) -> FloatArray:
-        """Return the derivative of the equations of motion by the angular velocity.
-
-        Parameters
-        ----------
-        omega : array_like(float, shape=(..., D))
-            Angular velocities.
-
-        Returns
-        -------
-        ndarray(float, shape=(..., D, D))
-            The derivative of component i with respect to component j at [..., i, j]; unit: omega.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25).jacobian([1.0, 0.5])
-        array([[ 0.0625,  0.1875],
-               [-1.125 , -0.25  ]])
-        """
+        """Return the derivative of the equations of motion, as :meth:`Field.jacobian` does."""
         return self._field.jacobian(omega)
 
 
@@ -113,16 +95,14 @@ class Suslov(BodyOfEquations):
         return body._rotated(checks.rotations("rotation", rotation, body.dimension + 1))
 
     # ------------------------------------------------------------------------------ values
-    if TYPE_CHECKING:
+    _is_solved: ClassVar[Any] = True  # whether the closed form is known, of members
 
-        @property
-        def _is_solved(self) -> Any: ...
+    def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+        """Return an equivalent problem in three dimensions, and the way back of its states."""
+        return problem, lambda states: states
 
-        def _in_plane(
-            self, problem: Problem
-        ) -> tuple[Problem, Callable[[FloatArray], FloatArray]]: ...
-
-        def _check_solved(self, function: str) -> None: ...
+    def _check_solved(self, function: str) -> None:
+        """Raise NotIntegrableError unless each member has a closed form."""
 
     def _value(self, name: str, omega: Any, eps: Any = 0.0) -> FloatArray:
         """Return the value of a formula of the map."""
@@ -138,27 +118,12 @@ class Suslov(BodyOfEquations):
 
     @public
     def __call__(self, omega: ArrayLike, /) -> FloatArray:
-        """Return the time derivative of the angular velocity, by the equations of motion.
+        """Return the rates Omega' (..., D) of angular velocities (..., D), unit omega**2.
 
-        Parameters
-        ----------
-        omega : array_like(float, shape=(..., D))
-            Angular velocities.
-
-        Returns
-        -------
-        ndarray(float, shape=(..., D))
-            Unit: omega**2.
-
-        Notes
-        -----
         Equations (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
 
-        Examples
-        --------
         >>> from suslov_fast import Suslov3D
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
-        >>> body([1.0, 0.5])
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)([1.0, 0.5])
         array([ 0.078125, -0.625   ])
         """
         return self._value("vector_field", omega)

@@ -27,7 +27,6 @@ from ..fields.terms import collected
 from ..keywords import public, public_class
 from ..maps import MAPS, Discretization
 from ..maps.orders import GAUSS, STEPS_ND
-from ..maps.problem import Problem
 from .adapted_basis import adapted
 from .body import Suslov
 from .formulas_nd import IN_ND, check_known, eigenvalues_nd, in_plane
@@ -142,13 +141,8 @@ class SuslovND(Suslov):
         """True for members with a closed form."""
         return self._reduction.steady | (self._reduction.count == 2)
 
-    def _check_solved(self, function: str) -> None:
-        """Raise NotIntegrableError unless each member has a closed form."""
-        check_known(self, function)
-
-    def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
-        """Return an equivalent problem in three dimensions, and the way back of its states."""
-        return in_plane(problem)
+    _check_solved = check_known
+    _in_plane = staticmethod(in_plane)
 
     @public
     def reduced(

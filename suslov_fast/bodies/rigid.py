@@ -5,7 +5,6 @@ Also the four examples of the paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
@@ -101,7 +100,6 @@ class Suslov3D(Suslov):
     rotation: Any = field(default=None, init=False)
 
     _positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
-    _is_solved: ClassVar[Any] = True
 
     @property
     def _constants(self) -> tuple[Any, ...]:
@@ -133,13 +131,6 @@ class Suslov3D(Suslov):
         values = [np.broadcast_to(row, (*self.shape, 3)) for row in rows]
         terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
         return Field._of_terms(terms, self._labels)
-
-    def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
-        """Return a problem in three dimensions, which needs no reduction."""
-        return problem, lambda states: states
-
-    def _check_solved(self, function: str) -> None:
-        """Raise nothing, because each body in three dimensions has a closed form."""
 
     def _without_rotor(self, function: str) -> None:
         """Raise ValueError if a body has a rotor."""

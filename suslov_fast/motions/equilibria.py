@@ -12,7 +12,7 @@ as near a regular equilibrium; at a multiple root each is half as long.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,10 +61,8 @@ class Equilibria(NamedTuple):
     status: NDArray[np.int8]
     stable: NDArray[np.bool_]
 
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            raise lacking(self, name)
+    def __getattr__(self, name: str) -> NoReturn:
+        raise lacking(self, name)
 
 
 @public

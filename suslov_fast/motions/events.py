@@ -332,7 +332,7 @@ def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray)
             before, after, later = (_surface_at(field, action.surface, y) for y in nearby)
         sizes = abs(after + before) + abs(later)
         is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
-        leaves = later * event.direction > 0.0 if event.direction else later != 0.0
+        leaves = later * action.direction > 0.0 if action.direction else later != 0.0
         if (which := is_at_rest & leaves).any():
             warn(
                 f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,10 +66,8 @@ class PeriodicOrbit(NamedTuple):
     These are all multipliers without the one of the flow, which equations that depend on time lack,
     and those of known integrals."""
 
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            raise lacking(self, name)
+    def __getattr__(self, name: str) -> NoReturn:
+        raise lacking(self, name)
 
 
 @public

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import MapOrField
-from ..checks import FloatArray, Reals, integer, wrong
+from ..checks import FloatArray, Reals, integer, one_of, wrong
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
-from ..maps.batch import BatchRun, Progress, few_after
+from ..maps.batch import BatchRun, Progress, few_after, reporter
 from ..maps.evaluation import mask_and_warn
 from ..maps.problem import check, warn_of_times
-from ..results.failures import OnSingular, report_failures
-from .trajectories import Trajectories, run_to_end
+from ..results.failures import ON_SINGULAR, OnSingular, report_failures
+from .trajectories import Trajectories
 
 
 @public
@@ -164,7 +164,27 @@ def iterate(
         problem = problem._replace(eps=np.array(problem.eps))
         warn_of_times(problem)
     batch_run = BatchRun(problem, method)
-    return run_to_end(batch_run, method, steps, save_every, on_singular, progress)
+    one_of("on_singular", on_singular, ON_SINGULAR)
+    with reporter(progress, steps) as report:
+        saved, turns = batch_run.to(steps, save_every or 0, report=report)
+    run = Trajectories._of(
+        {
+            "states": saved,
+            "eps": problem.eps,
+            "body": problem.body,
+            "map": problem.map,
+            "status": batch_run.status,
+            "failed_at": batch_run.failed_at,
+            "first_pole": batch_run.first_pole,
+            "final": batch_run.final,
+            "method": method,
+            "steps": batch_run.n,  # fewer, if `progress` ended the run
+            "save_every": save_every,
+            "attitude": turns,
+        }
+    )
+    report_failures(run, batch_run, on_singular)
+    return run
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

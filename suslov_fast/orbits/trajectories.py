@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from .. import kahan
 from ..bodies.systems import MapOrField
-from ..checks import FloatArray, one_of, wrong
+from ..checks import FloatArray, wrong
 from ..core.maps.stages import WHOLE
 from ..keywords import public
 from ..maps import Discretization
-from ..maps.batch import BatchRun, Progress, reporter
-from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from ..results.result import States, in_short, read_only
 from ..status import first_beyond
 
@@ -130,37 +128,3 @@ class Trajectories(States):
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
         states = f"states: {self.states.shape}"
         return f"Trajectories({states}, n: {steps}, {in_short(self)})"
-
-
-def run_to_end(
-    batch_run: BatchRun,
-    method: str,
-    steps: int,
-    save_every: int | None,
-    on_singular: OnSingular,
-    progress: Progress,
-) -> Trajectories:
-    """Take a batch run to state `steps`, and return its run."""
-    one_of("on_singular", on_singular, ON_SINGULAR)
-    with reporter(progress, steps) as report:
-        saved, turns = batch_run.to(steps, save_every or 0, report=report)
-    steps = batch_run.n  # fewer, if `progress` ended the run
-    problem = batch_run.problem
-    run = Trajectories._of(
-        {
-            "states": saved,
-            "eps": problem.eps,
-            "body": problem.body,
-            "map": problem.map,
-            "status": batch_run.status,
-            "failed_at": batch_run.failed_at,
-            "first_pole": batch_run.first_pole,
-            "final": batch_run.final,
-            "method": method,
-            "steps": steps,
-            "save_every": save_every,
-            "attitude": turns,
-        }
-    )
-    report_failures(run, batch_run, on_singular)
-    return run

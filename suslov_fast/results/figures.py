@@ -164,7 +164,7 @@ def _varying(points: Any) -> list[int]:
     extent = np.ptp(states, axis=0) if len(states) else np.zeros(D)
     varies = np.flatnonzero(extent > 1e-9 * extent.max(initial=0.0)).tolist()
     pairs = [(k, k + D // 2) for k in varies if k + D // 2 in varies]
-    if getattr(points.body, "K", None) is not None and pairs:
+    if pairs and D % 2 == 0 and getattr(points.body, "_is_hamiltonian", False):
         return [*pairs[0]]
     return [_TIME, 0] if D == 1 else [*varies, *({*range(D)} - {*varies})][:2]
 

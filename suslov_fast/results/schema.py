@@ -1,6 +1,6 @@
 """Columns of results: one table of each kind, from which datasets and files are made.
 
-A column of runs is a line of `RUN`, a field of `Trajectories`, which `run_to_end` sets, and an
+A column of runs is a line of `RUN`, a field of `Trajectories`, which `iterate` sets, and an
 attribute of `BatchRun`, all of the same name. `FORMAT` changes whenever files of the last release
 lack a column.
 """

@@ -47,7 +47,7 @@ ROWS = [
     ("sf.energy | sf.rotation_number", r"\.energy|\.rotation_number"),
     ("sf.vector_field", r"system\(x\)"),
     ("sf.SuslovGyrostat", r"Suslov3D\(I1, I2, I13, I23, k\)"),
-    ("sf.body_from_dict | sf.from_xy | sf.to_vector | sf.to_matrix", "from_dict|to_xy|attitude"),
+    ("sf.body_from_dict", "from_dict"),
     ("QUADRATIC.first_integral", "report"),
     ("OF_FAMILY.reaction", r"body\.reaction"),
     ("sf.from_inertia", r"Suslov3D\.from_inertia"),
@@ -111,7 +111,6 @@ ROWS = [
     ("OF_BODY.omega1", r"run\['Omega1'\]"),
     ("QUADRATIC.rho", "parameters"),
     ("QUADRATIC.integrals", r"report\(field\)"),
-    ("Field.from_nambu", "the product of two gradients"),
     # functions of users
     ("Field(lambda x: math.sin(x[0]), 'x')", r"np\.sin"),
     ("Field(lambda x: 1 if x[0] > 0 else 2, 'x')", r"np\.where"),

@@ -98,6 +98,7 @@ def test_runs_and_events_are_drawn_with_their_names():
     space = run.plot(0, 1, "px", title="in space")
     assert (space.name, space.get_zlabel(), space.get_title()) == ("3d", "$p_{x}$", "in space")
     points = sf.crossings(field, starts, "x", time=25.0)
+    assert points.plot().get_ylabel() == "$p_{y}$"  # x is 0, so y with its momentum
     dots = points.plot("time", "py").collections[0].get_offsets()
     np.testing.assert_array_equal(np.asarray(dots)[:, 0], points.time)
     with pytest.raises(ValueError, match="z"):

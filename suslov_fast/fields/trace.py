@@ -72,7 +72,7 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         how += f", or without time pass lambda x{rest}: f({x}{rest})"
         how = how if state.name in TIME or own[0].name in TIME else of_time(names)
     if by_name := TIME & {*parameters} & {*known}:
-        how = f"{by_name.pop()!r} is the name of time: give the parameter another one, as tau=2.0"
+        how = f"a constant needs another name than {by_name.pop()!r}, as tau=2.0; {how}"
     elif len(own) == 3 and own[2].name in TIME and state.name == f"d{own[0].name}":
         u, p = own[0].name, own[1].name
         field = f"Field(lambda {u}, a, b: (..., ...), names, a=1.0, b=2.0)"

@@ -244,7 +244,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_takes_no_map_says_what_does(case):
-    names = {"a field": "eps", "degree 3": "Map", "t": "Map", "eps of a step": "step"}
+    names = {
+        "a field": "eps",
+        "degree 3": "Map",
+        "t": "Map",
+        "periodic_orbit": "equilibria",
+        "eps of a step": "step",
+    }
     names |= {
         "eps of compiled": "system",
         "eps of exponents": "lyapunov",

@@ -287,7 +287,7 @@ TABLE = [
     (TypeError, "save_every", run(save_every=1.5)),
     (ValueError, "save_every", run(save_every=0)),
     (ValueError, "sel", lambda: BODY.sel(I1=4)),
-    (ValueError, "start", orbit([1.0, NAN]), orbit([1.0, 2.0, 3.0])),
+    (ValueError, "x0", orbit([1.0, NAN]), orbit([1.0, 2.0, 3.0])),
     (TypeError, "steps", exponents(time=1.0, steps=3), run(steps=10.5), run(steps=True)),
     (ValueError, "steps", run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0)),

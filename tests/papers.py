@@ -53,7 +53,7 @@ def assert_text(found):
     x = [F(2 * k + 3, 7) for k in range(found.map.dimension)]
     for f in (*found.integrals, *found.measures, *found.polynomials):
         for each in (f, f.cofactor) if f.cofactor else (f,):
-            expected = each(x, eps) if each.is_symbolic else each(x)
+            expected = each(x, eps=eps) if each.is_symbolic else each(x)
             assert by_text(each, x, found.map.names, eps=eps) == expected
             assert by_text(each**-2, x, found.map.names, eps=eps) == expected**-2
             text = each._repr_latex_()

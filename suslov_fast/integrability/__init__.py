@@ -16,13 +16,13 @@ The files, in an order in which each uses only those before it:
   Kahan maps of fields. `letters`: these with parameters as letters. `zoo`: examples.
 - `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
   `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
-  curves that they contract, and of monomial maps. `level_maps`: maps on levels of integrals, which
+  curves that they contract, and of monomial maps. `levels`: maps on levels of integrals, which
   may be maps of the plane.
 - `linear_relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.
 - `search`: all of this, task by task. `hirota_kimura`: Hirota-Kimura bases. `report`: the results
-  in one object. `levels`: the function of levels.
+  in one object.
 """
 
 from ..checks import extra
@@ -37,13 +37,12 @@ except ImportError:
 
 from .birational_maps import RationalMap
 from .darboux import cofactors
-from .darboux_generators import darboux_polynomials
+from .darboux_polynomials import darboux_polynomials
 from .degrees_of_iterates import Growth, degrees, growth
 from .entropy import Contraction, PlanarEntropy, planar_entropy
 from .hirota_kimura import HKBasis, hk_bases
 from .kahan_maps import KahanMap, kahan
-from .level_maps import Level
-from .levels import on_level
+from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral
 from .rational_functions import RationalFunction
 from .rational_maps import rational_map

@@ -49,14 +49,14 @@ def rationals(name: str, value: Any, count: int) -> Point:
     return tuple(rational(name, a) for a in given)
 
 
-def constant(name: str, value: Any, decimals: bool = True) -> Fraction:
+def constant(name: str, value: Any) -> Fraction:
     """Return a coefficient or a step size, a number or a string, as a fraction.
 
-    A float stands for the written number, 0.1 or 8/3, or without `decimals` for its binary value.
+    A float stands for the written number, 0.1 or 8/3.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
-    return as_written(exact) if decimals and isinstance(value, float) else exact
+    return as_written(exact) if isinstance(value, float) else exact
 
 
 def as_written(a: Any) -> Fraction:

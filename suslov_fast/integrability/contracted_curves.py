@@ -413,7 +413,7 @@ class _Germs:
         return False
 
     def _simplest(self, x: list[Any]) -> list[Any]:
-        """Return the multiple of a point with a coordinate in which r does not occur."""
+        """Return the multiple of a point with a coordinate that does not depend on r."""
         n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
         zeros = [self._ring.constant(0)] * n
 

@@ -170,13 +170,7 @@ class _Points(NamedTuple):
         if cofactor is None:
             return [self.map.derivative(x).det() for x in self.x]
         p = int(self.x[0][0].modulus())
-        if isinstance(cofactor, RationalFunction):
-            return cofactor.values_modulo(p, self.eps, self.x)
-        numbers = [cofactor(tuple(Fraction(int(a)) for a in x[:-1])) for x in self.x]
-        if floats := [a for a in numbers if isinstance(a, float)]:
-            how = "return integers or fractions"
-            raise TypeError(f"the cofactor returns the float {floats[0]}: {how}")
-        return [flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", a)), p) for a in numbers]
+        return cofactor.values_modulo(p, self.eps, self.x)
 
 
 @lru_cache(maxsize=32)

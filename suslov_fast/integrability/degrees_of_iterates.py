@@ -187,7 +187,7 @@ def common_series(
 
 
 def _numerator(terms: Sequence[int], Q: list[int], total: int) -> list[int]:
-    """Return the first coefficients of the product of a series and Q."""
+    """Return the coefficients of the product of a series and Q, below the power `total`."""
     return [sum(Q[j] * terms[k - j] for j in range(min(k + 1, len(Q)))) for k in range(total)]
 
 
@@ -214,7 +214,7 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int] | None:
     """Return the coefficients of a recurrence of sequences, of this order but no lower one.
 
-    None if there is none, or if they have too few terms: so many equations have to be to spare.
+    None without a recurrence, or with fewer equations than unknowns plus `spare`.
     """
     steps = len(sequences[0]) - order
     if steps < _SPARE:

@@ -151,6 +151,9 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
     ZeroDivisionError where a point or a line is special.
     """
 
+    def parameters(size: int) -> list[int]:
+        return rng.sample(range(1, 2**60), size)
+
     def point() -> list[int]:
         return [rng.randrange(1, p) for _ in range(count)]
 
@@ -169,7 +172,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
     if count == 1:  # the letter is z
         s, t = [0], [1]
     while True:
-        line = _Line(size, p, rng)
+        line = Line(parameters(size), p)
         on_line = [line.quotient(values) for values in along(t, line.z)]
         if all(on_line):
             break
@@ -180,7 +183,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
             found[i] = _with_unit(_terms(pair[0]), _terms(pair[1]), p)
         return found
     degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in on_line]
-    line = _Line(max(map(sum, degrees)) + 3, p, rng)
+    line = Line(parameters(max(map(sum, degrees)) + 3), p)
     entries = [_Entry(pair, s, p) for pair in degrees]
     points: list[list[int]] = []
     while not all(entry.parts for entry in entries):
@@ -209,19 +212,19 @@ def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
     return N, D
 
 
-class _Line:
+class Line:
     """Parameters z of points on a line, and quotients of polynomials in z by values there."""
 
-    def __init__(self, size: int, p: int, rng: random.Random) -> None:
-        self.p, self.z = p, rng.sample(range(1, 2**60), size)
-        rows = [[pow(c, k, p) for k in range(size)] for c in self.z]
+    def __init__(self, z: Sequence[int], p: int) -> None:
+        self.p, self.z = p, z
+        rows = [[pow(c, k, p) for k in range(len(z))] for c in z]
         self._from_values = flint.nmod_mat(rows, p).inv()
         self._zeros = flint.nmod_poly([1], p)
         for c in self.z:
             self._zeros *= flint.nmod_poly([-c, 1], p)
 
     def quotient(self, values: Sequence[int]) -> Any:
-        """Return N and D of least degrees with N / D at the points; None if they are too many."""
+        """Return N and D of least degrees with these values of N / D; None with too few values."""
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
         D, last_N, last_D = N * 0 + 1, self._zeros, N * 0

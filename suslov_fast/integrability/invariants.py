@@ -27,7 +27,7 @@ from . import arithmetic
 from .arithmetic import EPS
 from .birational_maps import LONGEST, RationalMap
 from .darboux import space_of
-from .kahan_maps import KahanMap, kahan
+from .kahan_maps import KahanMap
 from .pencils import count_factors, reducible_members
 from .polynomials import (
     coefficient_of,
@@ -222,7 +222,7 @@ class Invariants:
             symbolic = math.prod(factors, start=RationalFunction(()))
             map: Any = self.map
             upright = _f_or_reciprocal(replace(symbolic, basis=product.basis))
-            return _with_varying_limit(upright).subs(map.eps)
+            return _with_varying_limit(upright).subs(eps=map.eps)
         return _with_varying_limit(_f_or_reciprocal(product))
 
     def _quotients(self) -> Iterator[RationalFunction]:
@@ -325,8 +325,8 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     """Return short exponents with which products of cofactors are 1, a basis of all.
 
-    Each cofactor is a vector of its exponents: of polynomials, of coprime factors of the constant,
-    and of -1, of which only the parity counts.
+    The vector of a cofactor has the exponents of polynomials, of coprime factors of the constant,
+    and of -1. Of the last exponent only the parity counts.
     """
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
@@ -414,7 +414,7 @@ class NormalForms:
                 if rank(at_number) == rank([*space, *at_number]) == len(space):
                     texts = (str(factored(P)) for P in at_number)
                     self.invariants.symbolic_generators |= dict(zip(texts, basis, strict=True))
-                    return at_number, [f.subs(map.eps) for f in quotients(basis)]
+                    return at_number, [f.subs(eps=map.eps) for f in quotients(basis)]
         basis = normal_basis(space, _modified_energy(map))
         return basis, quotients(basis)
 
@@ -428,7 +428,7 @@ class NormalForms:
         """Return the space with a symbolic eps; None if it is not found."""
         map: Any = self.map
         if self._symbolic is None:
-            self._symbolic = kahan(map.field, decimals=map.decimals)
+            self._symbolic = map._at(None)
         if self._symbolic.cost_of_factors > LONGEST or self._symbolic.factors is None:
             return None
         cofactor = self._symbolic_cofactor(self.invariants.cofactors[value])
@@ -454,7 +454,7 @@ class NormalForms:
         if any(exponents.values()):
             return None
         symbolic = RationalFunction(tuple((P, power) for P, power in powers if power))
-        return (cofactor / symbolic.subs(eps)).constant * symbolic
+        return (cofactor / symbolic.subs(eps=eps)).constant * symbolic
 
 
 def _modified_energy(map: RationalMap) -> list[Any]:

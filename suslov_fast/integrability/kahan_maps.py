@@ -56,12 +56,12 @@ class KahanMap(RationalMap):
         field: Field,
         eps: Fraction | None,
         sign: int = 1,
-        decimals: bool = True,
+        is_exact: bool = False,
         in_letters: InLetters | None = None,
     ) -> None:
         if not isinstance(field, Field) or not isinstance(eps, Fraction | None):
             raise TypeError("field: a KahanMap is made by kahan(field, eps)")
-        self.decimals = decimals
+        self._is_exact = is_exact  # no floats in the field
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.in_letters = field.dimension, in_letters
         self.letters = ("eps",) * (eps is None) + (in_letters.letters if in_letters else ())
@@ -70,7 +70,7 @@ class KahanMap(RationalMap):
     @cached_property
     def terms(self) -> Terms:
         """The terms of the field, exact."""
-        return self.field._exact_terms(as_written if self.decimals else Fraction)
+        return self.field._exact_terms(Fraction if self._is_exact else as_written)
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -80,13 +80,10 @@ class KahanMap(RationalMap):
     def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
         """Return the map for another eps; for a symbolic one with its sign."""
         sign = sign if eps is None else 1
-        map = KahanMap(self.field, eps, sign, self.decimals, self.in_letters)
+        map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
         # These take long, and do not depend on eps.
         map.terms, map._equations = self.terms, self._equations
         return map
-
-    def _letter_of(self, named: Mapping[str, Any]) -> str:
-        return "eps"
 
     def _with(self, numbers: Mapping[str, Fraction]) -> KahanMap:
         eps = self._sign * self._all_numbers(numbers)[0]
@@ -95,7 +92,7 @@ class KahanMap(RationalMap):
         indices, rates = zip(*self.in_letters.rates.items(), strict=True)
         constants = np.array([c._with(numbers).constant for c in rates], object)
         terms = collected(np.array(indices).T, constants, self.dimension, 2)
-        return KahanMap(Field._of_terms(terms, self.field.names), eps)
+        return KahanMap(Field._of_terms(terms, self.field.names), eps, is_exact=True)
 
     def at_eps(self, values: Values) -> KahanMap:
         if self.in_letters is None:
@@ -141,7 +138,7 @@ class KahanMap(RationalMap):
         return ", ".join(rows)
 
     def __reduce__(self) -> Any:
-        return KahanMap, (self.field, self.eps, self._sign, self.decimals, self.in_letters)
+        return KahanMap, (self.field, self.eps, self._sign, self._is_exact, self.in_letters)
 
     @cached_property
     def _equations(self) -> list[Any]:
@@ -150,13 +147,9 @@ class KahanMap(RationalMap):
         Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
         # Half of a product belongs to each order of its two factors.
-        if self.in_letters:
-            terms, common = self._rates
-            doubled = [((i, j, k), (1 + (j == k)) * v) for (i, j, k), v in terms]
-            return rows_of(doubled, 2 * common, self.dimension)
-        indices, values = self.terms
-        halves = np.where(indices[1] == indices[2], values, values / 2)
-        return rows_of(*_integers(Terms(indices, halves)), self.dimension)
+        terms, common = self._rates
+        doubled = [((i, j, k), (1 + (j == k)) * v) for (i, j, k), v in terms]
+        return rows_of(doubled, 2 * common, self.dimension)
 
     @cached_property
     def _forms(self) -> list[Any]:
@@ -259,7 +252,7 @@ class KahanMap(RationalMap):
         elif self.in_letters or not self.field._is_hamiltonian:
             return self._found_hamiltonian()
         else:
-            exactly = as_written if self.decimals else Fraction
+            exactly = Fraction if self._is_exact else as_written
             terms, _ = _integers(self.field._exact_terms(exactly, of_energy=True))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
@@ -330,7 +323,7 @@ def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
 
 
 @public
-def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
+def kahan(field: Any, /, eps: Any = None) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 
     Parameters
@@ -339,10 +332,7 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
         The field to discretize, a single one.
     eps : int, Fraction, float or str, optional
         Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
-        found for the map.
-    decimals : bool, optional
-        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
-        and 8/3 is a ratio. If False, they are binary numbers.
+        found for the map. A float, also of the field, stands for the written number: 0.1 for 1/10.
 
     Returns
     -------
@@ -369,20 +359,20 @@ def kahan(field: Any, /, eps: Any = None, *, decimals: bool = True) -> KahanMap:
     if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
         how = "leave it out, kahan(field), for formulas in eps"
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
-    step = None if eps is None else constant("eps", eps, decimals)
+    step = None if eps is None else constant("eps", eps)
     if isinstance(field, Field):
-        map = KahanMap(field, step, decimals=decimals)
+        map = KahanMap(field, step)
     else:
-        map = KahanMap(exact_body(field, decimals)._field, step, decimals=False)
+        map = KahanMap(exact_body(field)._field, step, is_exact=True)
     _ = map.terms  # raises for a field that is not of degree 2
     return map
 
 
-def exact_body(body: Any, decimals: bool) -> Any:
+def exact_body(body: Any) -> Any:
     """Return a single body with its fractions, and with its floats as they were written."""
 
     def read(a: Any) -> Fraction:
-        return as_written(a) if decimals and not isinstance(a, Fraction) else Fraction(a)
+        return a if isinstance(a, Fraction) else as_written(a)
 
     exact = (
         np.vectorize(read, "O")(body._exact_parts.get(n, a))[()] for n, a in body._parts.items()

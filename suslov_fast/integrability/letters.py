@@ -29,29 +29,28 @@ def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
     return checked
 
 
-def exact_map(system: Any, eps: Any, letters: Any, decimals: bool = True) -> RationalMap:
+def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
     """Return a `Map` as a rational map, or the Kahan map of a field or a body."""
     if isinstance(system, Map):
-        return rational_map(system, letters=letters, decimals=decimals)
+        return rational_map(system, letters=letters)
     if letters is None:
-        return kahan(system, eps, decimals=decimals)
-    return kahan_with_letters(system, letters, decimals)
+        return kahan(system, eps)
+    return kahan_with_letters(system, letters)
 
 
-def kahan_with_letters(system: Any, letters: Any, decimals: bool = True) -> KahanMap:
+def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
     """Return the Kahan map of a field or a body with letters, the first of which is eps."""
     names = checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
-    in_letters = InLetters(names, *_coefficients(system, symbols, decimals))
-    return KahanMap(system._field, None, decimals=decimals, in_letters=in_letters)
+    in_letters = InLetters(names, *_coefficients(system, symbols))
+    return KahanMap(system._field, None, in_letters=in_letters)
 
 
-def _coefficients(system: Body, symbols: Mapping[str, Any], decimals: bool) -> tuple[Any, Any]:
+def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return the coefficients of f, and of H or None, with symbols for some parameters."""
-    exactly = as_written if decimals else Fraction
     if not isinstance(system, Field):
-        parts = {**exact_body(system, decimals)._parts, **symbols}
+        parts = {**exact_body(system)._parts, **symbols}
         terms = system._of(parts)._field._own_terms
         return {place: _function(c) for place, c in terms.members()}, None
     equations = system._equations
@@ -59,7 +58,7 @@ def _coefficients(system: Body, symbols: Mapping[str, Any], decimals: bool) -> t
     def number(a: Any) -> RationalFunction:
         if isinstance(a, RationalFunction):
             return a
-        return _function(equations.ratios[a] if a in equations.ratios else exactly(a))
+        return _function(equations.ratios[a] if a in equations.ratios else as_written(a))
 
     values = [symbols.get(name, a) for name, a in system.parameters.items()]
 

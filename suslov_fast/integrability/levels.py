@@ -1,20 +1,76 @@
-"""`on_level`: a map on a level of given integrals, or of the integrals of its report."""
+"""A map restricted to a level of its first integrals, as a birational map of the plane.
+
+Two rules make coordinates of a level: an integral of degree 1 in a variable is solved for it, and
+one quadric in three variables is projected from one of its points. Polynomials are in the letter
+and x1, ..., xD, or x1 and x2, also if no letter occurs; points are homogeneous, (x1, ..., xD, 1)
+times a polynomial in the letter.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, NamedTuple
 
+from ..checks import short, wrong
 from ..fields.base import Body
+from ..fields.names import labels
 from ..keywords import public
-from .birational_maps import RationalMap
+from . import arithmetic
+from .arithmetic import EPS
+from .birational_maps import RationalMap, check_one_letter
 from .letters import checked_map
-from .level_maps import Level, level_of
-from .report import report
+from .polynomials import (
+    coefficients_in,
+    coprime,
+    degree_of,
+    homogenized,
+    irreducible_factors,
+    letters_in,
+    modulo,
+    polynomial_ring,
+    value_at,
+    variables_of,
+)
+from .rational_functions import (
+    IDENTITY,
+    RationalFunction,
+    as_function,
+    check_letter,
+    factored,
+    function_by,
+    independent,
+    over_common_denominator,
+    without_constant,
+)
+
+_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but one
+_WIDTH = 60  # characters of a polynomial in the text
+
+
+@dataclass(frozen=True, repr=False)
+class Level:
+    """A map on a level of its integrals, as `on_level` returns it.
+
+    `map` is the birational map of two coordinates of the level, x1 and x2. `chart` has these as
+    functions of the variables, and `embedding` the variables as functions of the coordinates. `how`
+    says which level it is, and which rule made the coordinates.
+    """
+
+    map: RationalMap
+    chart: tuple[RationalFunction, ...]
+    embedding: tuple[RationalFunction, ...]
+    how: str
+
+    def __repr__(self) -> str:
+        return f"Level({self.how})"
 
 
 @public
 def on_level(
-    map: RationalMap | Body, integrals: Any = None, *, point: Any = None, letter: str = "h"
+    map: RationalMap | Body, integrals: Any, *, point: Any = None, letter: str = "h"
 ) -> Level:
     """Restrict a map of D variables to a level of D - 2 first integrals.
 
@@ -27,9 +83,9 @@ def on_level(
     map : KahanMap or RationalMap
         A birational map of three variables or more, with an inverse. If eps or another letter is
         symbolic, it stays so, and `point` is needed.
-    integrals : sequence of RationalFunction or callable, optional
+    integrals : sequence of RationalFunction or callable
         D - 2 independent first integrals, such as those of a report; a callable takes the tuple of
-        variables. By default the first ones that ``report(map)`` finds.
+        variables.
     point : sequence of D rational numbers, optional
         The level is that through this point. By default a letter stands for the value of the
         integral, or for a coordinate of a point of the level, so that the level is the generic one
@@ -61,6 +117,278 @@ def on_level(
     (2, 0.0)
     """
     map = checked_map(map)
-    if integrals is None:
-        integrals = report(map).integrals[: map.dimension - 2]
     return level_of(map, integrals, point, letter)
+
+
+def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
+    """Return the level of integrals through a point, or the generic one, as `on_level`."""
+    D = map.dimension
+    if D < 3 or not map.inverse or not map.is_invertible:
+        raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
+    if map.is_symbolic and point is None:
+        raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)
+    check_one_letter(map)
+    check_letter(letter, (*labels(D), *(map.names or ())))
+    equations = _Equations(map, integrals, map.letter or letter * (point is None))
+    if point is not None:
+        x = arithmetic.rationals("point", point, D)
+        scale = math.lcm(*(a.denominator for a in x))
+        start = [equations.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
+        return equations.through(start, f"through ({', '.join([str(a) for a in x])})")
+    return equations.by_value() or equations.through(*equations.generic_point())
+
+
+class _Solved(NamedTuple):
+    """The equations of a level after some variables are eliminated."""
+
+    steps: list[tuple[int, Any, Any]]  # a variable, and numerator and denominator of its value
+    left: list[Any]  # equations
+    variables: list[int]  # that they may contain
+
+
+class _Equations:
+    """The equations of the levels of integrals P / Q of a map."""
+
+    def __init__(self, map: RationalMap, integrals: Any, letter: str) -> None:
+        self.map, self.letter, D = map, letter, map.dimension
+        self.D = D
+        self.ring, self.plane = polynomial_ring(D, True), polynomial_ring(2, True)
+        self.parts = [self._numerator_and_denominator(f) for f in integrals]
+        functions = [factored(P) / factored(Q) for P, Q in self.parts]
+        shown = (without_constant(f).renamed(map.names or labels(D), letter) for f in functions)
+        self.text = "; ".join(f.text(_WIDTH) for f in shown)
+        if len(functions) != D - 2 or len(independent(functions, map.prime)) < D - 2:
+            raise wrong("integrals", f"{D - 2} independent ones", self.text or "none")
+        self.forward, self.backward = (
+            [_in_ring(F, self.ring) for F in forms] for forms in (map.forms, map.inverse.forms)
+        )
+        for given, (P, Q) in zip(integrals, self.parts, strict=True):
+            if getattr(given, "basis", "") != IDENTITY and not self._is_conserved(P, Q):
+                raise wrong("integrals", "conserved by the map", factored(P) / factored(Q))
+
+    def _numerator_and_denominator(self, f: Any) -> tuple[Any, Any]:
+        if not isinstance(f, RationalFunction):
+            if not callable(f):
+                raise wrong("integrals", "functions of the variables", short(f), TypeError)
+            symbols = map(factored, self.map.variables[:-1])
+            f = function_by("integrals", f, symbols)
+        P, Q = f.as_quotient(None if f.factors else self.map.ring)
+        if letters_in(P) and not self.map.is_symbolic:
+            eps, letter = getattr(self.map, "eps", None), f.letter
+            number = f"Fraction({str(eps or '1/3').replace('/', ', ')})"
+            has = "" if eps is None else f", and the map has {letter} = {eps}"
+            how = f"pass F.subs({letter}={number}) in place of F"
+            received = f"{short(f)}, in which {letter} is a letter{has}: {how}"
+            raise wrong("integrals", "functions of the variables alone", received)
+        if variables_of(P) != self.D:
+            raise wrong("integrals", f"functions of {self.D} variables", short(f))
+        return _in_ring(P, self.ring), _in_ring(Q, self.ring)
+
+    def _is_conserved(self, P: Any, Q: Any) -> bool:
+        degree = max(degree_of(P), degree_of(Q))
+        after, below = (homogenized(R, degree, self.forward, self.ring) for R in (P, Q))
+        return bool(after * Q == below * P)
+
+    # Which level.
+
+    def by_value(self) -> Level | None:
+        """Return the level on which the integral is the letter; None if it cannot be solved so."""
+        if self.D > 3:
+            return None
+        ((P, Q),) = self.parts
+        solved = _solved([P - self.ring.gens()[0] * Q], [*range(self.D)], None)
+        return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
+
+    def generic_point(self) -> tuple[list[Any], str]:
+        """Return a point with the letter as a coordinate, which gives the simplest values."""
+        found = []
+        for j in range(self.D):
+            x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]
+            x.insert(j, self.ring.gens()[0])
+            x[-1] = self.ring.constant(1)
+            values = [coprime(self._values(P, Q, x)) for P, Q in self.parts]
+            degrees = [max(int(a.total_degree()) for a in pair) for pair in values]
+            if all(any(pair) for pair in values) and any(degrees):
+                found.append((sum(degrees), j, x))
+        if not found:
+            raise ArithmeticError(f"the points tried are on no level of {self.text}")
+        _, j, x = min(found, key=lambda each: each[:2])
+        names = [str(a) for a in x[:-1]]
+        names[j] = self.letter
+        return x, f"through ({', '.join(names)})"
+
+    def _values(self, P: Any, Q: Any, x: Sequence[Any]) -> list[Any]:
+        """Return the numerator and denominator of an integral at a point."""
+        degree = max(degree_of(P), degree_of(Q))
+        return [homogenized(R, degree, x, self.ring) for R in (P, Q)]
+
+    def through(self, x: list[Any], where: str) -> Level:
+        """Return the level through a point."""
+        equations = []
+        for P, Q in self.parts:
+            value, below = self._values(P, Q, x)
+            if value == below == 0:
+                raise wrong("point", f"one at which {self.text} has a value", where)
+            equations.append(_component(below * P - value * Q, x))
+        return self._made(_solved(equations, [*range(self.D)], x), x, f"{self.text} {where}")
+
+    # Coordinates.
+
+    def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
+        """Return the level with its equations solved, by a quadric if one is left."""
+        names = self.map.names or labels(self.D)
+        how = (
+            [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []
+        )
+        degrees, kept = [degree_of(P) for P in solved.left], solved.variables
+        if not degrees:
+            on_it = [*self.plane.gens()[1:], self.plane.constant(1)]
+            chart = [*(self.ring.gens()[1 + k] for k in kept), self.ring.constant(1)]
+        elif x is not None and len(kept) == 3 and degrees == [2]:
+            on_it = self._on_quadric(_of_variables(solved.left[0], kept), [*kept, -1], x)
+            chart = [x[-1] * self.ring.gens()[1 + k] - x[k] for k in kept]
+            how.append("projected from this point")
+        else:
+            of_degrees = f"{', '.join(map(str, degrees))} in {', '.join(names[k] for k in kept)}"
+            expected = "such that variables can be eliminated up to one quadric in three of them"
+            raise wrong("integrals", expected, f"with equations left of degree {of_degrees}")
+        values = dict(zip(kept, map(factored, on_it), strict=False))
+        values = {k: f / factored(on_it[-1]) for k, f in values.items()}
+        for k, *parts in reversed(solved.steps):
+            known = [values.get(j, as_function(0)) for j in range(self.D)]
+            point = over_common_denominator(known, self.plane)
+            degree = max(map(degree_of, parts))
+            P, Q = (homogenized(R, degree, point, self.plane) for R in parts)
+            values[k] = factored(P) / factored(Q)
+        embedding = over_common_denominator([values[k] for k in range(self.D)], self.plane)
+        return self._level(embedding, chart, "; ".join([text, *how]))
+
+    def _on_quadric(self, quadric: Any, places: list[int], x: list[Any]) -> list[Any]:
+        """Return the point of a quadric on the line through x with the direction (x1, x2, 1)."""
+        u, v = self.plane.gens()[1:]
+        start = [self.plane.from_dict({(e[0], 0, 0): c for e, c in x[k].terms()}) for k in places]
+        d = [u, v, self.plane.constant(1), self.plane.constant(0)]
+        # It meets x + s d at s = -b / a.
+        a = homogenized(quadric, 2, d, self.plane)
+        ends = [p + e for p, e in zip(start, d, strict=True)]
+        b = homogenized(quadric, 2, ends, self.plane) - a
+        if b == 0:
+            raise wrong("point", "a regular one of its level", "the vertex of a cone")
+        return [a * p - b * e for p, e in zip(start, d, strict=True)]
+
+    def _level(self, embedding: list[Any], chart: list[Any], how: str) -> Level:
+        maps = []
+        for forms in (self.forward, self.backward):
+            degree = max(map(degree_of, forms))
+            image = coprime([homogenized(F, degree, embedding, self.plane) for F in forms])
+            image = coprime([homogenized(C, 1, image, self.plane) for C in chart])
+            maps.append([self._without_letter(P) for P in image])
+        forward, backward = maps
+        if forward[-1] == 0 or backward[-1] == 0:
+            raise ArithmeticError(f"the map takes the level {how} to poles of the coordinates")
+        letters = (self.letter,) * bool(self.letter)
+        inverse = RationalMap(backward, RationalMap(forward, None, letters), letters)
+        found = RationalMap(forward, inverse, letters)
+        self._check(found, embedding, chart, how)
+        names = self.map.names or labels(self.D)
+        functions = (self._functions(chart, names), self._functions(embedding, labels(2)))
+        return Level(found, *functions, how)
+
+    def _without_letter(self, P: Any) -> Any:
+        """Return a polynomial in the ring of results, which has no letter if none is symbolic."""
+        n = variables_of(P)
+        terms = {(*e,) if self.letter else (*e[1:],): c for e, c in P.terms()}
+        return polynomial_ring(n, bool(self.letter)).from_dict(terms)
+
+    def _functions(self, forms: list[Any], names: Sequence[str]) -> tuple[RationalFunction, ...]:
+        *numerators, denominator = (factored(self._without_letter(P)) for P in forms)
+        return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
+
+    def _check(self, found: RationalMap, embedding: list[Any], chart: list[Any], how: str) -> None:
+        """Raise an error unless the map of a level agrees with the map, modulo a prime."""
+        p, at_number, whole = found.prime, found.at_eps(EPS), self.map.at_eps(EPS)
+        point = arithmetic.random_point(2, p)
+
+        def values(forms: list[Any], x: Sequence[Any]) -> list[Any]:
+            *y, below = (value_at(modulo(P, p, EPS), x) for P in forms)
+            return [*(a / below for a in y), below**0]
+
+        returns = is_image = is_exchanged = False
+        try:
+            start = values(embedding, point)
+            twice = whole.image(whole.image(start))
+            is_exchanged = values(embedding, values(chart, twice)) == twice
+            image = at_number.image(point)
+            returns = [*at_number.inverse.image(image)] == [*point]
+            is_image = values(embedding, image) == whole.image(start)
+        except ZeroDivisionError:
+            pass
+        if returns and is_image:
+            return
+        text = f"the map does not take the level {how} to itself, one to one"
+        if is_exchanged:
+            text += (
+                ", but to another component, and back: for J**2 pass J, with the second iterate, "
+                "map**2"
+            )
+        raise ArithmeticError(text)
+
+
+def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
+    """Return the equations after as many as possible are solved for variables.
+
+    Of several components of a level that is left, that through the point x counts.
+    """
+    best = _Solved([], equations, variables)
+    candidates = []
+    for P in equations:
+        for k in variables:
+            parts = coefficients_in(P, 1 + k)
+            if len(parts) == 2 and (x is None or _at(parts[1], x) != 0):
+                sizes = [(degree_of(R), len(R)) for R in reversed(parts)]
+                candidates.append((sizes, k, P, parts))
+    for _, k, P, (B, A) in sorted(candidates, key=lambda each: each[:2]):
+        others = [_substituted(Q, k, -B, A) for Q in equations if Q is not P]
+        if x is not None:
+            others = [_component(Q, x) for Q in others]
+        found = _solved(others, [j for j in variables if j != k], x)
+        if len(found.left) < len(best.left):
+            best = found._replace(steps=[(k, -B, A), *found.steps])
+        if not best.left:
+            break
+    return best
+
+
+def _substituted(P: Any, k: int, numerator: Any, denominator: Any) -> Any:
+    """Return the numerator of a polynomial at a value of a variable."""
+    parts = coefficients_in(P, 1 + k)
+    n = len(parts) - 1
+    powers = (c * numerator**j * denominator ** (n - j) for j, c in enumerate(parts))
+    return sum(powers, P.context().constant(0))
+
+
+def _at(P: Any, x: list[Any]) -> Any:
+    """Return the value of a polynomial at a point, times a power of its last coordinate."""
+    return homogenized(P, degree_of(P), x, P.context())
+
+
+def _component(P: Any, x: list[Any]) -> Any:
+    """Return the irreducible factor of a polynomial that is 0 at a point."""
+    factors = [f for f, _ in irreducible_factors(P) if degree_of(f)] if P != 0 else []
+    through = [f for f in factors if _at(f, x) == 0]
+    if len(through) != 1:
+        where = "where its components meet" if through else "where the integrals depend"
+        raise wrong("point", "a regular one of its level", f"one {where}")
+    return through[0]
+
+
+def _of_variables(P: Any, places: list[int]) -> Any:
+    """Return a polynomial in some of the variables as one in these alone."""
+    terms = {(e[0], *(e[1 + k] for k in places)): c for e, c in P.terms()}
+    return polynomial_ring(len(places), True).from_dict(terms)
+
+
+def _in_ring(P: Any, ring: Any) -> Any:
+    """Return a polynomial in a ring with a letter, which it may have or not."""
+    first = () if letters_in(P) else (0,)
+    return ring.from_dict({(*first, *e): c for e, c in P.terms()})

@@ -25,7 +25,7 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, Residues, Values
 from .birational_maps import RationalMap
-from .interpolation import over_rationals
+from .interpolation import Line, over_rationals
 from .polynomials import (
     Exponents,
     Polynomials,
@@ -160,9 +160,9 @@ class ImplicitIntegral:
     basis: str = MODULAR
 
     @public
-    def __call__(self, x: Sequence[Any], *value: Any, **named: Any) -> Fraction:
+    def __call__(self, x: Sequence[Any], **values: Any) -> Fraction:
         """Return the value at a point; if eps is symbolic, at a value of eps."""
-        map = self.map.subs(*value, **named) if self.map.is_symbolic else self.map
+        map = self.map.subs(**values) if self.map.is_symbolic else self.map
         point = (*arithmetic.rationals("x", x, map.dimension), Fraction(1))
         return arithmetic.fraction(self.value(map, [arithmetic.fmpq(a) for a in point]))
 
@@ -246,7 +246,7 @@ class _RelationsOnLine:
         self.columns = [[self.monomials.index(e) for e in circuit] for circuit in circuits]
         a, b = (arithmetic.random_point(map.dimension, self.p, rng)[:-1] for _ in range(2))
         self.line = list(zip(a, b, strict=True))  # a + b t
-        self.parameters: list[Any] = []
+        self.parameters: list[int] = []
         self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
 
     def extend(self, count: int) -> None:
@@ -258,33 +258,16 @@ class _RelationsOnLine:
             values = monomials_along(self.map, self.monomials, x, length).tolist()
             matrices = ([[row[k] for k in columns] for row in values] for columns in self.columns)
             spaces = [arithmetic.null_space(flint.nmod_mat(rows, p)) for rows in matrices]
-            self.parameters.append(t)
+            self.parameters.append(int(t))
             self.coefficients.append([space[0] for space in spaces])
-        powers = [[t**k for k in range(count)] for t in self.parameters]
-        self._from_values = flint.nmod_mat(powers, p).inv()  # to coefficients of polynomials
-        self._zeros = flint.nmod_poly([1], p)  # product of all t - t_k
-        for t in self.parameters:
-            self._zeros *= flint.nmod_poly([-t, 1], p)
+        self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of the quotient of two coefficients; None if more points are needed.
-
-        A quotient N / D of polynomials in the parameter is determined by deg N + deg D + 1 points;
-        two more must agree with it.
-        """
-        p, coefficients = self.p, [of_point[circuit] for of_point in self.coefficients]
-        quotients = [[flint.nmod(c[numerator], p) / c[denominator]] for c in coefficients]
-        interpolating = (self._from_values * flint.nmod_mat(quotients, p)).entries()
-        count = len(quotients)
-        # Euclid's algorithm keeps N = D times the interpolating polynomial, modulo the zeros.
-        N, last_N = flint.nmod_poly(interpolating, p), self._zeros
-        D, last_D = flint.nmod_poly([1], p), flint.nmod_poly([0], p)
-        while N.degree() > (count - 1) // 2:
-            quotient = last_N // N
-            N, last_N = last_N - quotient * N, N
-            D, last_D = last_D - quotient * D, D
-        degrees = max(0, N.degree()), D.degree()
-        return max(degrees) if sum(degrees) <= count - 3 else None
+        """Return the degree of the quotient of two coefficients; None if more points are needed."""
+        coefficients = [of_point[circuit] for of_point in self.coefficients]
+        values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
+        pair = self._quotients.quotient(values)
+        return pair and max(0, *(int(P.degree()) for P in pair))
 
 
 @lru_cache(maxsize=1024)

@@ -53,6 +53,7 @@ class WithLetters:
 
     letters: Any  # their names
     _with: Any  # the method that returns the same for numbers in place of letters
+    _may_lack_letters = False  # True for functions, which may be constant in a letter
 
     @property
     def letter(self) -> str:
@@ -65,15 +66,14 @@ class WithLetters:
         return bool(self.letters)
 
     @public
-    def subs(self: L, *value: Any, **named: Any) -> L:
+    def subs(self: L, **values: Any) -> L:
         """Return the map or function for values of eps, or of other letters.
 
         Parameters
         ----------
-        *value, **named : int, Fraction, float or str
-            Values by the names of letters, as in ``subs(eps=1)``, for a function of some of them; a
-            single letter needs no name. A float is the decimal that was written, a string may be
-            "1/3".
+        **values : int, Fraction, float or str
+            Values by the names of letters, for a function of some of them. A float is the decimal
+            that was written, a string may be "1/3".
 
         Returns
         -------
@@ -92,23 +92,16 @@ class WithLetters:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        return self._with(self._numbers_for(value, named))
+        return self._with(self._numbers_for(values))
 
-    def _numbers_for(self, value: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Fraction]:
-        """Return the numbers that a call gives for letters, for some of several."""
-        if len(self.letters) < 2:
-            letter = self._letter_of(named)
-            return {letter: value_of(letter, value, named)}
-        if value or not named or {*named} - {*self.letters}:
-            got = ", ".join([*map(short, value), *named]) or "none"
-            raise TypeError(f"letters: pass some of {', '.join(self.letters)} by name, not {got}")
-        return {name: arithmetic.constant(name, a) for name, a in named.items()}
-
-    def _letter_of(self, named: Mapping[str, Any]) -> str:
-        """Return the letter that a value, which may have its name, is for."""
-        if not self.letters:
+    def _numbers_for(self, values: Mapping[str, Any]) -> dict[str, Fraction]:
+        """Return the numbers that a call gives for letters."""
+        if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
-        return self.letter
+        if self.letters and (not values or {*values} - {*self.letters}):
+            how = f"pass numbers by name, as {self.letters[0]}=Fraction(1, 3)"
+            raise TypeError(f"{', '.join(self.letters)}: {how}, not {', '.join(values) or 'none'}")
+        return {name: arithmetic.constant(name, a) for name, a in values.items()}
 
     def _all_numbers(self, numbers: Mapping[str, Fraction]) -> list[Fraction]:
         """Return the numbers of all letters, in their order."""
@@ -134,20 +127,21 @@ class RationalFunction(WithLetters):
     constant: Fraction = Fraction(1)
     basis: str = ""
     cofactor: RationalFunction | None = None
+    _may_lack_letters = True
 
     @public
-    def __call__(self, x: Any, *value: Any, **named: Any) -> Any:
+    def __call__(self, x: Any, **values: Any) -> Any:
         """Return the value at a point as a fraction, or at states (..., n, D) as floats.
 
-        A function with a symbolic eps, or with letters, needs their values.
+        A function with a symbolic eps, or with letters, needs their values, by name.
         """
-        point = self._all_numbers(self._numbers_for(value, named)) if self.letters else []
+        point = self._all_numbers(self._numbers_for(values)) if self.letters else []
         if np.ndim(x) > 1:
             return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
         if self.factors:
             point += arithmetic.rationals("x", x, variables_of(self.factors[0][0]))
-        values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
-        return math.prod(values, start=self.constant)
+        powers = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
+        return math.prod(powers, start=self.constant)
 
     def _in_floats(self, x: FloatArray, letter: list[float]) -> FloatArray:
         """Return the values (...) at states (..., D)."""
@@ -169,9 +163,6 @@ class RationalFunction(WithLetters):
     def letters(self) -> tuple[str, ...]:
         """The names of the symbols in the coefficients, such as eps."""
         return tuple(map(decoded, letters_of(self._ring))) if self.factors else ()
-
-    def _letter_of(self, named: Mapping[str, Any]) -> str:
-        return self.letter or next(iter(named), "eps")  # a constant has none, and needs none
 
     def _with(self, values: Mapping[str, Fraction]) -> RationalFunction:
         numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
@@ -363,17 +354,6 @@ def check_letter(letter: Any, names: Sequence[str]) -> None:
         raise wrong("letter", "a name that no variable has, such as h", short(letter))
 
 
-def value_of(letter: str, value: Sequence[Any], named: Mapping[str, Any]) -> Fraction:
-    """Return the number that a call gives for a letter, by its name or without one."""
-    if (len(value), {*named}) not in ((1, set()), (0, {letter})):
-        how = f"pass a number for it, {letter}=Fraction(1, 3) for example"
-        if len(value) > 1 - len(named):
-            how += ", and one point x, as F([1, 2], ...)"
-        got = ", ".join([*map(short, value), *named])
-        raise TypeError(f"{letter} is symbolic here: {how}" + f", not {got}" * bool(got))
-    return arithmetic.constant(letter, *value, *named.values())
-
-
 def function_by(name: str, f: Any, symbols: Any) -> RationalFunction:
     """Return the quotient of polynomials that a function returns for symbols."""
     must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
@@ -426,7 +406,7 @@ def product_of(
 def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
     """Return the rational roots of a polynomial, numbers or functions of letters in a ring.
 
-    Its coefficients, lowest first, are a row that `over_rationals` returns.
+    The coefficients, lowest first, are a row of the result of `over_rationals`.
     """
     letters = letters_of(ring)
     powers = tuple((k,) for k in range(len(coefficients)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,7 @@ _POINTS = 3  # at which an inverse is checked
 
 
 @public
-def rational_map(
-    map: Map, inverse: Map | None = None, *, letters: Any = None, decimals: bool = True
-) -> RationalMap:
+def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -> RationalMap:
     """Return a `Map` as a rational map, exact, with its inverse or with letters.
 
     The other functions of this module take a :class:`suslov_fast.Map` itself, without an inverse.
@@ -46,8 +43,6 @@ def rational_map(
     letters : str or sequence of str, optional
         Names of parameters of both maps that stay symbols, ``"a b"``. What is found then holds for
         general values, and `subs` sets them.
-    decimals : bool, optional
-        As in :func:`report`.
 
     Returns
     -------
@@ -77,11 +72,11 @@ def rational_map(
     (2, a + 2)
     """
     names = () if letters is None else checked_letters(map, letters)
-    forms = _forms("map", map, names, decimals)
+    forms = _forms("map", map, names)
     own = map.names if map.names != labels(map.dimension) else None
     if inverse is None:
         return RationalMap(forms, None, names, own)
-    backward = _forms("inverse", inverse, names, decimals)
+    backward = _forms("inverse", inverse, names)
     back = RationalMap(backward, RationalMap(forms, None, names, own), names, own)
     found = RationalMap(forms, back, names, own)
     if len(backward) != len(forms) or not _takes_images_back(found):
@@ -110,10 +105,10 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _forms(name: str, map: Any, letters: Sequence[str], decimals: bool) -> list[Any]:
+def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
     """Return the polynomials F_1, ..., F_D, F_0 of a map, from its list of operations.
 
-    Floats are what was written, or with `decimals` False binary numbers.
+    A float stands for the written number.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"
@@ -126,13 +121,13 @@ def _forms(name: str, map: Any, letters: Sequence[str], decimals: bool) -> list[
     values: dict[Any, Any] = dict(enumerate(symbols[len(letters) :]))
     for k, (parameter, a) in enumerate(map.parameters.items(), map.dimension):
         known = named.get(parameter)
-        values[k] = as_function(constant(parameter, a, decimals)) if known is None else known
-    equations, exactly = map._equations, as_written if decimals else Fraction
+        values[k] = as_function(constant(parameter, a)) if known is None else known
+    equations = map._equations
 
     def value(a: Any) -> Any:
         if type(a) is not float:
             return values[a]
-        return as_function(equations.ratios.get(a) or exactly(a))
+        return as_function(equations.ratios.get(a) or as_written(a))
 
     for rule, place, operands in equations.values.operations:
         if rule not in _RULES:

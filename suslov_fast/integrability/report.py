@@ -22,7 +22,7 @@ from .entropy import PlanarEntropy
 from .interpolation import SEARCHES, Watch, watch
 from .kahan_maps import KahanMap
 from .letters import exact_map
-from .level_maps import Level
+from .levels import Level
 from .linear_relations import ImplicitIntegral, count_relations
 from .polynomials import exponents_up_to
 from .rational_functions import IDENTITY, MODULAR, RationalFunction
@@ -263,7 +263,6 @@ def report(
     degree: int = 3,
     eps: Any = None,
     letters: Any = None,
-    decimals: bool = True,
     progress: Any = None,
 ) -> Report:
     """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
@@ -285,9 +284,6 @@ def report(
         Names of parameters of a system that stay symbols, ``"a b"``, beside eps. Formulas hold for
         all their values, and so do degrees and numbers of integrals, except at special values. If
         the values in `system` are such, a note tells how many integrals they have.
-    decimals : bool, optional
-        If True, the default, floats of a body, a field or eps are what was written: 0.1 is 1/10,
-        and 8/3 is a ratio. If False, they are binary numbers.
     progress : bool or callable, optional
         True prints the time, kind and degree of each part of the search to the standard error, and
         how many sets of numbers in place of letters are done. A function is called as
@@ -333,7 +329,7 @@ def report(
     degree = integer("degree", degree, 1)
     if eps is not None and letters is not None:
         raise wrong("eps", "left out beside letters", eps)
-    map, notes = _map_of(system, eps, decimals, letters)
+    map, notes = _map_of(system, eps, letters)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
@@ -350,7 +346,7 @@ def report(
             watched.tell()
         facts.fill(found)
         if letters is not None:
-            notes += _special_values(system, facts, decimals)
+            notes += _special_values(system, facts)
         if not facts.is_complete:
             notes += watched.left_out
     except _Stopped:
@@ -413,12 +409,12 @@ class _Stopped(BaseException):
     """A report ends, because `progress` returned False."""
 
 
-def _special_values(system: Any, facts: Search, decimals: bool) -> list[str]:
+def _special_values(system: Any, facts: Search) -> list[str]:
     """Return a note if there are more integrals at the values of a system than for letters."""
     degree = facts.queue.finished().get("relations", 0)
     exponents = exponents_up_to(degree, facts.map.dimension)
     try:
-        special = count_relations(exact_map(system, None, None, decimals), exponents).integrals
+        special = count_relations(exact_map(system, None, None), exponents).integrals
     except ArithmeticError:  # there is no map at these values
         return []
     if special <= (facts.relations or 0):
@@ -431,7 +427,7 @@ def _special_values(system: Any, facts: Search, decimals: bool) -> list[str]:
     ]
 
 
-def _map_of(field: Any, eps: Any, decimals: bool, letters: Any) -> tuple[RationalMap, list[str]]:
+def _map_of(field: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:
     """Return the map of the arguments of a report, and notes on them."""
     if isinstance(field, RationalMap | Map) and eps is not None:
         raise wrong("eps", "left out, because a map has its own", eps)
@@ -439,11 +435,11 @@ def _map_of(field: Any, eps: Any, decimals: bool, letters: Any) -> tuple[Rationa
         return field, [] if field.inverse else [_NO_INVERSE]
     if letters is not None or isinstance(field, Map):
         no_inverse = [_NO_INVERSE] * isinstance(field, Map)
-        return exact_map(field, eps, letters, decimals), no_inverse
+        return exact_map(field, eps, letters), no_inverse
     if callable(field) and not isinstance(field, Body):
         how = "Field(f, names) of equations, or Map(f, names) of a map"
         raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
-    map, notes = exact_map(field, eps, None, decimals), []
+    map, notes = exact_map(field, eps, None), []
     if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
     return map, notes

@@ -21,7 +21,7 @@ from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
 from .invariants import Invariants, NormalForms
 from .kahan_maps import KahanMap
-from .level_maps import Level, level_of
+from .levels import Level, level_of
 from .linear_relations import (
     ImplicitIntegral,
     count_relations,

@@ -41,7 +41,8 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
     at = ""
     if plane.symbolic:  # an orbit that never ends for one number does not for a general one
         line = primitive(*cleared(modulo(plane.curves[number], 0, [fmpq(_NUMBER)])))
-        plane, at = Plane(plane.map.subs(_NUMBER)), f" at {plane.map.letter} = {_NUMBER}"
+        at = f" at {plane.map.letter} = {_NUMBER}"
+        plane = Plane(plane.map.subs(**{plane.map.letter: _NUMBER}))
         if line not in plane.curves:
             return ""
         number = plane.curves.index(line)
@@ -84,7 +85,8 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 def points_of_line(plane: Plane, number: int, most: int = POINTS) -> list[tuple[int, ...]]:
     """Return the points to which a line with rational coefficients goes, one after the other.
 
-    At most so many; they may be repeated. Other curves, and a symbolic eps, have none.
+    There are at most `most` points, and points may be equal. The result is empty for other curves,
+    and for a symbolic eps.
     """
     points: list[tuple[int, ...]] = []
     if plane.symbolic or plane.degrees[number] != 1:

@@ -162,7 +162,7 @@ def test_symbolic_eps():
     formula = written_out(symbolic[1])
     assert "eps" in str(formula)
     y = step(field, eps, x)
-    assert formula(x, eps) == formula(y, eps)
+    assert formula(x, eps=eps) == formula(y, eps=eps)
 
 
 def test_points_without_a_value():

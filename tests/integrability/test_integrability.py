@@ -116,9 +116,9 @@ def test_the_map_its_inverse_and_its_derivative(n):
     assert map.inverse(image) == tuple(x)
     assert_derivative(map, x)
     symbolic = kahan(field)
-    assert tuple(f.subs(eps)([]) for f in symbolic(x)) == image
-    assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
-    assert symbolic.inverse.subs(eps) == map.inverse != symbolic.subs(eps)
+    assert tuple(f.subs(eps=eps)([]) for f in symbolic(x)) == image
+    assert symbolic.subs(eps=eps) == map == pickle.loads(pickle.dumps(map))
+    assert symbolic.inverse.subs(eps=eps) == map.inverse != symbolic.subs(eps=eps)
     assert pickle.loads(pickle.dumps(symbolic.inverse)).inverse == symbolic != symbolic.inverse
 
 
@@ -138,18 +138,19 @@ def test_a_letter_in_the_coefficients(letter):
     assert (found.special_eps, found.planar.proved) == ((0, 2), True)
     assert f"at {letter} = 0, 2." in repr(found)
     at_number = map.subs(**{letter: value})
-    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs("5/3")((1, 2))
+    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs(**{letter: "5/3"})((1, 2))
     assert tuple(f.subs(**{letter: value})([]) for f in map((1, 2))) == at_number((1, 2))
     assert at_number.inverse(at_number(x)) == x
     (integral,) = found.integrals
     assert integral.letter == letter in str(integral)
-    assert integral(at_number(x), value) == integral(x, value) == integral.subs(value)(x)
+    named = {letter: value}
+    assert integral(at_number(x), **named) == integral(x, **named) == integral.subs(**named)(x)
     assert_holds(report(at_number), at_number, x)
     assert degrees(map, 9) == degrees(at_number, 9)
     bases = hk_bases(map, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 0), (0, 2)])
     assert bases.complete
     with pytest.raises(ArithmeticError, match="no map"):
-        map.subs(2)
+        map.subs(**{letter: 2})
 
 
 # Degrees and their growth.
@@ -296,12 +297,6 @@ def test_iterates_without_an_image():
 @pytest.mark.parametrize(
     ("map", "degree", "cofactor", "expected"),
     [
-        (
-            MAP,
-            1,
-            lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]),
-            "(2*Omega1 + Omega2,)",
-        ),
         (MAP, 2, 2, "()"),
         (kahan(FORCED, EPS), 3, "det", "(x1^3 + 63*x1,)"),
         (kahan(PREY, EPS), 2, "det", "(x1*x2,)"),
@@ -560,7 +555,9 @@ def test_names_of_variables():
     assert r"ω_{1}" in found.integrals[1]._repr_latex_()
     pairs = [(found, expected), (hk_bases(kahan(other), 3), hk_bases(kahan(CYCLE), 3))]
     for mine, there in zip(found.polynomials, expected.polynomials, strict=True):
-        pairs += [(P, Q) for P, Q in ((mine, there), (mine.subs(F(1, 3)), there.subs(F(1, 3))))]
+        pairs += [
+            (P, Q) for P, Q in ((mine, there), (mine.subs(eps=F(1, 3)), there.subs(eps=F(1, 3))))
+        ]
         pairs += [(P.cofactor, Q.cofactor) for P, Q in pairs[-2:]]
     assert [plain(mine) for mine, _ in pairs] == [repr(there) for _, there in pairs]
 
@@ -575,9 +572,6 @@ def test_decimals():
     found = report(body, eps=0.2)
     assert "5*Omega1 + 3*Omega2" in {str(P) for P in found.polynomials}
     assert found.map.eps == F(1, 5)
-    binary = report(body, eps=0.2, degree=1, decimals=False).map
-    assert binary.eps == F(0.2) != F(1, 5)
-    assert binary == kahan(of(body), 0.2, decimals=False)
     assert found.map == kahan(body, 0.2) == kahan(body, F(1, 5))
     binary = F(47205641, 2**19)  # its digits are too many to be a decimal
     for number in (binary, F(8, 3), F(-1, 3), F(1234, 999), F(2, 3) * 10**6):
@@ -590,9 +584,7 @@ def test_fractions_of_a_body_are_exact():
     I1, I2, I13 = F(5, 3), F(1009, 1013), F(1, 3) + F(1, 2**70)
     body = Suslov3D(I1, I2, I13, 0)
     assert (body.I1, body.I13) == (5 / 3, 1 / 3)
-    for decimals in (True, False):
-        values = {abs(a) for a in kahan(body, 1, decimals=decimals).terms.values}
-        assert values == {I13 / I1, I13 / I2}
+    assert {abs(a) for a in kahan(body, 1).terms.values} == {I13 / I1, I13 / I2}
     many = SuslovND(J=[1, F(2, 1009)], I=[F(1, 3), 0.1])
     assert F(1009, 6) in {abs(a) for a in kahan(many, 1).terms.values}
     assert kahan(pickle.loads(pickle.dumps(body)), 1) == kahan(body, 1)
@@ -735,10 +727,8 @@ class Quantity(float):
         (ValueError, "eps", lambda: report(MAP, eps=EPS)),
         (TypeError, r"report.* as degree=2", lambda: report(BODY, 2)),
         (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=3)),
-        (TypeError, "cofactor", lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1)),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),
-        (TypeError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
-        (ArithmeticError, "the cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0))),
+        (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
         (TypeError, "map", lambda: rational_map(lambda x: x)),
         (TypeError, "map", lambda: rational_map(Map(lambda x: (np.sin(x[0]), 1), 2))),
         (ValueError, "map", lambda: rational_map(Map(lambda x: (1 / (x[0] - x[0]), 1), 2))),
@@ -793,4 +783,4 @@ def test_functions_along_orbits_are_floats():
         with pytest.raises(ValueError, match=r"shape \(\.\.\., \d\)"):
             f(run.states[..., :2], eps=F(1, 8))
     huge = found.integrals[0] * 10**400 / 10**399
-    np.testing.assert_allclose(huge(run.states, 1), 10 * found.integrals[0](run.states, 1))
+    np.testing.assert_allclose(huge(run.states, eps=1), 10 * found.integrals[0](run.states, eps=1))

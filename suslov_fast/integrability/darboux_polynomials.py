@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..checks import integer
+from ..checks import integer, kind_of, wrong
 from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic
@@ -36,10 +36,9 @@ def darboux_polynomials(
         Made by `kahan` or `rational_map`; a field or a body is its Kahan map with a symbolic eps.
     degree : int
         Largest degree of P.
-    cofactor : number, RationalFunction or callable, optional
-        C: ``map.determinant`` for det DPhi, a rational number, a function that :func:`cofactors`
-        found, or, unless eps is symbolic, one of a tuple of fractions that returns a rational
-        number. By default all that `cofactors` finds.
+    cofactor : number or RationalFunction, optional
+        C: ``map.determinant`` for det DPhi, a rational number, or a function that
+        :func:`cofactors` found. By default all that `cofactors` finds.
     letters : str or sequence of str, optional
         Names of parameters of a field or a body that stay symbols beside eps, ``"a b"``. The
         polynomials have them as variables before x1, ..., xD.
@@ -81,11 +80,11 @@ def darboux_polynomials(
     elif cofactor == map.determinant:
         found = space_of(map, degree, None)
     else:
+        if callable(cofactor) and not isinstance(cofactor, RationalFunction):
+            expected = "map.determinant, a number or a result of cofactors(map, degree)"
+            raise wrong("cofactor", expected, kind_of(cofactor), TypeError)
         if not callable(cofactor):
             cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
-        if map.is_symbolic and not isinstance(cofactor, RationalFunction):
-            how = "map.determinant, a number or a RationalFunction where eps is symbolic"
-            raise TypeError(f"cofactor must be {how}, not another function")
         found = space_of(map, degree, cofactor)
     return tuple(with_plain_letters(renamed(P, map.names, map.letter)) for P in found)
 

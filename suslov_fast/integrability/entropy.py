@@ -84,11 +84,6 @@ class PlanarEntropy:
         return tuple(curve.length for curve in self.contractions for _ in range(curve.count))
 
     @property
-    def root(self) -> float | None:
-        """The limit of the ratio of consecutive degrees: the largest root of `polynomial`."""
-        return None if self.entropy is None else math.exp(self.entropy)
-
-    @property
     def certainty(self) -> str:
         """The certainty of the entropy, in words: proved or not."""
         return "proved" if self.proved else "not proved"

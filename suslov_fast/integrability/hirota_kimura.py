@@ -7,7 +7,7 @@ integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -50,8 +50,8 @@ class HKBasis:
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
     or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
-    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, over which a
-    loop runs, and `complete` is True if as many of these are independent. `degree` is that of the
+    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, and
+    `complete` is True if as many of these are independent. `degree` is that of the
     monomials.
     """
 
@@ -69,9 +69,6 @@ class HKBasis:
     def integrals(self) -> tuple[RationalFunction, ...]:
         """First integrals, as `report` returns them: the quotients of `forms` by the last one."""
         return tuple(quotient_of(P, self.forms[-1], "") for P in self.forms[:-1])
-
-    def __iter__(self) -> Iterator[RationalFunction]:
-        return iter(self.integrals)
 
     @property
     def polynomials(self) -> Polynomials:

@@ -66,13 +66,13 @@ class WithLetters:
         return bool(self.letters)
 
     @public
-    def subs(self: L, **values: Any) -> L:
+    def subs(self: L, *_unnamed: Any, **values: Any) -> L:
         """Return the map or function for values of eps, or of other letters.
 
         Parameters
         ----------
         **values : int, Fraction, float or str
-            Values by the names of letters, for a function of some of them. A float is the decimal
+            Numbers by the names of letters, for a function of some of them. A float is the decimal
             that was written, a string may be "1/3".
 
         Returns
@@ -92,15 +92,16 @@ class WithLetters:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        return self._with(self._numbers_for(values))
+        return self._with(self._numbers_for(values, _unnamed))
 
-    def _numbers_for(self, values: Mapping[str, Any]) -> dict[str, Fraction]:
+    def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
         """Return the numbers that a call gives for letters."""
         if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
-        if self.letters and (not values or {*values} - {*self.letters}):
-            how = f"pass numbers by name, as {self.letters[0]}=Fraction(1, 3)"
-            raise TypeError(f"{', '.join(self.letters)}: {how}, not {', '.join(values) or 'none'}")
+        if unnamed or (self.letters and (not values or {*values} - {*self.letters})):
+            how = f"pass numbers by name, as {(self.letters or ('eps',))[0]}=Fraction(1, 3)"
+            got = ", ".join([*map(short, unnamed), *values]) or "none"
+            raise TypeError(f"{', '.join(self.letters) or self}: {how}, not {got}")
         return {name: arithmetic.constant(name, a) for name, a in values.items()}
 
     def _all_numbers(self, numbers: Mapping[str, Fraction]) -> list[Fraction]:
@@ -130,12 +131,13 @@ class RationalFunction(WithLetters):
     _may_lack_letters = True
 
     @public
-    def __call__(self, x: Any, **values: Any) -> Any:
+    def __call__(self, x: Any, *_unnamed: Any, **values: Any) -> Any:
         """Return the value at a point as a fraction, or at states (..., n, D) as floats.
 
         A function with a symbolic eps, or with letters, needs their values, by name.
         """
-        point = self._all_numbers(self._numbers_for(values)) if self.letters else []
+        numbers = self._numbers_for(values, _unnamed) if self.letters or _unnamed else {}
+        point = self._all_numbers(numbers)
         if np.ndim(x) > 1:
             return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])
         if self.factors:

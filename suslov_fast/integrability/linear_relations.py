@@ -160,9 +160,9 @@ class ImplicitIntegral:
     basis: str = MODULAR
 
     @public
-    def __call__(self, x: Sequence[Any], *_unnamed: Any, **values: Any) -> Fraction:
+    def __call__(self, x: Sequence[Any], *unnamed: Any, **values: Any) -> Fraction:
         """Return the value at a point; if eps is symbolic, at a value of eps."""
-        map = self.map.subs(*_unnamed, **values) if self.map.is_symbolic else self.map
+        map = self.map.subs(*unnamed, **values) if self.map.is_symbolic else self.map
         point = (*arithmetic.rationals("x", x, map.dimension), Fraction(1))
         return arithmetic.fraction(self.value(map, [arithmetic.fmpq(a) for a in point]))
 

@@ -66,14 +66,14 @@ class WithLetters:
         return bool(self.letters)
 
     @public
-    def subs(self: L, *_unnamed: Any, **values: Any) -> L:
+    def subs(self: L, *unnamed: Any, **values: Any) -> L:
         """Return the map or function for values of eps, or of other letters.
 
         Parameters
         ----------
-        **values : int, Fraction, float or str
-            Numbers by the names of letters, for a function of some of them. A float is the decimal
-            that was written, a string may be "1/3".
+        *unnamed, **values : int, Fraction, float or str
+            Numbers by the names of letters, for a function of some of them; unnamed ones are an
+            error. A float is the decimal that was written, a string may be "1/3".
 
         Returns
         -------
@@ -92,7 +92,7 @@ class WithLetters:
         >>> image, image.subs(eps="1/3")
         (2/(-2*eps + 1), 6)
         """
-        return self._with(self._numbers_for(values, _unnamed))
+        return self._with(self._numbers_for(values, unnamed))
 
     def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
         """Return the numbers that a call gives for letters."""
@@ -131,12 +131,12 @@ class RationalFunction(WithLetters):
     _may_lack_letters = True
 
     @public
-    def __call__(self, x: Any, *_unnamed: Any, **values: Any) -> Any:
+    def __call__(self, x: Any, *unnamed: Any, **values: Any) -> Any:
         """Return the value at a point as a fraction, or at states (..., n, D) as floats.
 
         A function with a symbolic eps, or with letters, needs their values, by name.
         """
-        numbers = self._numbers_for(values, _unnamed) if self.letters or _unnamed else {}
+        numbers = self._numbers_for(values, unnamed) if self.letters or unnamed else {}
         point = self._all_numbers(numbers)
         if np.ndim(x) > 1:
             return self._in_floats(real_array("x", x, allow_nan=True), [*map(float, point)])

@@ -96,6 +96,10 @@ def ensemble(
     IntegrationWarning
         Once for all trajectories that failed, with their statuses.
 
+    See Also
+    --------
+    flow, iterate : The same in memory.
+
     Examples
     --------
     Of 400 random initial states of a double well, how many end in the right one?

@@ -84,6 +84,10 @@ class Field(Traced):
         ``if`` does, or returns something else when it is called again; if M is singular, or has
         another shape.
 
+    See Also
+    --------
+    Map : A map x -> f(x), of any f.
+
     Examples
     --------
     >>> import numpy as np

@@ -52,6 +52,10 @@ class Map(Traced):
     TypeError, ValueError
         As for a :class:`Field`.
 
+    See Also
+    --------
+    Field : Equations x' = f(x), which also have Kahan's map if f is of degree 2.
+
     Examples
     --------
     >>> from suslov_fast import Map, iterate, lyapunov_exponents

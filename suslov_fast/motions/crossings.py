@@ -83,6 +83,10 @@ def crossings(
     -------
     Events
 
+    See Also
+    --------
+    Event : A surface at which the state changes, or the motion ends.
+
     Examples
     --------
     The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:

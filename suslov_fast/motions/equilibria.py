@@ -107,6 +107,10 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
         Once for all states without an equilibrium, once for those that are degenerate, and once if
         the equations depend on a variable of a constant rate.
 
+    See Also
+    --------
+    kahan.multipliers : Multipliers of Kahan's map at an equilibrium.
+
     Examples
     --------
     A pendulum with friction and a torque, for three torques:

@@ -96,6 +96,14 @@ def lyapunov_exponents(
         exponents for variables with a constant rate other than 0, such as time, unless an event
         sets them.
 
+    See Also
+    --------
+    periodic_orbit : The multipliers of one periodic orbit.
+
+    References
+    ----------
+    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980), 9-20.
+
     Examples
     --------
     The largest exponent of the Lorenz system is about 0.906 per unit of time:

@@ -121,6 +121,17 @@ def flow(
         without a value at x0. One :class:`IntegrationWarning` counts them, and says when the first
         one ends, and of what. NaN for a state that contains NaN, without a warning.
 
+    See Also
+    --------
+    crossings : The states at which a motion meets a surface.
+    iterate : Orbits of Kahan's map, for laws that hold exactly.
+    ensemble : More trajectories than memory holds.
+
+    References
+    ----------
+    P. Deuflhard, SIAM Review 27 (1985), 505-535, on extrapolation methods of variable order and
+    step length.
+
     Examples
     --------
     Predators and prey (Lotka-Volterra) for three rates, at two times:

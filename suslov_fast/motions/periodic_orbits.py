@@ -132,6 +132,10 @@ def periodic_orbit(
         and known integrals explain: the Hamiltonian of `Field.from_hamiltonian`, and linear
         integrals. A force that is written as states has such a family, of all its amplitudes.
 
+    See Also
+    --------
+    equilibria : States at rest, and periodic orbits of maps.
+
     Examples
     --------
     The shortest periodic orbit of Roessler's system has the period 5.8810884555:

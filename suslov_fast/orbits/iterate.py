@@ -47,6 +47,11 @@ def step(
         The next states. NaN for a state that contains NaN; NaN, with one
         :class:`IntegrationWarning`, for a state on a pole of the map.
 
+    See Also
+    --------
+    iterate : Many steps, with statuses.
+    compiled.step_system : A step in compiled loops.
+
     Notes
     -----
     For bodies these are equations (4) and (15) of Dragovic and Gajic, arXiv:0807.2966.
@@ -141,6 +146,11 @@ def iterate(
     ------
     SingularStepError
         If a trajectory failed and `on_singular` is "raise".
+
+    See Also
+    --------
+    flow : Solutions of equations to a tolerance.
+    Suslov3D.exact : Any state of an orbit of a body, by the closed form.
 
     Examples
     --------

@@ -314,7 +314,10 @@ def test_dir_shows_what_docstrings_explain():
             assert name.startswith("_") or has_text or re.search(rf"\b{name}\b", explained), name
 
 
-SECTIONS = "Parameters Attributes Returns Raises Warns Notes Examples".split()
+SECTIONS = [
+    *"Parameters Attributes Returns Raises Warns".split(),
+    *("See Also", "Notes", "References", "Examples"),
+]
 
 
 @pytest.mark.parametrize(
@@ -326,7 +329,7 @@ def test_public_docstrings(name, thing):
     assert text
     assert text.partition("\n\n")[0].endswith("."), text[:100]
     assert "\n" not in text.partition("\n\n")[0]
-    found = [each for each in re.findall(r"\n(\w+)\n---", text) if each in SECTIONS]
+    found = [each for each in re.findall(r"\n([\w ]+)\n---", text) if each in SECTIONS]
     assert found == sorted(found, key=SECTIONS.index)
     if not inspect.isfunction(thing):
         return

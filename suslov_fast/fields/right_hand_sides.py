@@ -22,7 +22,7 @@ from .equations import Equations
 from .terms import Terms
 
 _MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
-_MOST_FORMS = 1024  # of equations, which are known
+_MOST_FORMS = 64  # of equations, which are known
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 _LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
 

@@ -130,13 +130,13 @@ class BatchRun:
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
         # States after n steps, statuses and numbers of the first missing states.
         self.final, self.status = np.empty((*batch, D)), np.zeros(batch, np.int8)
-        self.failed_at = _no_states(batch)
+        self.failed_at = np.full(batch, -1)
 
     @property
     def first_pole(self) -> NDArray[np.int64]:
         """The first state beyond a pole of each trajectory, -1 without one."""
         if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
-            return _no_states(self.problem.batch)
+            return np.full(self.problem.batch, -1)
         first, status = self.noted()
         passed = (first > 0) & (status == PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)
@@ -321,13 +321,6 @@ class BatchRun:
 def _rows(begin: int, end: int, every: int) -> int:
     """Return how many states are saved after state `begin`, or from state 0 on, up to `end`."""
     return end // every - (begin or -1) // every if every else 0
-
-
-def _no_states(batch: tuple[int, ...]) -> NDArray[np.int64]:
-    """Return -1 for each trajectory, the number of a state that does not exist."""
-    numbers = np.empty(batch, np.int64)
-    numbers.fill(-1)  # faster than `np.full`, which matters in small calls
-    return numbers
 
 
 def states_after(problem: Problem) -> FloatArray:

@@ -82,10 +82,6 @@ def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> F
     return final
 
 
-def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    out[0] = densities(scheme, values, eps, x[0])
-
-
 def jacobian(problem: Problem) -> FloatArray:
     """Return the derivatives (..., D, D) of a step."""
     D, batch, eps = problem.body.dimension, problem.batch, problem.eps
@@ -100,7 +96,11 @@ def jacobian(problem: Problem) -> FloatArray:
 
 def density(problem: Problem) -> FloatArray:
     """Return 1 / det A (...), the invariant density of a Hamiltonian field."""
-    return _at_states(_fill_densities, problem, problem.batch, ())
+
+    def fill(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
+        out[0] = densities(scheme, values, eps, x[0])
+
+    return _at_states(fill, problem, problem.batch, ())
 
 
 class TangentGrowth(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, kind_of
-from ..core.maps import field_quantities as quantities_field
+from ..core.maps.field_quantities import cubic_form, matrix
 from ..core.numba.decorators import Universal
 from ..core.suslov import quantities
 from .batch import states_after
@@ -33,25 +33,6 @@ def values_by_rows(formula: Universal, problem: Problem) -> Any:
     return values.squeeze(axis=len(problem.batch))
 
 
-def values_by_terms(
-    formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
-) -> FloatArray:
-    """Return the values of a formula of `terms`, by default the terms of the field of the body.
-
-    The formula takes the terms, and rows of eps, of states, and of the states `after` a step if
-    given. For a single field, the states along the last axis of the batch are the rows.
-    """
-    body, batch = problem.body, problem.batch
-    states = [problem.omega] if after is None else [problem.omega, after]
-    arrays = [np.broadcast_to(each, (*batch, body.dimension)) for each in states]
-    arrays.insert(0, np.broadcast_to(problem.eps, batch))
-    in_rows = bool(batch) and not body.shape
-    if not in_rows:
-        arrays = [np.expand_dims(each, len(batch)) for each in arrays]
-    values: FloatArray = formula(*(body._terms if terms is None else terms), *arrays)
-    return values if in_rows else values.squeeze(axis=len(batch))
-
-
 def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
     """Return the formulas with these names in `core.suslov.quantities`, by the names."""
     functions = {name: getattr(quantities, name) for name in names.split()}
@@ -74,7 +55,11 @@ def _modified_energy(problem: Problem) -> FloatArray:
     # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
     # places of x_next.
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
-    return values_by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
+    return cubic_form(*terms, problem.omega, states_after(problem))
+
+
+def _matrix(problem: Problem) -> FloatArray:
+    return matrix(*problem.body._terms, np.asarray(problem.eps), problem.omega)
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
@@ -84,7 +69,7 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 # The functions of `kahan` for any field; those of bodies have formulas of their own.
 KAHAN = {
-    "matrix": Formula(partial(values_by_terms, quantities_field.matrix)),
+    "matrix": Formula(_matrix),
     "jacobian": Formula(jacobian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
     "invariant_density": Formula(density, _check_hamiltonian, poles=True),

@@ -1,80 +1,48 @@
-"""Quantities of a field at B states: its matrix A, 1 / det A, and forms such as the Hamiltonian.
+"""Quantities of a field at states: its matrix A, 1 / det A, and forms such as the Hamiltonian.
 
 With x_D = 1, component i of a field is a sum of terms v x_j x_k, and a Hamiltonian one of terms
-v x_i x_j x_k. The universal functions take indices (3, T), values (T,), step sizes (B,), which some
-of them ignore, and states (B, D). 1 / det A is the invariant density of Kahan's map of a
-Hamiltonian field.
+v x_i x_j x_k. Functions take indices (3, T), values (..., T), step sizes (...) and states (..., D).
+1 / det A is the invariant density of Kahan's map of a Hamiltonian field.
 """
 
 import numpy as np
 
 from ..expressions.numpy_evaluation import evaluate
 from ..numba.arrays import keep, uncounted
-from ..numba.decorators import formula, function, kernel, share, universal
+from ..numba.decorators import kernel, share
 from ..numba.gauss import parts_of_determinant, solve
-from ..numba.intrinsics import lesser
 from .pivoting import fill_system
 
-LANES = 128  # states at once
-FIELD = "(c,t),(t),(b),(b,d)->"
+
+def _with_one(x):
+    """Return states with x_D = 1, by components (D + 1, ...)."""
+    y = np.ones((x.shape[-1] + 1, *x.shape[:-1]))
+    y[:-1] = np.moveaxis(x, -1, 0)
+    return y
 
 
-@function
-def read_states(x, first, y):
-    """Fill y (D + 1, LANES) with states from `first` on, and x_D = 1; return how many there are."""
-    D, count = x.shape[1], lesser(y.shape[1], len(x) - first)
-    for i in range(D):
-        for l in range(count):
-            y[i, l] = x[first + l, i]
-    for l in range(count):
-        y[D, l] = 1.0
-    return count
+@np.errstate(all="ignore")
+def cubic_form(indices, values, x, z):
+    """Return the sums (...) of v x_i x_j z_k, which are H(x) for z = x."""
+    total, y, z = (0.0 * x).sum(axis=-1), _with_one(x), _with_one(z)  # NaN where the state is
+    for (i, j, k), v in zip(indices.T.tolist(), np.moveaxis(values, -1, 0), strict=True):
+        total = total + v * y[i] * y[j] * z[k]
+    return total
 
 
-@formula
-def term(places, t):
-    """The i, j and k of a term."""
-    return int(places[0, t]), int(places[1, t]), int(places[2, t])
-
-
-@universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
-def cubic_form(places, values, eps, x, z, out):
-    """The sum of v x_i x_j z_k, which is H(x) for z = x."""
-    D = x.shape[1]
-    is_same = x.ctypes.data == z.ctypes.data
-    y, h = np.empty((D + 1, LANES)), np.empty((LANES,))
-    after = y if is_same else np.empty((D + 1, LANES))
-    for first in range(0, len(x), LANES):
-        count = read_states(x, first, y)
-        if not is_same:
-            read_states(z, first, after)
-        for l in range(count):
-            h[l] = 0.0
-        for i in range(D):
-            for l in range(count):
-                h[l] += 0.0 * y[i, l]  # NaN where the state is
-        for t in range(len(values)):
-            (i, j, k), v = term(places, t), values[t]
-            for l in range(count):
-                h[l] += v * y[i, l] * y[j, l] * after[k, l]
-        for l in range(count):
-            out[first + l] = h[l]
-
-
-@universal(FIELD + "(b,d,d)")
-def matrix(places, values, eps, x, out):
-    """1 - (eps / 2) f'."""
-    D = x.shape[1]
-    for n in range(len(x)):
-        for i in range(D):
-            for j in range(D):
-                out[n, i, j] = (1.0 if i == j else 0.0) + 0.0 * x[n, i]
-        for t in range(len(values)):
-            (i, j, k), half = term(places, t), 0.5 * eps[n] * values[t]
-            if j < D:
-                out[n, i, j] -= half * (x[n, k] if k < D else 1.0)
-            if k < D:
-                out[n, i, k] -= half * x[n, j]
+@np.errstate(all="ignore")
+def matrix(indices, values, eps, x):
+    """Return A = 1 - (eps / 2) f' (..., D, D); rows of components that are NaN are NaN."""
+    D, halves = x.shape[-1], (0.5 * eps)[..., np.newaxis] * values
+    batch, y = np.broadcast_shapes(halves.shape[:-1], x.shape[:-1]), _with_one(x)
+    A = np.empty((D, D, *batch))
+    A[:] = np.expand_dims(np.eye(D), (*range(2, A.ndim),)) + 0.0 * np.expand_dims(y[:D], 1)
+    for (i, j, k), half in zip(indices.T.tolist(), np.moveaxis(halves, -1, 0), strict=True):
+        if j < D:
+            A[i, j] -= half * y[k]
+        if k < D:
+            A[i, k] -= half * y[j]
+    return np.ascontiguousarray(np.moveaxis(A, (0, 1), (-2, -1)))
 
 
 @kernel

@@ -65,14 +65,6 @@ def keep(arrays):
     """Keep arrays of a kernel, from which it has made uncounted ones, until this line."""
 
 
-def flat(array):
-    """Return the numbers of an array of order C as an array (-,).
-
-    Numba compiles `reshape` for each number of axes.
-    """
-    return array.reshape(-1)
-
-
 def block_of(rows, lanes):
     """Return the function that makes a block (rows, lanes) for a kernel.
 
@@ -110,11 +102,6 @@ def block_of(rows, lanes):
 
 type_callable(uncounted)(lambda context: uncounted_type)
 type_callable(keep)(lambda context: lambda arrays: types.none)
-type_callable(flat)(
-    lambda context: (
-        lambda array: Uncounted(types.Array(array.dtype, 1, "C")) if array.layout == "C" else None
-    )
-)
 
 
 @lower_builtin(uncounted, types.Any)
@@ -125,18 +112,6 @@ def _uncounted(context, builder, signature, arguments):
 @lower_builtin(keep, types.Any)
 def _keep(context, builder, signature, arguments):
     return context.get_dummy_value()
-
-
-@lower_builtin(flat, types.Array)
-def _flat(context, builder, signature, arguments):
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    numbers = context.make_array(signature.return_type)(context, builder)
-    numbers.nitems, numbers.itemsize, numbers.data = array.nitems, array.itemsize, array.data
-    word = context.get_value_type(types.intp)
-    for name, value in (("shape", array.nitems), ("strides", array.itemsize)):
-        one = builder.insert_value(ir.Constant(ir.ArrayType(word, 1), ir.Undefined), value, 0)
-        setattr(numbers, name, one)
-    return numbers._getvalue()
 
 
 @intrinsic

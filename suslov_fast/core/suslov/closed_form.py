@@ -49,7 +49,7 @@ import math
 
 import numpy as np
 
-from ..numba.arrays import block_of, flat, uncounted
+from ..numba.arrays import array_at, block_of, uncounted
 from ..numba.decorators import are_common, formula, kernel, pick, share, universal
 from ..numba.intrinsics import lesser, select
 from .blocks import store_rows
@@ -351,7 +351,8 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     lanes, too.
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
-    B, N, target, b = len(omega0), len(n), flat(out), new_block()
+    target = array_at(out.ctypes.data, (out.size,), np.float64)
+    B, N, b = len(omega0), len(n), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
     blocks, rows = (B + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)

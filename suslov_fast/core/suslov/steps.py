@@ -5,7 +5,7 @@ The equations, and the plain and the general form of a state, are those of `susl
 
 import numpy as np
 
-from ..numba.arrays import block_of, flat, uncounted
+from ..numba.arrays import array_at, block_of, uncounted
 from ..numba.decorators import are_common, as_python, formula, kernel, pick, share
 from ..numba.intrinsics import lesser, select
 from ..numba.status import NONFINITE, SINGULAR, SUPERCRITICAL
@@ -169,7 +169,8 @@ def finish_lanes(b, alone, plains, first, last, span, carry, final, status, fail
     """Write last states, statuses and `carry`; return how many trajectories may have failed."""
     (_, _, start, stop, _, _), to_find = span, FIRST
     if plains == LANES:
-        store_rows(b, STATE, flat(final), 2 * first, last - first)
+        target = array_at(final.ctypes.data, (final.size,), np.float64)
+        store_rows(b, STATE, target, 2 * first, last - first)
         for j in range(CARRIED_BY_PLAIN):
             for l in range(last - first):
                 carry[j, first + l] = b[j, l]
@@ -210,7 +211,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     parameters, omega0, carry = uncounted(parameters), uncounted(omega0), uncounted(carry)
     final, status, failed_at = uncounted(final), uncounted(status), uncounted(failed_at)
     begin, end, start, stop, every, first_row = span
-    B, out, b = len(omega0), flat(saved), new_block()
+    B, out, b = len(omega0), array_at(saved.ctypes.data, (saved.size,), np.float64), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     alone, common = end - begin <= FEW, are_common(parameters)
     lanes = ONE if alone else LANES

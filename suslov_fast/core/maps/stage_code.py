@@ -5,21 +5,10 @@ registers, and are bitwise identical to the values of `evaluate` in NumPy. `Stag
 `driver` of steps, and by `text_of_stage` for loops of users.
 """
 
-from typing import NamedTuple
-
-from ..llvm.text import Code, Index, Shared, Truth, Value
+from ..llvm.text import Code, Shared, Truth, Value
 from ..numba.status import CHANGED
 
 BLOCK = 64  # operations of a block of long programs, see `Stage.carry_out`
-
-
-class RareResult(NamedTuple):
-    """The results of the rare operations of a stage."""
-
-    after: list  # the next state, where it is accurate
-    accurate: Truth
-    good: Index  # the bits of lanes where it is
-    told: Index  # of lanes with det A < 0; from CHANGED on, in which a component changed its sign
 
 
 class Stage:
@@ -58,7 +47,11 @@ class Stage:
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Carry out the rare operations, too; return `RareResult`."""
+        """Carry out the rare operations, too.
+
+        Return the next state, where it is accurate, the bits of these lanes, and bits of lanes with
+        det A < 0; from CHANGED on, in which a component changed its sign.
+        """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)
         accurate = Truth(text, values[step.accurate])
@@ -66,7 +59,7 @@ class Stage:
         if step.changed is not None:
             told = told | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)
-        return RareResult(after, accurate, accurate.bits(), told)
+        return after, accurate, accurate.bits(), told
 
 
 def loader(text, step, for_each, state, table):

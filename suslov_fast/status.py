@@ -22,7 +22,7 @@ class Status(IntEnum):
     dimensions, whose :meth:`Suslov3D.criticality` is 1 or more; `PASSED_POLE` is for others, see
     :class:`IntegrationWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
     `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
-    at the start, and `STOPPED`, which is positive, those that a change of the state ends.
+    at the start, and `STOPPED`, which is positive, those that an event ends.
     `DEGENERATE`, which is positive, and `NOT_FOUND` are for :func:`equilibria`. `message` explains
     the status.
 
@@ -75,7 +75,7 @@ _MESSAGES = {
         "returned False"
     ),
     Status.ACCUMULATES: "events follow one another without end",
-    Status.STOPPED: "finished: a change of the state ended it",
+    Status.STOPPED: "finished: an event ended it",
     Status.DEGENERATE: (
         "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"
     ),

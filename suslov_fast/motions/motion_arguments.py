@@ -29,7 +29,7 @@ _ENDS = {
     EndCause.ESCAPE: "end: they escape to infinity",
     EndCause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
     EndCause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
-    EndCause.NO_STATE: "end at a change whose new state, `to`, has no value: it is NaN",
+    EndCause.NO_STATE: "end at an event whose new state, `to`, has no value: it is NaN",
 }
 # What solutions do that stop.
 _CAUSES = {

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, kind_of, positive, short, wrong
+from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..orbits.iterate import iterate
 
@@ -141,14 +141,7 @@ def plot_phase(
     """
     from ..results.figures import COLOURS, axes_for, spelled
 
-    given: dict[str, Any] = {"eps": eps, "extent": extent}
-    for name, value in given.items():
-        if np.ndim(value):
-            how = "iterate(body, states, eps, steps).plot() draws orbits of given states"
-            raise wrong(name, "a positive number", f"{short(value)}: {how}")
     extent = positive("extent", extent)
-    if hasattr(body, "plot"):
-        raise wrong("body", "a body", f"{kind_of(body)}: call its plot()", TypeError)
     if not isinstance(body, Suslov3D):
         how = "iterate(...).plot() or flow(...).plot() draws orbits"
         raise wrong("body", "a Suslov3D", f"{kind_of(body)}: {how}", TypeError)

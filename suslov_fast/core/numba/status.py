@@ -10,7 +10,7 @@ ENDED = -3  # the solution ends: a pole or an escape
 SLIDING = -4  # it slides along a condition
 TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
 ACCUMULATES = -6  # changes of the state follow one another without end
-STOPPED = 3  # finished; a change of the state ended it
+STOPPED = 3  # finished; an event ended it
 # Of equilibria:
 DEGENERATE = 4  # found, but f' is singular, as at a fold
 NOT_FOUND = -7

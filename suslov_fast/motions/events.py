@@ -187,23 +187,11 @@ class Events(Result):
 
     @public
     def to_xarray(self) -> xarray.Dataset:
-        """Return a labelled dataset.
+        """Return a labelled dataset of all events, as :meth:`Motion.to_xarray` does of states.
 
-        Dimensions: "event" and "component". The points are "omega", or "x" for a field.
-        Coordinates along "event": `trajectory`, `which`, `time`, and parameters of the body that
-        vary: ``data.where(data.rho > 24.74, drop=True)``.
-
-        Returns
-        -------
-        xarray.Dataset
-            The events of all trajectories, along "event".
-
-        Examples
-        --------
-        >>> from suslov_fast import Field, crossings
-        >>> pendulum = Field(lambda x: (x[1], -np.sin(x[0])), "angle rate")
-        >>> dict(crossings(pendulum, [0.1, 0.0], "angle", time=10.0).to_xarray().sizes)
-        {'event': 3, 'component': 2}
+        Dimensions: "event" and "component". Coordinates along "event": `trajectory`, `which`,
+        `time`, and parameters of the system that vary:
+        ``data.where(data.rho > 24.74, drop=True)``.
         """
         from ..results.frames import events_to_xarray
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..bodies.systems import BodyOrField
 from ..checks import FloatArray, short, wrong
-from ..results.result import OfMotion, States
+from ..results.result import States
 from ..results.schema import OF_EVENTS
 from ..status import ended_in_words
 from .event import Event
@@ -18,7 +18,7 @@ from .events import Derivatives, Events, events_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(States, OfMotion):
+class Motion(States):
     """Solutions of the equations of motion at given times: the result of :func:`flow`.
 
     Attributes
@@ -78,6 +78,11 @@ class Motion(States, OfMotion):
     _by: tuple[str, ...] = ()
     _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
     events: Events | None = None
+    # The fields of `Settings`.
+    rtol: float | Any = None
+    atol: float | tuple[float, ...] | None = None
+    max_step: float | None = None
+    stiff: bool | None = None
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:

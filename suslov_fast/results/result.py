@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
@@ -201,16 +201,6 @@ class Result:
         from .files import save
 
         save(self, path, overwrite)
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OfMotion:
-    """The fields of `Settings`, as attributes of motions; results of maps have None."""
-
-    rtol: float | Any = None
-    atol: float | tuple[float, ...] | None = None
-    max_step: float | None = None
-    stiff: bool | None = None
 
 
 class States(Result):

@@ -13,7 +13,6 @@ from suslov_fast import Field, NoConvergence, flow, periodic_orbit
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
 
 VOLTERRA = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-VAN_DER_POL = Field(lambda x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), 2)
 KEPLER = Field(lambda s: (s[2], s[3], *(-s[:2] / (s[0] ** 2 + s[1] ** 2) ** 1.5)), "x y u v")
 
 

@@ -6,7 +6,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import FIGURES
@@ -69,9 +68,6 @@ def test_axes_are_taken_and_returned():
     assert sf.plot_phase(*FIGURES[1], levels=2, ax=first) is first
     assert not plt.get_fignums()
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it
-
-
-FAMILY = sf.Field(lorenz, 3, rho=np.linspace(20, 28, 9))
 
 
 # ------------------------------------------------------------------ time, space, colours, titles

@@ -59,7 +59,8 @@ def _modified_energy(problem: Problem) -> FloatArray:
 
 
 def _matrix(problem: Problem) -> FloatArray:
-    return matrix(*problem.body._terms, np.asarray(problem.eps), problem.omega)
+    indices, values = problem.body._terms
+    return matrix(indices, values, np.asarray(problem.eps), problem.omega)
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:

@@ -15,14 +15,12 @@ import numpy as np
 
 from ..checks import (
     OF_SYMBOLS,
-    OTHERS,
     common_shape,
     kind_of,
     real_array,
     refuse,
     short,
     spelled,
-    within,
     wrong,
 )
 from .names import check_parameter
@@ -73,11 +71,6 @@ def numbers(name: str, value: Any, is_batch: bool) -> Any:
     if is_batch:
         return real_array(name, value)
     return np.vectorize(partial(exact, name), "O")(as_given(name, value))
-
-
-def coefficients(name: str, value: Any, is_batch: bool) -> Any:
-    """Return `numbers` that are in the range of coefficients."""
-    return within(name, numbers(name, value, is_batch), OTHERS)
 
 
 def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:

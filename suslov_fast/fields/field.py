@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -19,7 +18,7 @@ from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
 from . import coefficients, right_hand_sides
 from .base import Body, frozen
-from .equations import Equations, check_equalities, of_hamiltonian
+from .equations import check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
 from .names import check_for_map, variables
@@ -27,7 +26,7 @@ from .right_hand_sides import OfMembers
 from .symbolic import Symbols
 from .terms import Terms, slopes_at, texts_of, values_at, without_zeros
 from .trace import check_function, operands_of_function
-from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
+from .traced import EQUATIONS, NAMES, Traced, operands_of_texts, parts_of
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
@@ -144,8 +143,7 @@ class Field(Traced):
         tracer, rows = operands_of_function("f", f, names, values)
         rows = rows if mass is None else rates(tracer, mass, rows)
         check_equalities(tracer.values, names, rows)
-        equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
-        self._take({**values, NAMES: names, EQUATIONS: equations})
+        self._take(parts_of(tracer, names, rows, values))
 
     @classmethod
     @public
@@ -319,7 +317,14 @@ class Field(Traced):
         return super()._slopes(x) if self._equations else slopes_at(self._own_terms, x)
 
     def _traced_at(self, x: Symbols) -> Any:
-        return super()._traced_at(x) if self._equations else Symbols.of(self._of_symbols(x))
+        if self._equations:
+            return super()._traced_at(x)
+        if self.shape:
+            raise TypeError("f(x) of a family has no symbols: take that of a single field")
+        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
+        for (i, *factors), value in self._own_terms.floats.members():
+            rows[i] = rows[i] + value * math.prod(x[k] for k in factors if k < len(rows))
+        return Symbols.of(rows)
 
     @public
     def energy(self, x: Any) -> FloatArray:
@@ -361,15 +366,6 @@ class Field(Traced):
     def _is_hamiltonian(self) -> bool:
         return self._equations is not None and self._equations.H is not None
 
-    def _of_symbols(self, x: Symbols) -> list[Any]:
-        """Return f(x) of symbols by the terms of a single field."""
-        if self.shape:
-            raise TypeError("f(x) of a family has no symbols: take that of a single field")
-        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
-        for (i, *factors), value in self._own_terms.floats.members():
-            rows[i] = rows[i] + value * math.prod(x[k] for k in factors if k < len(rows))
-        return rows
-
     # ------------------------------------------------------------------------------ motion
     def _motion_lists(
         self,
@@ -399,23 +395,16 @@ class Field(Traced):
         tables = [(args[0], kind.rows[0, 1:]) for kind, _, args in operations if is_table(kind)]
         return [(k, knots[0], knots[-1]) for k, knots in tables if k in clocks and len(knots)]
 
-    def _derived_by(self, names: tuple[str, ...]) -> list[OfMembers]:
-        """Return the right-hand sides of variational equations, with derivatives by parameters."""
-        return self._motion_lists(names, twice=True)
-
     # ------------------------------------------------------------------------------ degree 2
     @property
     def _own_terms(self) -> Terms:
         return Terms(self._parts[INDICES], self._parts[VALUES])
 
-    def _exact_terms(self, exactly: Any = Fraction, of_energy: bool = False) -> Terms:
-        """Return the terms of f, or of H, of a single field of degree 2, as fractions.
+    def _terms_of(self, of_energy: bool = False, exactly: Any = None) -> Terms:
+        """Return the terms of f, or of H, of a field of degree 2; TypeError for other fields.
 
-        ``exactly(a)`` is the fraction as which a float counts. TypeError for other fields.
+        Values are floats, or of a single field fractions: ``exactly(a)`` is that of a float a.
         """
-        return self._terms_of(of_energy, exactly)
-
-    def _terms_of(self, of_energy: bool, exactly: Any = None) -> Terms:
         shared, values = self._equations, [*self.parameters.values()]
         if shared is None:
             return self._own_terms if exactly is None else self._own_terms.read(exactly)
@@ -432,7 +421,7 @@ class Field(Traced):
     @cached_property
     def _terms(self) -> Terms:
         """The terms of f for kernels of maps; TypeError if f is not of degree 2."""
-        terms = self._terms_of(of_energy=False).floats
+        terms = self._terms_of().floats
         check_for_map(self.names, self._coordinates)
         return terms
 
@@ -491,19 +480,15 @@ class Field(Traced):
         values: Any = None,
     ) -> Field:
         names = variables("names", names)
-        rows = [H] if H is not None else equations
-        if indices is not None and rows is None and not parameters:
+        if indices is not None and H is None and equations is None and not parameters:
             return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
-        is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
-        if not is_list or (H is None) == (equations is None):
-            expected = f"a list of {len(names)} texts, or left out beside H"
-            raise wrong("equations", expected, short(equations))
-        tracer, operands, given = operands_of_texts(names, rows, definitions, parameters)
         if H is None:
-            shared = Equations(names, [*given], tracer.values, operands, ratios=tracer.ratios)
-        else:
-            matrix = coefficients.structure_matrix(K, len(names))
-            shared = of_hamiltonian(tracer, names, [*given], operands[0], matrix)
+            return super()._read(names, equations, definitions, parameters)
+        if equations is not None:
+            raise wrong("equations", "left out beside H", short(equations))
+        tracer, [energy], given = operands_of_texts(names, [H], definitions, parameters)
+        matrix = coefficients.structure_matrix(K, len(names))
+        shared = of_hamiltonian(tracer, names, [*given], energy, matrix)
         return cls._of({**given, NAMES: names, EQUATIONS: shared})
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
-from ..checks import FloatArray, arguments_of, short, wrong
+from ..checks import FloatArray, arguments_of
 from ..core.expressions.programs import in_order
 from ..core.maps.map_step import MapStep, map_step
 from ..keywords import public_class
@@ -17,7 +17,7 @@ from .exact_numbers import named_parameters
 from .field import Field
 from .names import TIME, check_for_map, variables
 from .trace import check_function, operands_of_function
-from .traced import EQUATIONS, NAMES, Traced, operands_of_texts
+from .traced import EQUATIONS, NAMES, Traced, parts_of
 
 
 @public_class
@@ -85,19 +85,7 @@ class Map(Traced):
         values = named_parameters(parameters, names)
         check_for_map((), [name for name in values if name != "eps"])
         tracer, rows = operands_of_function("f", f, names, values)
-        equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
-        self._take({**values, NAMES: names, EQUATIONS: equations})
-
-    @classmethod
-    def _read(
-        cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
-    ) -> Map:
-        names = variables("names", names)
-        if not isinstance(equations, (list, tuple)) or len(equations) != len(names):
-            raise wrong("equations", f"a list of {len(names)} texts", short(equations))
-        tracer, rows, given = operands_of_texts(names, equations, definitions, parameters)
-        shared = Equations(names, [*given], tracer.values, rows, ratios=tracer.ratios)
-        return cls._of({**given, NAMES: names, EQUATIONS: shared})
+        self._take(parts_of(tracer, names, rows, values))
 
     def _value(self, x: FloatArray) -> FloatArray:
         found = super()._value(x)

@@ -131,23 +131,14 @@ def check_order(names: Sequence[str]) -> None:
         )
 
 
-def clash(name: str, names: Collection[str]) -> str:
-    """Return the meaning that the name of a parameter already has; "" if it is free.
-
-    `names` are the names of the variables.
-    """
-    if name in names:
-        return "the variable of that name"
-    return "a name in datasets" if _AXIS.fullmatch(name) else _TAKEN.get(name, "")
-
-
 def check_parameter(name: str, names: Sequence[str]) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if name in TIME:
         raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
     if reason := _refused(name):
         raise ValueError(f"parameters: {short(name)} {reason}")
-    if what := clash(name, names):
+    what = "a name in datasets" if _AXIS.fullmatch(name) else _TAKEN.get(name, "")
+    if what := "the variable of that name" if name in names else what:
         how = f"rename it, to {name}_ for example"
         raise ValueError(f"parameters: {name!r} clashes with {what}: {how}")
 

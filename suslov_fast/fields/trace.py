@@ -163,19 +163,18 @@ def operands_of_function(
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands that are f, or [H]."""
     tracer = tracer or Tracer(names, [*parameters])
-    first, second = (operands_of_call(argument, f, tracer) for _ in range(2))
-    check_same(argument, [*map(repr, first)], [*map(repr, second)])  # equal operations are one
-    return tracer, first
-
-
-def operands_of_call(argument: str, f: Any, tracer: Tracer) -> list[Any]:
-    """Return the operands that are f, or [H], of one call."""
-    result = called(argument, f, tracer.state, tracer.parameters)
-    try:
-        parts = [result] if argument in ("H", "surface") else components(result, len(tracer.state))
-        return [tracer.result(alone(part)) for part in parts]
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"{argument}: {error}") from None
+    found = []
+    for _ in range(2):
+        result = called(argument, f, tracer.state, tracer.parameters)
+        try:
+            parts = (
+                [result] if argument in ("H", "surface") else components(result, len(tracer.state))
+            )
+            found.append([tracer.result(alone(part)) for part in parts])
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{argument}: {error}") from None
+    check_same(argument, *([*map(repr, each)] for each in found))  # equal operations are one
+    return tracer, found[0]
 
 
 def alone(value: Any) -> Any:

@@ -11,14 +11,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray
+from ..checks import FloatArray, short, wrong
 from ..keywords import public
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
 from .equations import LONGEST, Equations
 from .exact_numbers import named_parameters, to_lists
 from .latex import symbol
-from .names import labels
+from .names import labels, variables
 from .symbolic import Symbol, Symbols, Tracer
 from .trace import called_by_name
 
@@ -232,6 +232,24 @@ class Traced(Body):
         """Return the entries of `to_dict` for f."""
         definitions, texts = self._equations.texts
         return ({"definitions": definitions} if definitions else {}) | {"equations": texts}
+
+    @classmethod
+    def _read(
+        cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
+    ) -> Self:
+        names = variables("names", names)
+        if not isinstance(equations, (list, tuple)) or len(equations) != len(names):
+            raise wrong("equations", f"a list of {len(names)} texts", short(equations))
+        tracer, rows, given = operands_of_texts(names, equations, definitions, parameters)
+        return cls._of(parts_of(tracer, names, rows, given))
+
+
+def parts_of(
+    tracer: Tracer, names: Sequence[str], rows: Sequence[Any], values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the parts of a field or map with operands `rows` that are f, and these parameters."""
+    equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
+    return {**values, NAMES: names, EQUATIONS: equations}
 
 
 def operands_of_texts(

@@ -70,7 +70,7 @@ class KahanMap(RationalMap):
     @cached_property
     def terms(self) -> Terms:
         """The terms of the field, exact."""
-        return self.field._exact_terms(Fraction if self._is_exact else as_written)
+        return self.field._terms_of(exactly=Fraction if self._is_exact else as_written)
 
     @cached_property
     def inverse(self) -> KahanMap:
@@ -253,7 +253,7 @@ class KahanMap(RationalMap):
             return self._found_hamiltonian()
         else:
             exactly = Fraction if self._is_exact else as_written
-            terms, _ = _integers(self.field._exact_terms(exactly, of_energy=True))
+            terms, _ = _integers(self.field._terms_of(True, exactly))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
 

@@ -47,7 +47,9 @@ class Columns:
     ) -> None:
         B, self.D = x.shape
         if groups is None:
-            groups = field._derived_by(parameters) if parameters else field._listed_right_hand_sides
+            groups = field._listed_right_hand_sides
+            if parameters:
+                groups = field._motion_lists(parameters, twice=True)
         self.count = self.D * by_starts + len(parameters)
         values = [field._arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]

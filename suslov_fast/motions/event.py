@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ..checks import (
-    FloatArray,
     arguments_of,
     either,
     instance,
@@ -117,7 +116,6 @@ class Event:
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
     _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
     _kept: dict[str, Any] = field(init=False, default_factory=dict)
-    _earliest: dict[int, float] = field(init=False, default_factory=lambda: {1: 0.0, -1: 0.0})
 
     def __post_init__(self) -> None:
         if (self.surface is None) == (self.times is None):
@@ -125,8 +123,7 @@ class Event:
             how = "Event('h', to=...) acts where h is 0, Event(times=[1, 2], to=...) at times"
             raise wrong("surface or times", "given, one of them", f"{received}: {how}")
         if self.surface is not None:
-            how = "pass terminal=True to end there, direction=-1 for downwards"
-            check_surface(self.surface, _ON_SURFACE, "x[k]", how)
+            _check_surface(self.surface)
         to = self.to
         to = to.tolist() if isinstance(to, np.ndarray) else to
         to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
@@ -149,10 +146,7 @@ class Event:
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
             times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
-            times = vars(self)["times"] = read_only(np.array(times, ndmin=1))
-            for sign in (1, -1):  # forward and backward in time
-                moduli = times[times * sign >= 0.0]
-                self._earliest[sign] = abs(moduli).min(initial=math.inf)
+            vars(self)["times"] = read_only(np.array(times, ndmin=1))
 
     @public
     def of(self, system: Any) -> Event:
@@ -165,7 +159,9 @@ class Event:
         """Return plain numbers and texts for JSON; functions become text by ``of`` before."""
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
-        times = None if self.times is None else _listed(self.times)
+        times = self.times
+        if times is not None:  # with None for NaN, which JSON has not
+            times = np.where(np.isfinite(times), times, np.array(None)).tolist()
         found = {
             "surface": self.surface,
             "to": None if self.to is None else list(self.to),  # type: ignore[arg-type]
@@ -298,30 +294,23 @@ def _shown(function: Any) -> str:
     )
 
 
-def _listed(times: FloatArray) -> Any:
-    """Return times as lists, with None for NaN, which JSON has not."""
-    return np.where(np.isfinite(times), times, np.array(None)).tolist()
-
-
 def checked_direction(value: Any) -> int:
     """Return 1, -1 or 0 for the direction of an event or a crossing."""
     number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
     return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
 
 
-def check_surface(surface: Any, expected: str, component: str, how: str) -> None:
-    """Raise TypeError unless a surface is a text, or a function that is no event of `solve_ivp`.
-
-    `component` is how a function takes component k, and `how` tells what to pass for an event.
-    """
+def _check_surface(surface: Any) -> None:
+    """Raise TypeError unless a surface is a text, or a function that is no event of `solve_ivp`."""
     if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
+        how = "pass terminal=True to end there, direction=-1 for downwards"
         expected = "a function without the attributes of SciPy's events"
         raise wrong("surface", expected, f"{received}: {how}", TypeError)
     if not isinstance(surface, str) and not callable(surface):
         is_number = isinstance(surface, (int, float))
-        what = f": pass lambda x: {component} - {surface}, for component k" * is_number
-        raise wrong("surface", expected, f"{kind_of(surface)}{what}", TypeError)
+        what = f": pass lambda x: x[k] - {surface}, for component k" * is_number
+        raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{what}", TypeError)
 
 
 class Traced:

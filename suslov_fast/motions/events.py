@@ -286,10 +286,8 @@ def warn_of_times_that_never_come(
 ) -> None:
     """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
     for k, event in enumerate(events if count else ()):
-        if event._earliest[sign] <= last:
-            continue
-        times = event.times[np.isfinite(event.times)]
-        if not times.size:
+        times = np.empty(0) if event.times is None else event.times[np.isfinite(event.times)]
+        if not times.size or ((sign * times >= 0.0) & (abs(times) <= last)).any():
             continue
         warn(
             f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
@@ -303,7 +301,7 @@ def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray)
     The surface is looked at near x0 along f, to both sides, and after a midpoint step. Events at
     time 0 may change x0, which then rests no more.
     """
-    if any(event.times is not None and event._earliest[1] == 0.0 for event in events):
+    if any(event.times is not None and (event.times == 0.0).any() for event in events):
         return
     for event in events:
         action = traced(event, field).action

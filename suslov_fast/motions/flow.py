@@ -47,8 +47,6 @@ from .motion_arguments import (
 )
 from .sensitivities import Columns, WithColumns
 
-_FEW = 16  # times, of which Python sees sooner than NumPy whether they ascend
-
 
 @public
 def flow(
@@ -322,14 +320,6 @@ def _exact(
     return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
 
 
-def _ascend(times: FloatArray) -> bool:
-    """Return whether each time is later than the one before."""
-    if len(times) > _FEW:
-        return not np.count_nonzero(times[1:] <= times[:-1])
-    numbers: list[float] = times.tolist()
-    return numbers == sorted({*numbers})
-
-
 def to_tolerance(
     field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
@@ -337,7 +327,8 @@ def to_tolerance(
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
     moduli, is_changed = request.times, request.stops is not None
-    if len(moduli) and _ascend(moduli) and (is_changed or moduli[-1] > 0.0):
+    ascend = len(moduli) and not np.count_nonzero(moduli[1:] <= moduli[:-1])
+    if ascend and (is_changed or moduli[-1] > 0.0):
         found = solve(field, x, batch, request)
         if moduli[0] == 0.0 and not is_changed:
             found.states[0] = x

@@ -200,7 +200,8 @@ def _checked_period(
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     with np.errstate(all="ignore"):
-        near, last = _near_return(field, x, motion.settings.rtol, events)
+        rough = OfMotion(field, x, max(motion.settings.rtol, _ROUGH), events)
+        near, last = shooting.near_return(rough, x)
     if near is not None:
         return near
     start = f"x0 = {short(x.tolist())}"
@@ -222,12 +223,6 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
     # In the time until then, such a rate moves it by less than a part of its way.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[own].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
-
-
-def _near_return(
-    field: Any, x: FloatArray, rtol: float, events: tuple[Event, ...] = ()
-) -> tuple[float | None, float]:
-    return shooting.near_return(OfMotion(field, x, max(rtol, _ROUGH), events), x)
 
 
 def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:

@@ -16,7 +16,6 @@ column has no digits left even after the shortest segment with it, and is dead, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -95,17 +94,13 @@ def exponents_of(
 
         goes_on = transient == 0.0 or run.over(transient, told)
         run.begin()
-        goes_on = goes_on and run.over(time, partial(_later, told, transient))
+        goes_on = goes_on and run.over(time, lambda done: told(transient + done))
         exponents[where] = run.exponents()
         found.t[where], found.status[where] = run.t, run.status
         before += share * total
         if not goes_on:
             break
     return exponents, found
-
-
-def _later(told: Callable[[float], bool], before: float, done: float) -> bool:
-    return told(before + done)
 
 
 def _slowest_first(slopes: FloatArray) -> FloatArray:
@@ -161,7 +156,7 @@ class _Run:
         if self.stops is None:
             return self._over(time, told)
         first = _FIRST * time
-        return self._over(first, told) and self._over(time - first, partial(_later, told, first))
+        return self._over(first, told) and self._over(time - first, lambda done: told(first + done))
 
     def _over(self, time: float, told: Callable[[float], bool]) -> bool:
         """Take a phase, or a part of it, in segments of this time by powers of 2."""

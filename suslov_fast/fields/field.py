@@ -505,4 +505,7 @@ def system_of(system: Any, x0: Any) -> Any:
         values = ", ".join(f"{name}=..." for name in others)
         how = f"Field(f, {D}, {values})"
         raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
-    return Field(system, D)
+    try:
+        return Field(system, D)
+    except ValueError as error:
+        raise ValueError(f"{error}, and x0 has {D} components") from None

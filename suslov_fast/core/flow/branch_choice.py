@@ -92,9 +92,9 @@ def TRACE(before, after, jumps, u):
 
 
 @scalar_kernel
-def INFLOW(low, before, after):
+def INFLOW(low, f_old, f_new):
     """Return whether a component is low; not where the jump of f is an inflow of its own."""
-    is_inflow = (abs(after - before) > GROWN * abs(before)) & (low < 3.0)
+    is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
 
@@ -187,8 +187,7 @@ def _choose(code, truth, acted):
             _change_columns(code, own)
             code.call("f", work.new, code.table, work.f_new)
     for i in text.each(code.f.of.D):
-        of_f = {"before": work.f_old[i], "after": work.f_new[i]}
-        line.low.choose(truth, i, code.apply(INFLOW, i, **of_f)["low"])
+        line.low.choose(truth, i, code.apply(INFLOW, i)["low"])
 
 
 def _change_columns(code, truth):

@@ -3,7 +3,7 @@
 `FunctionCode` is a function with rows of `WorkRows`; `StepCode` takes steps of lines of lanes.
 """
 
-from ..llvm.text import Integers, Shared, Truth
+from ..llvm.text import Carried, Integers, Shared, Truth
 from . import step_length
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 from .memory import LaneState
@@ -63,21 +63,32 @@ class StepCode(FunctionCode):
         """Return one of `ComponentNumbers`."""
         return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
 
-    def apply(self, scalar_kernel, i=0, **inputs):
-        """Carry out a rule, for component i of what has several; return its results by name.
+    def apply(self, kernel, i=0, **inputs):
+        """Carry out a scalar kernel for component i; return its results by name.
 
         Inputs that are not given are found by name: in `SharedNumbers`, in `ComponentNumbers`, and
         in the rows of `line` or `work`.
         """
-        for name in [name for name in scalar_kernel.inputs if name not in inputs]:
+        for name in [name for name in kernel.inputs if name not in inputs]:
             if name in SharedNumbers._fields:
                 inputs[name] = self.number(name)
             elif name in ComponentNumbers._fields:
                 inputs[name] = self.component(name, i)
             else:
                 rows = self.line if hasattr(self.line, name) else self.work
-                inputs[name] = getattr(rows, name)[i]
-        return self.text.apply(scalar_kernel, **inputs)
+                inputs[name] = getattr(rows, name)[0 if name in self.integrator.scalars else i]
+        return self.text.apply(kernel, **inputs)
+
+    def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
+        """Return the results, a `Carried`, that a kernel passes on from component to component.
+
+        The kernel gets `inputs(i)` of component i of `count`, D by default, and its results so far,
+        which are `start` at first.
+        """
+        found = Carried(**start)
+        for i in self.text.each(self.D if count is None else count, found):
+            found.update(self.apply(kernel, i, **inputs(i), **vars(found)))
+        return found
 
     def near(self):
         """Return the results of `NEAR`, which are constants where no surface ends steps."""
@@ -90,7 +101,7 @@ class StepCode(FunctionCode):
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return what rules take for the last time: that of the next change, if it is earlier."""
+        """Return what kernels take for the last time: that of the next event, if it is earlier."""
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):

@@ -124,7 +124,7 @@ def add_between(text, integrator, name, for_each):
         code = StepCode(text, integrator, name, for_each)
         _find_nodes(code)
         for now in text.rounds(Carried()):
-            _put_between(code, code.apply(BETWEEN, **_of_step(code)))
+            _put_between(code, code.apply(BETWEEN, t=code.work.t[0]))
             save(code, _passed(code, Value.__gt__).bits(), code.work.start)
             now.goes_on = _passed(code, Value.__gt__).any()
 
@@ -169,21 +169,18 @@ def _until(code):
     return (code.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
 
 
-def _of_step(code):
-    """Return the inputs of rules for the time before a step, and its length."""
-    return {"t": code.work.t[0], "taken": code.work.taken[0]}
-
-
 def _find_nodes(code):
     """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
     text, line, work, D = code.text, code.line, code.work, code.D
-    code.keep(work, code.apply(QUARTER, after=_until(code), **_of_step(code)))
+    code.keep(work, code.apply(QUARTER, t=work.t[0], after=_until(code)))
     few, more = WEIGHTS
-    of_few, largest = few - weights(EXPLICIT, 2), Carried(ratio=0.0)
-    for i in text.each(D, largest):
-        inputs = {"error": weighted(of_few, code.of_columns(work.ends, i))}
-        inputs |= {"inverse": work.error[i], "ratio": largest.ratio}
-        largest.update(code.apply(LARGER_RATIO, **inputs))
+    of_few = few - weights(EXPLICIT, 2)
+
+    def errors(i):
+        error = weighted(of_few, code.of_columns(work.ends, i))
+        return {"error": error, "inverse": work.error[i]}
+
+    largest = code.reduce(LARGER_RATIO, errors, ratio=0.0)
     needs = largest.ratio > OF_FEW
     count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
@@ -207,9 +204,9 @@ def _find_nodes(code):
         code.call("f", work.start, code.table, work.f)
         for i in text.each(D, sums):
             inputs = {"slope": _between(code, of_slope, i), "f": work.f[i]}
-            inputs |= {"signed": work.signed[0], "inverse": work.error[i]}
+            inputs |= {"inverse": work.error[i]}
             sums.update(code.apply(DEFECT, **inputs, **vars(sums)))
-    found = code.apply(FAILS, signed=work.signed[0], **_of_step(code), **vars(sums))
+    found = code.apply(FAILS, t=work.t[0], **vars(sums))
     fails = found.pop("fails") > 0.0
     with text.when(fails.any(), likely=False):
         code.keep(line, found, fails)
@@ -222,7 +219,7 @@ def _between(code, weights, i):
     for k in range(3):
         node = work.nodes.after(2 * k * code.D)
         inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(code.D)[i]}
-    inputs |= {"x4": work.new[i], "f4": work.f_new[i], "signed": work.signed[0]}
+    inputs |= {"x4": work.new[i], "f4": work.f_new[i]}
     return code.apply(INTERPOLATED, i, **inputs, **weights)["value"]
 
 

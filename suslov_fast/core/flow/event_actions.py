@@ -465,14 +465,10 @@ def _keep_largest(code, truth):
 def _go_on(code, is_at_stop, again):
     """Choose the next length in lanes with changes, as that of a first step."""
     work, conditions = code.work, code.f.conditions
-    sums = Carried(size=0.0, rate=0.0, total=0.0)
-    for i in code.text.each(code.D, sums):
-        inputs = {"x": work.new[i], "f": work.f_new[i]}
-        sums.update(code.apply(BEGIN_COMPONENT, i, **inputs, **vars(sums)))
-    before = Carried(size=0.0, rate=0.0, total=0.0)  # largest states, f where the step began
-    for i in code.text.each(code.D, before):
-        inputs = {"x": code.line.largest[i], "f": code.line.f[i]}
-        before.update(code.apply(BEGIN_COMPONENT, i, **inputs, **vars(before)))
+    zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
+    sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)
+    # The largest states, and f where the step began.
+    before = code.reduce(BEGIN_COMPONENT, lambda i: {"x": code.line.largest[i]}, **zeros)
     endless = (work.noted[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
     inputs |= {"largest": before.size, "rate_before": before.rate}

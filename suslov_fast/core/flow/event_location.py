@@ -344,14 +344,14 @@ def put_point(code, u, to, quartic=None):
     `quartic` of them may be known.
     """
     of_point = POINT if quartic is None else POINT_WITH_QUARTIC
-    signed, is_implicit, inputs = code.work.signed[0], code.integrator.is_implicit, {}
+    is_implicit, inputs = code.integrator.is_implicit, {}
     if is_implicit:
         of_point = POINT_IMPLICIT
     quarters = [code.work.nodes.after(k * code.D) for k in range(3)]
     for i in _read(code):
         if is_implicit:
             inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
-        to[i] = code.apply(of_point, i, signed=signed, u=u, **inputs)["point"]
+        to[i] = code.apply(of_point, i, u=u, **inputs)["point"]
 
 
 def _read(code):
@@ -362,10 +362,9 @@ def _read(code):
 def find_quartic(code):
     """Find what polynomials of degree 4 have in an explicit step beside cubics."""
     text, work = code.text, code.work
-    signed, u = work.signed[0], text.value(POINTS[0])
+    u = text.value(POINTS[0])
     for i in text.each(code.D):
-        work.start[i] = code.apply(POINT, i, signed=signed, u=u)["point"]
+        work.start[i] = code.apply(POINT, i, u=u)["point"]
     code.call("f", work.start, code.table, work.f)
     for i in _read(code):
-        of_point = {"f_point": work.f[i], "signed": signed}
-        work.quartic[i] = code.apply(QUARTIC, i, **of_point)["quartic"]
+        work.quartic[i] = code.apply(QUARTIC, i, f_point=work.f[i])["quartic"]

@@ -149,16 +149,13 @@ def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watche
 
 def longest_step(code):
     """Return the length of the longest step that damps no growth, infinity if there is none."""
-    text, line, work, sums = code.text, code.line, code.work, Carried(grows=0.0)
-    for i in text.each(code.f.of.D, sums):
-        inputs = {"x": line.x[i], "f": line.f[i], "new": work.new[i], "f_new": work.f_new[i]}
-        inputs |= {"inverse": work.error[i]}
-        sums.update(code.apply(GROWS, **inputs, **vars(sums)))
+    text, line, work, D = code.text, code.line, code.work, code.f.of.D
+    sums = code.reduce(GROWS, lambda i: {"inverse": work.error[i]}, D, grows=0.0)
 
     def longest():
         feeds, least = _growth(code, line.x, line.f, text.value(inf))
-        for i in text.each(code.f.of.D):
-            inputs = {"x": line.x[i], "inverse": work.error[i], "remembers": work.start[i]}
+        for i in text.each(D):
+            inputs = {"inverse": work.error[i], "remembers": work.start[i]}
             work.new.put_chosen(i, code.apply(KEEPS_SIGN, i, feeds=feeds, **inputs)["new"])
         code.call("f", work.new, code.table, work.f_new)
         _, least = _growth(code, work.new, work.f_new, least)
@@ -172,10 +169,9 @@ def longest_step(code):
 
 def _growth(code, x, f, least):
     """Return whether no component of L takes from another, and the longest step at a state."""
-    text, work = code.text, code.work
-    feeds, found = _factor_alone(code, x, f), Carried(length=inf, sign=1.0)
-    for i in text.each(code.integrator.pivots, found):
-        found.update(code.apply(PIVOT, pivot=work.factors[i], **vars(found)))
+    work = code.work
+    feeds, count = _factor_alone(code, x, f), code.integrator.pivots
+    found = code.reduce(PIVOT, lambda i: {"pivot": work.factors[i]}, count, length=inf, sign=1.0)
     found = code.apply(LONGEST, feeds=feeds, least=least, **vars(found))
     return feeds, found["least"]
 

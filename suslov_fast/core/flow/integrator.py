@@ -11,7 +11,7 @@ from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
-from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of
+from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of, scalars_of
 from .vector_functions import LONGEST, DenseQuadratic, OfList, SparseLoops
 from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
@@ -35,7 +35,7 @@ class Integrator:
     events       `EventPrograms`, or None
     kinks        the kinds of the surfaces where f has a kink, see `Conditions`
     pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
-    rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`
+    rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`; `scalars` are parts of one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
     codes        addresses of its machine code, see `batch_solver.code_of`
     """
@@ -109,6 +109,7 @@ class Integrator:
             "tau": events * D // of_x.D,
             "scratch": max(function.scratch for function in self.functions.values()),
         })  # fmt: skip
+        self.scalars = {*scalars_of(self.rows), *scalars_of(self.work)}
 
     def _add_surfaces(self):
         """Add the functions of surfaces whose crossings end steps."""

@@ -42,8 +42,8 @@ def FINITE(entry):
 
 
 @scalar_kernel
-def SIZE(modulus, top):
-    return {"top": larger(modulus, top)}
+def SIZE(largest, top):
+    return {"top": larger(largest, top)}
 
 
 @scalar_kernel
@@ -59,9 +59,9 @@ def RATE(product, scale, size):
 
 
 @scalar_kernel
-def MODE(product, size, seed, mode):
-    """The next vector; `seed` keeps it from staying in a part of the space."""
-    return {"mode": (size > 0.0).select(product / size + seed, mode)}
+def MODE(product, size, seeds, mode):
+    """The next vector; `seeds` keep it from staying in a part of the space."""
+    return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
 class ImplicitColumns(FunctionCode):
@@ -153,9 +153,7 @@ def derive(code):
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a
     code.call("j", line.x, code.table, jacobian)
     text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
-    largest = Carried(top=0.0)
-    for i in text.each(code.D, largest):
-        largest.top = text.apply(SIZE, modulus=line.largest[i], top=largest.top)["top"]
+    largest = code.reduce(SIZE, top=0.0)
     for i in text.each(code.D):
         found = code.apply(SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
@@ -170,9 +168,6 @@ def derive(code):
         found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)
         right[i], size.size = found["product"], found["size"]
     for i in text.each(code.D):
-        found = text.apply(
-            MODE, product=right[i], size=size.size, mode=line.mode[i],
-            seed=code.component("seeds", i),
-        )  # fmt: skip
+        found = code.apply(MODE, i, product=right[i], size=size.size)
         line.mode.put_chosen(i, found["mode"])
     return size.size

@@ -4,8 +4,8 @@ A row has one number of each lane: in memory a line is (rows, W). What a step ne
 stands in rows of its own, which all lines share (`WorkRows`).
 """
 
-import itertools
 from enum import IntEnum
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 
@@ -96,7 +96,14 @@ OF_EVENTS = "stop stop_which stop_place at recorded often resting actions".split
 def firsts_of(kind, sizes):
     """Return the first row of each part of `kind`; parts without a size have one row."""
     counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
-    return kind(*itertools.accumulate(counts, initial=0))
+    return kind(*accumulate(counts, initial=0))
+
+
+def scalars_of(firsts):
+    """Return the names of the parts that have one row."""
+    return [
+        name for name, (a, b) in zip(firsts._fields, pairwise(firsts), strict=False) if b - a == 1
+    ]
 
 
 class WorkRows(NamedTuple):

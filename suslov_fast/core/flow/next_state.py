@@ -45,8 +45,7 @@ def find_next_state(code):
             x, ends = line.x[i], code.of_columns(work.ends, i)
             new = x + weighted(own, ends)
             if code.f.steady:
-                signed = {"f": line.f[i], "signed": work.signed[0]}
-                new = code.apply(CLOCK, i, x=x, new=new, **signed)["new"]
+                new = code.apply(CLOCK, i, x=x, new=new)["new"]
             if code.f.of_one_sign:
                 size = abs(x) if integrator.has_atol else line.largest[i]
                 found = code.apply(KEPT, i, x=x, new=new, kept=sums.kept, size=size)

@@ -553,18 +553,18 @@ class Code:
         number = self.load("i32", Index(self, address) + k * 4, 4)
         return Index(self, self.new(f"zext i32 {number} to i64"))
 
-    def apply(self, rule, **inputs):
-        """Carry out a rule; return its results by name."""
-        values = {k: self.value(inputs[name]) for k, name in enumerate(rule.inputs)}
-        self.carry_out(rule.operations, values, None)
+    def apply(self, kernel, **inputs):
+        """Carry out a scalar kernel; return its results by name."""
+        values = {k: self.value(inputs[name]) for k, name in enumerate(kernel.inputs)}
+        self.carry_out(kernel.operations, values, None)
         truths = {
-            number for instruction, number, _ in rule.operations if instruction in OF_TRUTH_VALUES
+            number for instruction, number, _ in kernel.operations if instruction in OF_TRUTH_VALUES
         }
         return {
             name: self.value(a)
             if isinstance(a, float)
             else (Truth if a in truths else Value)(self, values[a])
-            for name, a in rule.results.items()
+            for name, a in kernel.results.items()
         }
 
     def shuffled(self, a, b, order):

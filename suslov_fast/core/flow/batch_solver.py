@@ -112,11 +112,8 @@ def prepare(f, settings, B, for_each):
     `for_each` says whether each trajectory has numbers of its own.
     """
     for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
-        integrator, W = (
-            integrator_of(f, is_implicit, settings.atol is not None),
-            1 if B == 1 else WIDTH,
-        )
-        code_of(integrator, W, for_each or f.conditions is not None)
+        integrator = integrator_of(f, is_implicit, settings.atol is not None)
+        code_of(integrator, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
 
 
 class EventTimes:
@@ -139,17 +136,12 @@ class EventTimes:
     def array(self):
         """`CodeArguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
         rows, n = self.times.shape
-        if not n:
-            return np.array([[[inf, 0.0]]]), 1
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
         found[:, :-1, 1] = self.which
-        number = np.arange(n)  # of a time, and of the first one that equals it
-        is_same = np.isfinite(self.times)
-        is_same[:, :1] = False
-        is_same[:, 1:] &= self.times[:, 1:] == self.times[:, :-1]
-        first = np.maximum.accumulate(np.where(is_same, 0, number), axis=1)
-        most = 1 + int((number - first).max())
+        most, known = 1, np.where(np.isfinite(self.times), self.times, np.nan)
+        while (known[:, most:] == known[:, :-most]).any():
+            most += 1
         return found, most
 
 

@@ -28,7 +28,7 @@ from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Index, Shared, Value
 from .codegen import FunctionCode
 from .vector_functions import INLINED
-from .weights import EXPLICIT, pairs_of
+from .weights import EXPLICIT
 
 ARGUMENTS = "x", "f", "table", "work", "count"
 # Operations of f, and three for each component, up to which all sub-steps are written out: that
@@ -107,11 +107,11 @@ class ExplicitColumns(FunctionCode):
     def in_turn(self, inner):
         """Add the first `count` columns, pair by pair of sub-steps."""
         text, work, D = self.text, self.integrator.work, self.D
-        pairs = pairs_of(EXPLICIT)
-        columns = text.constants([EXPLICIT.index(pair.N) for pair in pairs])
-        inverses = text.constants([1.0 / pair.N for pair in pairs])
-        begins = text.constants([int(pair.begins) for pair in pairs])
-        ends = text.constants([int(pair.ends) for pair in pairs])
+        pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
+        columns = text.constants([c for c, _, _ in pairs])
+        inverses = text.constants([1.0 / N for _, N, _ in pairs])
+        begins = text.constants([int(m == 0) for _, _, m in pairs])
+        ends = text.constants([int(m == N // 2 - 1) for _, N, m in pairs])
         for k in text.each(len(pairs)):
             column, begin, end = columns[k], begins[k], ends[k]
             inverse = Shared(inner, inverses.base)[k]

@@ -172,11 +172,6 @@ class Integrator:
             functions["solve"] = OfList(elimination.solution, count + D)
         return count
 
-    @property
-    def looks_inside(self):
-        """Return whether some surface reads states within steps."""
-        return bool(self.read)
-
     @functools.cached_property
     def key(self):
         """A tuple that tells the code of this integrator from others."""

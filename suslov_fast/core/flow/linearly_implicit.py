@@ -78,7 +78,7 @@ class ImplicitColumns(FunctionCode):
             inverses = text.constants([1.0 / N for N in IMPLICIT])
             of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
             of_rates = text.constants(of_rates)
-            if self.integrator.looks_inside:
+            if self.integrator.read:
                 self.begin_quarters()
             text.fill(work.apart, self.D, lambda: 0.0)
             for c in text.each(Index(text, "%count")):
@@ -97,7 +97,7 @@ class ImplicitColumns(FunctionCode):
         self.call("solve", work.factors, "%table", right)
         text.copy(right, ends, D)
         for m in text.each(N - 1):
-            if self.integrator.looks_inside:
+            if self.integrator.read:
                 self.add_to_quarter(c, m, ends)
             text.fill(a, D, add, x, ends)
             self.call("f", a, "%table", b)

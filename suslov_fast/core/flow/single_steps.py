@@ -15,8 +15,7 @@ def attempts(f, table, x, last, settings):
     request = SolverRequest([last], 1, settings)
     motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
     motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
-    rows, which, mode = np.zeros((1, places.size)), np.zeros(1, np.int64), LaneState.EXPLICIT
-    rows[0, : f.D], rows[0, places.state] = motion.x0[0], BEGINS
+    rows, which, mode = motion._rows(slice(0, 1)), np.zeros(1, np.int64), LaneState.EXPLICIT
     while True:
         state, own = rows[0, places.state], rows[0, : f.D].copy()
         if motion.starts is not None:
@@ -26,11 +25,10 @@ def attempts(f, table, x, last, settings):
             return
         if state in (BEGINS, 1 - mode):  # the first integrator, or the other one
             mode = int(max(state, LaneState.EXPLICIT))
-            integrator = motion.integrator(mode)
-            of_half = motion._table(which)
-            take = motion._taker(integrator, rows, of_half, 1)
+            own_table = motion._table(which)
+            take = motion._taker(motion.integrator(mode), rows, own_table, 1)
         while not take():
             pass
         if rows[0, places.state] == LaneState.TOO_MANY:  # it has made its one attempt
             rows[0, places.state] = mode
-        motion.keep_branches(which, of_half)
+        motion.keep_branches(which, own_table)

@@ -78,7 +78,7 @@ def _find_columns(code):
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.looks_inside:  # shorter steps overwrite them
+    if integrator.is_implicit and integrator.read:  # shorter steps overwrite them
         code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
     return rate
 

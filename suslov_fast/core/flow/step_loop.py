@@ -1,17 +1,6 @@
-"""The text of the machine code of an integrator: steps of lines of lanes.
+"""The text of the machine code of an integrator: a loop of steps (`step`) of lines of lanes.
 
-The two integrators share everything but their columns and the rule for the next step:
-
-    vector_functions                    f, f', elimination, products, as functions of rows
-    gragg, stormer, linearly_implicit   the function `columns`
-    lanes                               which trajectory a lane takes next
-    step                                a step of all lanes, with `tolerance`, `second_trial`,
-                                        `step_length`, `dense_output`, `event_location`,
-                                        `branch_choice` and `event_actions`
-    scalar_kernels                      lists of operations that decide, on the numbers of one lane
-    codegen                             the arrays that all of these read and write, by name
-
-`llvm.text` has the words in which they are written.
+`codegen` has the arrays that all parts read and write, and `llvm.text` the operations.
 """
 
 from ..llvm.text import Carried, Code

@@ -14,25 +14,11 @@ lose as many digits.
 """
 
 from math import prod
-from typing import NamedTuple
 
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
 EXPLICIT = 2, 4, 6, 8, 10
-
-
-class SubstepPair(NamedTuple):
-    """Two sub-steps of a column."""
-
-    N: int  # sub-steps of the column
-    begins: bool  # the column
-    ends: bool
-
-
-def pairs_of(columns):
-    """Return the `SubstepPair`s of all columns, one after the other."""
-    return [SubstepPair(N, m == 0, m == N // 2 - 1) for N in columns for m in range(N // 2)]
 
 
 def weights(columns, p):

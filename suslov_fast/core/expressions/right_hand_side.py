@@ -90,7 +90,7 @@ class RightHandSide:
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
         self._of_table = Program(self.fixed, self.table)
-        self._with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
+        self.with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, events, offsets, columns = False, None, {}, 0
     of = property(lambda self: self)
@@ -149,7 +149,7 @@ class RightHandSide:
 
     def value_and_denominators(self, x, table):
         """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        return self._at("_with_denominators", x, table)
+        return self._at("with_denominators", x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""

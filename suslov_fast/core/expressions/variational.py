@@ -57,7 +57,7 @@ class Variational(RightHandSide):
             setattr(self, name, getattr(f, name, None))
         self.denominators = poles
         self.f = Program(values.operations, self.f.results)
-        self._with_denominators = Program(self.f.operations, [*self.f.results, *poles])
+        self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])
 
     def table_of(self, table, scales=()):
         """Return the table (n, ...) for the table of f and scales (q, ...)."""

@@ -1,4 +1,4 @@
-"""The motion of trajectories at given times: blocks of lines, and which code takes them."""
+"""The motion of trajectories at given times: blocks on threads, and the integrator of each."""
 
 import functools
 from array import array
@@ -157,7 +157,7 @@ def counted_from_start(f, table, x0):
         return table, x0, None
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     own = f.of
-    count = own.P if f.conditions is None else f.conditions.P  # after them there are choices
+    count = own.P if f.conditions is None else f.conditions.P  # after them there are branches
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
     inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
@@ -320,7 +320,7 @@ class BatchSolver:
         self.keep_branches(which, table)
 
     def keep_branches(self, which, table):
-        """Keep the choices that the code has written to the tables of trajectories."""
+        """Keep the branches that the code has written to the tables of trajectories."""
         if self.f.conditions:
             self.table[which] = table
 
@@ -358,7 +358,7 @@ class StepRunner:
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, stops, equal, records):
-        """Let them point to the times of changes; `records` is the list that arrays come to."""
+        """Let the arguments point to the times of events; records go to the list `records`."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W

@@ -1,17 +1,17 @@
-"""The choices of right-hand sides with conditions, which are fixed along steps and made anew after.
+"""The branches of a right-hand side with conditions: fixed along a step, chosen after it.
 
-A step ends just beyond a surface on which a condition changes (`event_location.CUT`). There the
-choices are made anew, and f with them. Columns v of derivatives become
+A step ends just beyond a surface on which a condition changes (`event_location.CUT`). There new
+branches are chosen, and f is evaluated with them. Columns v of derivatives become
 
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
 
-because a solution that starts dx away reaches the surface s = 0 earlier, and goes on with the other
-f since then. The logarithm of the determinant of this matrix is that of (grad s . f_after) /
+because a solution that starts dx away reaches the surface s = 0 earlier, and continues with the
+other f. The logarithm of the determinant of this matrix is that of (grad s . f_after) /
 (grad s . f_before).
 
-A solution that comes back to surfaces at once, again and again, slides along them, and ends. One
-that ends just before a surface, because f has no value beyond it, goes on beyond it with the other
-choices.
+A solution that comes back to surfaces at once, again and again, slides along them, and ends. A
+solution that ends just before a surface, because f has no value beyond it, continues beyond it with
+the other branches.
 """
 
 import itertools
@@ -28,16 +28,16 @@ from .scalar_kernels import AT_ONCE, scalar_kernel
 
 _BEFORE = 2  # results of `choices` before the choices
 
-# A solution slides that changes its choices so often at once. Parts of the time: within which a
-# surface lies before which a solution ends, at first within NEAREST; and within which one that ends
-# so again slides.
+# A solution slides if it changes its branches so often at once. Parts of the time: a surface before
+# which a solution ends lies within them, at first within NEAREST; a solution that ends so again
+# within AGAIN slides.
 BACK_AND_FORTH = 12.0
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Of a solution that has changed its choices; where changes of the state acted they count."""
+    """Count changes of branches at once; after the action of an event they do not count."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -52,14 +52,14 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """A part of the time, and with the sign of time."""
+    """Return a part of the time, without and with the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Of a solution that crosses a surface at once again: the next steps end on it."""
+    """Let the next steps of a solution that crosses a surface again at once end on it."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -68,7 +68,7 @@ def SEEK(wanted, ahead):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
-    """Of a solution that ends just before a surface, and goes on beyond it."""
+    """Let a solution that ends just before a surface continue beyond it."""
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
     state = slides.select(float(LaneState.SLIDING), first_state)
@@ -86,7 +86,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """The change of the integral of u trace f', where f jumps and grad s . f is that."""
+    """Return the jump of the integral of u trace f', from grad s . f at both sides."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
@@ -99,9 +99,9 @@ def INFLOW(low, f_old, f_new):
 
 
 def add_branches(text, integrator, name, for_each):
-    """Add the function void choose(arguments), which makes all choices of lanes anew.
+    """Add the function void choose(arguments), which chooses all branches.
 
-    They are those at the state `new` in lanes with `chooses` 1.
+    It does so at the state `new`, in lanes with `chooses` 1.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -110,13 +110,13 @@ def add_branches(text, integrator, name, for_each):
 
 
 def update_branches(code, truth):
-    """Make all choices anew at the new state of these lanes."""
+    """Choose all branches at the new state of these lanes."""
     code.work.chooses[0] = truth.select(1.0, 0.0)
     code.text.invoke(f"{code.name}_choose", code.arguments)
 
 
 def choose(code):
-    """Make the choices of kinks anew where the step ends on a surface, and f with them.
+    """Choose the branches of kinks where the step ends on a surface, and evaluate f with them.
 
     A table may be so steep that f changes much where it is continuous.
     """
@@ -129,7 +129,7 @@ def choose(code):
 
 
 def renew(code):
-    """Make the choices of lanes anew where f jumps, and let them go on that end before a jump."""
+    """Choose branches where f jumps, and continue solutions that end before a jump."""
     text, line, work = code.text, code.line, code.work
     if code.f.conditions.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
@@ -143,7 +143,7 @@ def renew(code):
 
 
 def _look(code, x):
-    """Find the choices at a state."""
+    """Find the branches at a state."""
     code.call("branches", x, code.table, code.work.chosen)
 
 
@@ -171,7 +171,7 @@ def _put_ahead(code, x, f, signed):
 
 
 def _choose(code, truth, acted):
-    """Make choices anew at the new state of lanes, and f and columns with them."""
+    """Choose branches at the new state of lanes, and compute f and columns with them."""
     text, line, work, f = code.text, code.line, code.work, code.f
     has_columns = f.columns and f.conditions.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
@@ -268,7 +268,7 @@ def _go_on(code, ended):
 
 
 def _put_all(code, truth):
-    """Write all choices to the table of lanes, with the numbers that depend on them."""
+    """Write all branches to the table of lanes, with the numbers that depend on them."""
     text, work, conditions = code.text, code.work, code.f.conditions
     _put_choices(code, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
     derived = code.f.of.derived.results
@@ -281,7 +281,7 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write choices, which rows have, or arguments of tables, to the table of lanes."""
+    """Write branches, from rows, or intervals at arguments of tables, to the table of lanes."""
     text, f = code.text, code.f.of
     first = len(f.conditions.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):

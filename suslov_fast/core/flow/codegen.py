@@ -40,7 +40,7 @@ class StepCode(FunctionCode):
         self.table = self.work.table.at() if for_each else self.of.table
 
     def has_trajectories(self):
-        """Return whether some lane has one: the rows `own` are their numbers plus 1, 0 without."""
+        """Return whether some lane has a trajectory: `own` is its number plus 1, or 0."""
         text = self.text
         own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
@@ -97,7 +97,7 @@ class StepCode(FunctionCode):
         return {"reach": step_length.REACH, "shortest": step_length.SHORTEST}
 
     def of_columns(self, rows, i):
-        """Return what rows such as `work.ends` have of component i, of each column."""
+        """Return component i of each column, from rows such as `work.ends`."""
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
@@ -117,7 +117,7 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write results of a rule to rows of `line` or `work` with their names, in these lanes."""
+        """Write results of a kernel to the rows of their names, in these lanes."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))

@@ -143,7 +143,7 @@ def save_states(code):
 
 
 def save_at_end(code):
-    """Save the states at times at which the step ends, or NEARLY, after changes there."""
+    """Save the states at times at which the step ends, or NEARLY, after actions there."""
     text = code.text
     with text.when(_reached(code).any(), likely=False):
         for now in text.rounds(Carried()):
@@ -162,7 +162,7 @@ def _reached(code):
 
 
 def _until(code):
-    """Return the time before which states are those inside the step, and not after changes."""
+    """Return the time before which states are inside the step, not after actions."""
     t = code.line.t[0]
     if not code.integrator.events:
         return t

@@ -1,9 +1,8 @@
-"""Changes of the state at which steps end, at given times and on surfaces.
+"""Actions of events at the end of a step, at given times and on surfaces.
 
-At an instant changes at times act first, in the order of their list, then those at surfaces that
-the state has crossed, by the motion or by another change. A trajectory keeps on which side of each
-surface it is. The code is a function of its own, because changes at time 0 act before the first
-step.
+At an instant events at times act first, in the order of their list. Then the events act whose
+surfaces the state has crossed, by the motion or by another action. A trajectory stores its side of
+each surface. The code is a function of its own, because events at time 0 act before the first step.
 """
 
 from math import inf
@@ -20,14 +19,14 @@ from .memory import LaneState
 from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 
-# A trajectory ends where a change acts again at once so often in a row, or where so many act at
-# one instant beside one at each surface.
+# A trajectory ends where an event acts again at once so often in a row, or where so many act at
+# one instant in addition to one at each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
 SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
 MOMENT = 2.0**-16  # part of the last step, after which rates tell how they change
 STAYS = 0.25  # in place of a side
-FASTER = 4.0  # rate after changes, beside that where the step before them began
+FASTER = 4.0  # rate after actions, by the rate where the step before them began
 
 
 def _side(value, rate, size, rate_size, near, sign):
@@ -55,7 +54,7 @@ SIDE = scalar_kernel(_side)
 def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
     """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above.
 
-    It `may` if s has choices: slopes that are 0 do not tell of others, as cos(x) - 1 touches 0.
+    It `may` if s has branches: slopes that are 0 do not tell of others, as cos(x) - 1 touches 0.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (may > 0.5)
@@ -74,11 +73,11 @@ def CROSSED(
 ):  # fmt: skip
     """Return whether a state is on another side of a surface, up or down.
 
-    So is one at which the step arrives, see `event_location.CUT`. A change may leave the state
+    So is one at which the step arrives, see `event_location.CUT`. An action may leave the state
     beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
     motion whose rate contradicts it is none: then the surface lies just beyond the state, until
-    its next change. Nor is it one where a state leaves a surface on which it has stayed, or a
-    gap without values begins or ends. After its change a state counts as on the surface if it is
+    its next action. Nor is it one where a state leaves a surface on which it has stayed, or a
+    gap without values begins or ends. After its action a state counts as on the surface if it is
     `near`, twice as far as the crossing was.
     """
     shift = sign * rate * (NEARLY * t)
@@ -109,12 +108,12 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Return whether a change acts again at once, how often that counts, and when such times end.
+    """Return whether an event acts again at once, how often that counts, and when such times end.
 
-    A state that a change turns back, and that comes back along a parabola, is away for 2 |r / a|
+    A state that an action turns back, and that comes back along a parabola, is away for 2 |r / a|
     with the rate r and its derivative a, and rises by r**2 / (2 |a|). If that is at once, or LOW,
-    and the change has made r smaller by the factor q, it is at rest after 2 |r / a| / (1 - q). For
-    others the time since the change before counts, and the limit is Aitken's.
+    and the action has made r smaller by the factor q, it is at rest after 2 |r / a| / (1 - q). For
+    others the time since the action before counts, and the limit is Aitken's.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -143,13 +142,13 @@ def AFTER_EVENT(
     size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
     stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
-    """The next length after changes of the state.
+    """Return the next length after actions.
 
     It is that of a first step if that is more. Where the rate is FASTER times that at which the
     last step began, as after a dose, it is at most that of a first step of a state as large as the
     largest so far.
 
-    Changes accumulate where one acts again at once, see `AGAIN`, so often in a row.
+    Events accumulate where one acts again at once, see `AGAIN`, so often in a row.
     """
     is_changed = number > 0.0
     guess = first_length(size, rate, part, last)
@@ -176,9 +175,9 @@ def AFTER_EVENT(
 
 
 def add_actions(text, integrator, name, for_each):
-    """Add the function void change(arguments), which changes `new` and `f_new` of lanes.
+    """Add the function void change(arguments), which writes `new` and `f_new` after actions.
 
-    It acts in lanes with `accepted` 1 that are at the time of a change.
+    It acts in lanes with `accepted` 1 that are at the time of an event.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -186,7 +185,7 @@ def add_actions(text, integrator, name, for_each):
 
 
 def act(code):
-    """Let changes act on the next states of lanes whose step is taken."""
+    """Let events act on the next states of lanes whose step is taken."""
     if code.integrator.events:
         is_there = _is_there(code)
         if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
@@ -213,13 +212,13 @@ def find_sides(code, begins):
 
 
 def _is_at_stop(code):
-    """Return which lanes have reached the next time of a change."""
+    """Return which lanes have reached the next time of an event."""
     accepted = code.work.accepted[0] > 0.0
     return accepted & (code.line.t[0] >= code.line.stop[0])
 
 
 def _is_there(code):
-    """Return in which lanes changes may act."""
+    """Return in which lanes events may act."""
     is_at_stop = _is_at_stop(code)
     if not code.integrator.events.surfaces:
         return is_at_stop
@@ -240,7 +239,7 @@ def _look_at(code, x, f, to):
 
 
 def _at_surface(code, k):
-    """Return what `_look` has found of surface k, by name, but for its slopes."""
+    """Return `value`, `rate`, `size` and `rate_size` of surface k, as found by `_look`."""
     names = enumerate(("value", "rate", "size", "rate_size"))
     return {name: code.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
 
@@ -264,7 +263,7 @@ def _act_of_lanes(code):
 
 
 def _act_at_times(code):
-    """Let changes act whose times have come, in the order of the list."""
+    """Let events act whose times have come, in the order of the list."""
     text, events = code.text, code.integrator.events
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
@@ -277,14 +276,14 @@ def _act_at_times(code):
 
 
 def _most(events):
-    """Return how many changes at surfaces may act at one instant."""
+    """Return how many events at surfaces may act at one instant."""
     return MOST_AT_ONCE + events.surfaces
 
 
 def _act_at_surfaces(code, is_there, by_motion, again):
-    """Let changes act at the surfaces that a state has crossed, again and again until none does.
+    """Let events act at the surfaces that a state has crossed, again and again until none does.
 
-    `by_motion` are the lanes whose step has crossed one; another change may have crossed others.
+    `by_motion` are the lanes whose step has crossed one; another action may have crossed others.
     `again` is what `AGAIN` finds.
     """
     text, work, events = code.text, code.work, code.integrator.events
@@ -338,7 +337,7 @@ def _look_a_moment_later(code):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let the change at surface k act in lanes whose state is on another side of it now."""
+    """Let the event at surface k act in lanes whose state is on another side of it now."""
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
@@ -367,7 +366,7 @@ def _cross(code, k, is_there, by_motion):
 
 
 def _note(code, k, truth, crosses, by_motion):
-    """Record a crossing where nothing changes; a trajectory with enough of them stops."""
+    """Record a crossing without an action; a trajectory with enough of them stops."""
     line, work = code.line, code.work
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
@@ -382,7 +381,7 @@ def _note(code, k, truth, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let change k act in these lanes, in some because of the motion."""
+    """Let event k act in these lanes, in some because of the motion."""
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
@@ -412,7 +411,7 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _of_columns(code, f_before):
-    """Return what a record of a `Variational` has: tau of each column, f before and after."""
+    """Return the parts of a record of a `Variational`: tau of each column, f before and after."""
     if not code.f.columns:
         return ()
     work, D = code.work, code.f.of.D
@@ -420,7 +419,7 @@ def _of_columns(code, f_before):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
-    """Find tau of the columns of a `Variational`, and change them if the state is changed."""
+    """Find tau of the columns of a `Variational`, and move them if the action moves the state."""
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     if not f.columns:
         return
@@ -440,7 +439,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
 
 
 def _next_stop(code, bits):
-    """Go to the next time of a change in lanes with these bits."""
+    """Go to the next time of an event in lanes with these bits."""
     text, of = code.text, code.of
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
@@ -454,7 +453,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Let the largest moduli of components include those before a change; forget which are low."""
+    """Let the largest moduli of components include those before an action; forget which are low."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
@@ -463,7 +462,7 @@ def _keep_largest(code, truth):
 
 
 def _go_on(code, is_at_stop, again):
-    """Choose the next length in lanes with changes, as that of a first step."""
+    """Choose the next length in lanes with actions, as for a first step."""
     work, conditions = code.work, code.f.conditions
     zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
     sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)

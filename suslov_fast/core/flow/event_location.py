@@ -1,4 +1,4 @@
-"""Surfaces on which conditions of f change: steps end just beyond them.
+"""The event cut: a step that crosses a surface is taken again, until one ends just beyond it.
 
 A step looks for surfaces at POINTS of its length, where the state is (`POINT`)
 
@@ -138,9 +138,9 @@ def CUT(
 
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
     the state at `outer` at `part`. A step aside on the way to a surface counts as all others, and
-    so does one that ends on it, or NEARLY, but for the time `left` to a surface of a change. Once
-    a step has ended near a surface `aim` is the length of that which ends there, and `since` the
-    longest time since which one is crossed, see `step_to_surface`.
+    so does one that ends on it, or NEARLY, except for the time `left` to the surface of an event.
+    Once a step has ended near a surface, `aim` is the length of the step that ends there, and `since`
+    the longest time since which a surface is crossed, see `step_to_surface`.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last

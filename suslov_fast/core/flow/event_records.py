@@ -1,4 +1,4 @@
-"""Records of what changes of the state did, in a buffer of which Python makes arrays."""
+"""Records of the actions of events, in a buffer of which Python makes arrays."""
 
 from ..llvm.text import Integers, Shared
 from .code_arguments import SLOT
@@ -11,7 +11,7 @@ def size_of(f):
 
 
 def record(code, truth, k, time, before, after, *of_columns):
-    """Write a record in these lanes: trajectory, number of the change, time, and both states.
+    """Write a record in these lanes: trajectory, number of the event, time, and both states.
 
     `time`, `before` and `after` are rows; `of_columns` are pairs of rows and their number.
     """

@@ -5,14 +5,13 @@ import functools
 from ..expressions.double_crossings import POINTS, DoubleCrossings
 from ..expressions.event_formulas import OF_SURFACE, read_by
 from ..expressions.partitioned import part_of, sets_of
-from ..expressions.programs import Program
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
 from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of, scalars_of
-from .vector_functions import LONGEST, DenseQuadratic, OfList, SparseLoops
+from .vector_functions import LONGEST, DenseQuadratic, ProgramFunction, SparseLoops
 from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
@@ -55,21 +54,19 @@ class Integrator:
         if f.is_dense:
             self.functions = {"f": DenseQuadratic(f.D, False)}
         else:
-            self.functions = {
-                "f": OfList(Program(f.f.operations, [*f.f.results, *f.denominators]), f.D, f.places)
-            }
+            self.functions = {"f": ProgramFunction(f.with_denominators, f.D, f.places)}
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
-                self.functions[name] = OfList(part_of(f.f, components), f.D, f.places)
+                self.functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = _read(f.watched, self.watched) if self.watched else []
         self.hidden = f.hidden or DoubleCrossings()
         if self.watched:
             self._add_surfaces()
         if f.events:
-            self._add_changes()
+            self._add_events()
         if f.conditions:
-            self._add_choices()
+            self._add_branches()
         factors = self._add_implicit() if is_implicit else 0
         self._set_rows(factors)
 
@@ -117,7 +114,7 @@ class Integrator:
         sides = 2 * (f.events.surfaces if f.events else 0)
         for name, program in (("surfaces", f.watched), ("phases", self.hidden.phases)):
             if program:
-                self.functions[name] = OfList(program, D, self.f.of.places)
+                self.functions[name] = ProgramFunction(program, D, self.f.of.places)
         of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
         for name, program, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
@@ -127,10 +124,10 @@ class Integrator:
         ):
             if program:
                 places = {first + k: k for k in range(len(self.f.of.table))}
-                self.functions[name] = OfList(program, first, places)
+                self.functions[name] = ProgramFunction(program, first, places)
 
-    def _add_changes(self):
-        """Add the functions of changes."""
+    def _add_events(self):
+        """Add the functions of events."""
         P, of_x = self.events.P, self.f.of
         for name, (program, rows) in self.events.parts.items():
             if not self.f.columns and name.startswith(("tau", "column")):
@@ -138,18 +135,18 @@ class Integrator:
             places = {rows + p: p for p in range(P)}
             if self.f.columns:  # whose scales follow the table of f
                 places |= {rows + P + q: len(of_x.table) + q for q in range(self.f.q)}
-            self.functions[name] = OfList(program, rows, places)
+            self.functions[name] = ProgramFunction(program, rows, places)
 
-    def _add_choices(self):
-        """Add the functions of choices."""
+    def _add_branches(self):
+        """Add the functions of branches."""
         f, conditions = self.f.of, self.f.conditions
         given = conditions.P + conditions.jumps + conditions.kinks
         places = {f.D + p: p for p in range(given)}
-        self.functions["branches"] = OfList(f.branches, f.D, places)
+        self.functions["branches"] = ProgramFunction(f.branches, f.D, places)
         if f.derived.results:
-            self.functions["derived"] = OfList(f.derived, 0, places)
+            self.functions["derived"] = ProgramFunction(f.derived, 0, places)
         if f is not self.f and conditions.jumps:
-            self.functions["slopes"] = OfList(f.slopes, f.D, f.places)
+            self.functions["slopes"] = ProgramFunction(f.slopes, f.D, f.places)
 
     def _add_implicit(self):
         """Add the functions of the implicit integrator; return the number of factors."""
@@ -157,7 +154,7 @@ class Integrator:
         if f.is_dense:
             functions["j"] = DenseQuadratic(D, True)
         else:
-            functions["j"] = OfList(f.derivative, D, f.places)
+            functions["j"] = ProgramFunction(f.derivative, D, f.places)
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:
@@ -168,8 +165,8 @@ class Integrator:
         else:
             elimination = Elimination(f.pattern, order, fill)
             count, self.pivots = len(elimination.factors.results), elimination.pivots
-            functions["factor"] = OfList(elimination.factors, f.entries + 1)
-            functions["solve"] = OfList(elimination.solution, count + D)
+            functions["factor"] = ProgramFunction(elimination.factors, f.entries + 1)
+            functions["solve"] = ProgramFunction(elimination.solution, count + D)
         return count
 
     @functools.cached_property
@@ -179,5 +176,5 @@ class Integrator:
 
 
 def _read(program, D):
-    """Return the numbers of the components that a list reads."""
+    """Return the numbers of the components that a program reads."""
     return sorted(read_by(program, program.results).intersection(range(D)))

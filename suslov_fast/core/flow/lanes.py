@@ -37,7 +37,7 @@ def _write_back(code, offset, own):
     """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.conditions:  # whose choices stand in the table
+    if integrator.f.conditions:  # whose branches stand in the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(own.differs(0)):
         number = own - 1
@@ -81,7 +81,7 @@ def _begin(code, begins):
 
 
 def _begin_with_events(code, begins):
-    """Let changes at time 0 act, and save the states at that time."""
+    """Let events at time 0 act, and save the states at that time."""
     text, line, work = code.text, code.line, code.work
     running = begins & line.state[0].equals(code.mode)
     work.accepted[0] = running.select(1.0, 0.0)

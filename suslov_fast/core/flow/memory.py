@@ -21,9 +21,9 @@ class LaneState:
     ENDED = 3  # steps become too short
     TOO_MANY = 4  # steps from one time to the next
     NO_VALUE = 5  # f has none at the start
-    SLIDING = 6  # a condition of f changes back and forth
-    STOPPED = 7  # a change ends it
-    ACCUMULATES = 8  # changes follow one another at once, without end
+    SLIDING = 6  # a branch of f changes back and forth
+    STOPPED = 7  # an event ends it
+    ACCUMULATES = 8  # actions follow one another at once, without end
 
 
 class EndCause(IntEnum):
@@ -33,7 +33,7 @@ class EndCause(IntEnum):
     ESCAPE = 1  # a component would double at once, and again
     POLE = 2  # f becomes infinite
     NO_VALUE = 3  # f has none ahead
-    NO_STATE = 4  # the new state of a change has none
+    NO_STATE = 4  # the new state of an action has none
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step
@@ -48,13 +48,13 @@ class TrajectoryRows(NamedTuple):
     mode: int  # a vector of the power iteration on f' (D)
     low: int  # of components that have fallen, see `growing_components.LOW` (those of x)
     far: int  # the state after a step of length `outer` (watched)
-    chosen_at: int  # time at which choices of f changed last (1 if f chooses)
-    chosen_often: int  # how often in a row they changed at once (1 if f chooses)
-    side: int  # of surfaces of changes: 1 where the state is at the level or above, 0 below,
+    chosen_at: int  # time at which branches of f changed last (1 if f has branches)
+    chosen_often: int  # how often in a row they changed at once (1 if f has branches)
+    side: int  # of surfaces of events: 1 where the state is at the level or above, 0 below,
     #            between both where it stays on it, `GAP` where it has no value; and the level,
     #            0 but for rounding (2 surfaces)
-    counts: int  # how often each change has acted (changes)
-    acted: int  # when each change at a surface has acted last, and how much later than the time
+    counts: int  # how often each event has acted (events)
+    acted: int  # when each event at a surface has acted last, and how much later than the time
     #             before (2 surfaces)
     # These exist if there are events, see OF_EVENTS.
     stop: int  # modulus of the next time of an event, infinity after the last
@@ -143,25 +143,25 @@ class WorkRows(NamedTuple):
     quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
     moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
     told: int  # what `DoubleCrossings` tells of them (3)
-    end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of changes)
+    end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of events)
     aim: int  # when surfaces are crossed, see `event_location` (5)
     between: int  # surfaces at two points, between which they are crossed or not
     sides: int  # what `TrajectoryRows.side` holds (2 surfaces)
     seen: int  # what `watch` finds there (4 + kinks)
-    changed: int  # what functions of changes return (D)
-    before: int  # the state before a change (D)
+    changed: int  # what functions of events return (D)
+    before: int  # the state before an action (D)
     f_before: int  # f there (D)
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
-    toward: int  # `OF_SURFACE` of surfaces of changes at that state (5 surfaces)
+    toward: int  # `OF_SURFACE` of surfaces of events at that state (5 surfaces)
     ahead: int  # the same a moment later (5 surfaces)
     fired: (
-        int  # 1 where a change acts that was crossed upward at this instant, -1 downward, else 0,
+        int  # 1 where an event acts that was crossed upward at this instant, -1 downward, else 0,
     )
     #             and before it how near the surface was, and its rate (3 surfaces)
-    noted: int  # number of changes at surfaces at this instant, if there are changes
-    chooses: int  # 1 where choices are made anew
-    chosen: int  # what `choices` returns (2 + surfaces of f)
-    derived: int  # numbers of the table that depend on choices
+    noted: int  # number of actions at surfaces at this instant, if there are events
+    chooses: int  # 1 where branches are chosen
+    chosen: int  # what `branches` returns (2 + surfaces of f)
+    derived: int  # numbers of the table that depend on branches
     f_old: int  # f before a jump (D)
     slopes: int  # of surfaces where f jumps, if there are columns
     gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)

@@ -1,7 +1,6 @@
-"""Rules: lists of operations on the numbers of one lane, which decide on a step.
+"""Scalar kernels: expression programs on the numbers of one lane, which decide on a step.
 
-Each stands in the file of its subject: `tolerance`, `second_trial` and `step_length` have those of
-every step.
+A kernel stands in the file of its subject.
 """
 
 import inspect
@@ -16,7 +15,7 @@ NEARLY = 2.0**-45  # part of the time, before which what happens does so at this
 
 
 class ScalarKernel(NamedTuple):
-    """A list of operations with names for its inputs, which are its first values, and results."""
+    """An expression program with names for its inputs, which are its first values, and results."""
 
     inputs: list
     operations: list
@@ -24,7 +23,10 @@ class ScalarKernel(NamedTuple):
 
 
 def scalar_kernel(function, *others):
-    """Return the rule that a function of `Number` describes, with others of its inputs."""
+    """Return the kernel that a function of `Number` describes.
+
+    Parameters with defaults are inputs if their names are in `others`.
+    """
     parameters = inspect.signature(function).parameters.values()
     inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
     values = Values(len(inputs), ())

@@ -172,7 +172,7 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """After `AFTER`, where a step ends at a time of a change, which shortens no step after it."""
+    """After `AFTER`, where a step ends at the time of an event, which shortens no step after it."""
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),

@@ -1,7 +1,7 @@
 """Functions of rows, of which the steps of the motion are made: f, f', elimination.
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
-writes rows at another. Lists of operations are straight-line code, long ones in blocks, and dense
+writes rows at another. Expression programs are straight-line code, long ones in blocks, and dense
 matrices have loops. `scratch` are the rows that it needs for itself.
 """
 
@@ -19,8 +19,8 @@ BLOCK = 64  # operations of a block of straight-line code
 LONGEST = 20_000
 
 
-class OfList:
-    """A list of operations as straight-line code; its first values are rows.
+class ProgramFunction:
+    """An expression program as straight-line code; its first values are rows.
 
     Results that are None are not there: their rows stay as they are.
     """

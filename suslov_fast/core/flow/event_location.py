@@ -139,8 +139,8 @@ def CUT(
     A straight line to the end of this step crosses the surface at `whole_part`, one from there to
     the state at `outer` at `part`. A step aside on the way to a surface counts as all others, and
     so does one that ends on it, or NEARLY, except for the time `left` to the surface of an event.
-    Once a step has ended near a surface, `aim` is the length of the step that ends there, and `since`
-    the longest time since which a surface is crossed, see `step_to_surface`.
+    Once a step has ended near a surface, `aim` is the length of the step that ends there. `since`
+    is the longest time since which a surface is crossed, see `step_to_surface`.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last

@@ -15,7 +15,7 @@ from ..core.expressions.numpy_evaluation import FUNCTIONS
 from .equations import Equations
 from .exact_numbers import as_given, exact, numbers
 from .names import check_order
-from .terms import Terms, collected, fractions, joined
+from .terms import Terms, collected, fractions
 
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
@@ -203,8 +203,9 @@ def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
     indices = [np.vstack([i, np.full((3 - len(i), i.shape[1]), D)]) for i, _ in parts.values()]
     batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
     values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]
-    values = [v.astype(np.float64) for v in values] if batch else values
-    return collected(np.hstack(indices), joined(values), D, 2), D
+    if batch or any(v.dtype == object for v in values):
+        values = [v.astype(np.float64) if batch else fractions(v) for v in values]
+    return collected(np.hstack(indices), np.concatenate(values, axis=-1), D, 2), D
 
 
 def of_file(indices: Any, values: Any, D: int) -> Terms:

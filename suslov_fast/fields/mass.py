@@ -48,7 +48,7 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     rows = _entries(tracer, mass, D) if callable(mass) else real_array("mass", mass).tolist()
     if np.shape(rows) != (D, D):
         raise wrong("mass", f"have the shape ({D}, {D})", f"{np.shape(rows)}: {_HOW}")
-    b = [a if isinstance(a, float) else Symbol(tracer, a) for a in right]
+    b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
         found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:

@@ -28,11 +28,6 @@ class Terms(NamedTuple):
     values: Any  # (..., T), floats or fractions
 
     @property
-    def exact(self) -> Terms:
-        """The terms of a single polynomial with fractions as values."""
-        return Terms(self.indices, fractions(self.values))
-
-    @property
     def floats(self) -> Terms:
         """The terms with floats, each rounded once; a copy, for kernels."""
         return Terms(self.indices.copy(), np.ascontiguousarray(self.values.astype(np.float64)))
@@ -79,12 +74,6 @@ def without_zeros(indices: Any, values: Any) -> Terms:
     return Terms(np.ascontiguousarray(indices[:, is_there]), values[..., is_there])
 
 
-def joined(parts: Sequence[Any]) -> Any:
-    """Return values (..., T) of several lists of terms as one: fractions if one list has them."""
-    is_exact = any(values.dtype == object for values in parts)
-    return np.concatenate([fractions(v) if is_exact else v for v in parts], axis=-1)
-
-
 def values_at(terms: Terms, x: FloatArray) -> FloatArray:
     """Return the values (..., D) of a field at states (..., D)."""
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
@@ -120,6 +109,6 @@ def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
 def texts_of(terms: Terms, names: Sequence[str]) -> Iterator[str]:
     """Yield the components of a single field as texts."""
     rows: list[dict[tuple[int, ...], Any]] = [{} for _ in names]
-    for (i, *factors), v in sorted(terms.exact.members()):
+    for (i, *factors), v in sorted(terms.read(Fraction).members()):
         rows[i][*(k for k in factors if k < len(names)),] = v
     return (text_of(row, names).replace("^", "**") for row in rows)

@@ -275,10 +275,10 @@ def motion_of(
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, Field):
         return to_tolerance(system, x, batch, request)
-    is_exact = _are_exact(system)
-    if is_exact is True:
+    is_exact = system._is_solved  # True, or for each member
+    if np.all(is_exact):
         return _exact(system, x, batch, request)
-    if is_exact is False:
+    if not np.any(is_exact):
         return to_tolerance(system._field, x, batch, request)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
     found = empty_result(x, len(request.times))
@@ -289,12 +289,6 @@ def motion_of(
         found.states[:, where], found.t[where] = part.states, part.t
         found.steps[where], found.status[where] = part.steps, part.status
     return found._replace(is_stopped=part.is_stopped)
-
-
-def _are_exact(body: Any) -> Any:
-    """Return whether the closed form of a body is known: True, False, or for each member."""
-    known = body._is_solved
-    return bool(np.all(known)) or (known if np.any(known) else False)
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:

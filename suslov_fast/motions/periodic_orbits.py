@@ -237,23 +237,17 @@ def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> 
     return not (differ > _OF_FORCE * abs(now).max(axis=1)).any()  # where there is a number
 
 
-def _at_rest(search: Shooting, given: float) -> str | None:
-    """Return what was found, if it does not move."""
-    x, own = search.nodes[0], ~search.drifts
-    size, T, state = search.largest, search.T, short(x.tolist())
-    rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
-    is_forced = search.flow.is_forced
-    if is_forced or not rate <= _AT_REST * size:
-        return None
-    if rate * max(given / T, 1.0) <= _AT_REST * size:
-        return f"the equilibrium {state}"
-    return f"periods that tend to 0 at the state {state}"
-
-
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
     """Return what was found, if that is no periodic orbit."""
-    if (found := _at_rest(search, given)) or search.is_found:
-        return found
+    x, own, T = search.nodes[0], ~search.drifts, search.T
+    state, least = short(x.tolist()), _AT_REST * search.largest
+    rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
+    if rate <= least and not search.flow.is_forced:  # it does not move
+        if rate * max(given / T, 1.0) <= least:
+            return f"the equilibrium {state}"
+        return f"periods that tend to 0 at the state {state}"
+    if search.is_found:
+        return None
     if not np.isfinite(search.residual):
         return "no orbit, because the motion from x0 ends within the period"
     return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"

@@ -223,24 +223,25 @@ class Line:
         for c in self.z:
             self._zeros *= flint.nmod_poly([-c, 1], p)
 
-    def quotient(self, values: Sequence[int]) -> Any:
-        """Return N and D of least degrees with these values of N / D; None with too few values."""
+    def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
+        """Return N and D of least degrees with these values of N / D; None with too few values.
+
+        The search ends at N of the degree `lowest`.
+        """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
         D, last_N, last_D = N * 0 + 1, self._zeros, N * 0
-        best = N, D
-        while N != 0:  # Euclid's algorithm keeps N = D times the interpolating polynomial
-            q = last_N // N
+        while _size(N, D) + 3 > len(values):
+            if N.degree() <= lowest:
+                return None
+            q = last_N // N  # Euclid's algorithm keeps N = D times the interpolating polynomial
             N, last_N, D, last_D = last_N - q * N, N, last_D - q * D, D
-            best = min(best, (N, D), key=_size)
-        if _size(best) + 3 > len(values):
-            return None
-        common = best[0].gcd(best[1])
-        return best[0] // common, best[1] // common
+        common = N.gcd(D)
+        return N // common, D // common
 
 
-def _size(pair: tuple[Any, Any]) -> int:
-    return int(max(pair[0].degree(), 0) + pair[1].degree())
+def _size(N: Any, D: Any) -> int:
+    return int(max(N.degree(), 0) + D.degree())
 
 
 class _Entry:

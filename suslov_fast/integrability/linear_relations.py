@@ -266,7 +266,7 @@ class _RelationsOnLine:
         """Return the degree of the quotient of two coefficients; None if more points are needed."""
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
-        pair = self._quotients.quotient(values)
+        pair = self._quotients.quotient(values, lowest=(len(values) - 1) // 2)
         return pair and max(0, *(int(P.degree()) for P in pair))
 
 

@@ -329,7 +329,7 @@ def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray)
 
 def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
     """Return the function of a surface at states (..., D) of a field, or of a family."""
-    values = dict(enumerate([*np.moveaxis(x, -1, 0), *field._inputs]))
+    values = dict(enumerate([*(x[..., i] for i in range(x.shape[-1])), *field._inputs]))
     evaluate(surface.operations, values)
     return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
 

@@ -205,11 +205,12 @@ def _warn_of_arguments(
     body: Any, field: Any, x: FloatArray, times: FloatArray, sign: int, events: tuple[Event, ...]
 ) -> None:
     """Warn of starts x (..., D), times and events that are likely to be mistakes."""
-    last = abs(times).max(initial=0.0)
+    has_tables = isinstance(body, Field) and sign > 0 and body._tables_of_time
+    last = abs(times).max(initial=0.0) if has_tables or events else 0.0
     if isinstance(body, Field):
         starts = x.reshape(-1, x.shape[-1])
         warn_of_times(body, starts, times)
-        if sign > 0:
+        if has_tables:
             warn_of_tables(body, starts, last)
     if events:
         warn_of_times_that_never_come(events, sign, last, times.size)

@@ -12,9 +12,9 @@ equations.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,6 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.single_steps import attempts
 from ..fields.right_hand_sides import with_events
-from ..status import Status
 from .event import Event
 from .events import actions_of, stops_of
 from .flow import to_tolerance
@@ -144,35 +143,21 @@ class OfMotion:
         middle: FloatArray = self.states(x, np.array([0.5 * (times[k] + end)]))[0]
         return middle if np.isfinite(middle).all() else x
 
-    def _two_changes(self, x: FloatArray, last: float) -> float:
-        """Return a time at most twice that of the second event, or the last one."""
-        end = last * 2.0**-_DOUBLINGS
-        while end < last:
-            found = self._solved(self._moving, x[np.newaxis], np.array([end]), self.settings)
-            assert found.records is not None
-            if found.status[0] != Status.OK or len(np.unique(found.records.time)) > 1:
-                return end
-            end *= 2.0
-        return last
-
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield times and states (n, D) at the ends of steps; the first are the last of before.
 
         With events they are those at equal times, between times that double.
         """
         if self._moving is not None:
-            end, begin = min(self._two_changes(x, last), last), 0.0
-            for _ in range(_DOUBLINGS):
+            ends = [0.0, *(last * 2.0 ** np.arange(-_DOUBLINGS, 1.0))]
+            for begin, end in itertools.pairwise(ends):
                 times = np.linspace(begin, end, _LOOKS)
                 yield times, self.states(x, times)
-                if end >= last:
-                    return
-                begin, end = end, min(2.0 * end, last)
             return
         (_, f, table), *_ = self.field._right_hand_sides
         tried = attempts(f, table[0], x, last, self.settings)
         found, tries = [next(tried)], 0
-        while tries < _MOST and (some := [*islice(tried, max(_STEPS, tries))]):
+        while tries < _MOST and (some := [*itertools.islice(tried, max(_STEPS, tries))]):
             found, tries = [found[-1], *some], tries + len(some)
             t, steps, states = map(np.array, zip(*found, strict=True))
             is_taken = np.diff(steps, prepend=-1.0) > 0.0

@@ -473,9 +473,9 @@ class Field(Traced):
         names: Any,
         equations: Any = None,
         definitions: Any = None,
+        parameters: Any = None,
         H: Any = None,
         K: Any = None,
-        parameters: Any = None,
         indices: Any = None,
         values: Any = None,
     ) -> Field:

@@ -176,17 +176,17 @@ def ends_in_words(
         return ""
     # The closed form has told why it has no state, and then there is no time.
     texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
-    parts = [(status, statuses == status, text) for status, text in _CAUSES.items()]
-    if causes is not None:
-        is_end = statuses == Status.ENDED
-        ends = [(Status.ENDED, is_end & (causes == k), text) for k, text in _ENDS.items()]
-        parts = ends + parts[1:]
-    for status, which, text in parts:
-        which = which & exists
-        if (status == Status.TOO_MANY_STEPS and is_stopped) or not which.any():
+    for status, text in _CAUSES.items():
+        own = exists & (statuses == int(status))
+        if not own.any() or (status == Status.TOO_MANY_STEPS and is_stopped):
             continue
-        first = int(np.argmax(which))
-        index = spell(first_index(which.reshape(batch)))
-        count = f"{np.count_nonzero(which)} of {which.size} solutions"
-        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
+        parts = [(own, text)]
+        if status == Status.ENDED and causes is not None:
+            parts = [(own & (causes == int(cause)), end) for cause, end in _ENDS.items()]
+        for which, what in parts:
+            if which.any():
+                first = int(np.argmax(which))
+                index = spell(first_index(which.reshape(batch)))
+                count = f"{np.count_nonzero(which)} of {which.size} solutions"
+                texts.append(f"{count} {what}, first: trajectory {index} at t = {t[first]:.9g}")
     return "; ".join(texts)

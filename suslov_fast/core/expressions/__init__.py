@@ -1,1 +1,1 @@
-"""Lists of operations, which NumPy and machine code carry out with the same bits."""
+"""Expression programs, which NumPy and machine code evaluate to the same bits."""

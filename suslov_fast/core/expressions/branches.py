@@ -1,11 +1,12 @@
-"""Right-hand sides that choose: the same ones with choices that are fixed along a step.
+"""Right-hand sides with branches: the same f with branches that are fixed within a step.
 
 A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
-`floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which a choice
-changes: the difference of the numbers that are compared, or the argument of `floor`. The kinks of
-`abs`, `minimum` and `maximum` are such choices, too; because f does not jump there, steps make them
-anew by themselves. Of a table the choice is an interval between knots, whose ends, height and slope
-become parameters: f has the straight line through this interval, and two surfaces.
+`floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which the
+branch changes. On the surface the difference of the compared numbers is 0, or the argument of
+`floor` an integer. The kinks of `abs`, `minimum` and `maximum` are branches, too; f does not jump
+there, so that steps choose these by themselves. The branch of a table is an interval between knots,
+whose ends, height and slope become parameters: f has the straight line through this interval, and
+two surfaces.
 """
 
 import functools
@@ -26,16 +27,16 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Conditions:
-    """The choices of a right-hand side: of jumps, and then of kinks.
+    """The branches of a right-hand side: first branches at which f jumps, then kinks.
 
     kinds          of the surfaces: comparisons, "floor", and `Table`s
-    jumps, kinks   numbers of their choices
-    P              number of parameters before them
-    shifts         numbers of tables whose arguments are sums, of which one part is the shift
+    jumps, kinks   how many branches
+    P              number of parameters before the branches
+    shifts         numbers of tables with an argument that is a sum, of which one part is the shift
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Take the kinds; the kinds of `jumps` come first."""
+        """Store the kinds; the first `jumps` kinds are surfaces at which f jumps."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -43,20 +44,20 @@ class Conditions:
 
 
 def branch_count(kind):
-    """Return the number of choices of a surface."""
+    """Return how many parameters the branch of a surface takes."""
     return Table.ROWS if is_table(kind) else 1
 
 
 def watch_of(f, kinds, jumps):
-    """Return the `Program` that finds where the line from x to y crosses surfaces of f first.
+    """Return the `Program` that finds the first surface of f on the line from x to y.
 
-    Values are those of the surfaces at x, those at y, and those of the table, where the choices
-    stand after the parameters. Results are the part of the line before a surface, which is 1 where
-    none is crossed; 1 where one is crossed, else 0; 1 where f jumps there; and the choices of kinks
-    at y, for a table its argument. `kinds` are those of `Conditions`, and `jumps` the number of
-    surfaces where f jumps.
+    Its values are the surfaces at x, the surfaces at y, and the table, in which branches follow the
+    parameters. Its results are the fraction of the line before the surface, 1 if there is none; 1
+    if one is crossed, else 0; 1 if f jumps there; and the branches of kinks at y, for a table its
+    argument. `kinds` are those of `Conditions`; f jumps at the first `jumps` of them.
 
-    The last surfaces are those of changes, whose sides and levels, see `TrajectoryRows`, follow y.
+    The last surfaces are surfaces of events; their sides and levels, see `TrajectoryRows`, follow
+    y.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -110,16 +111,16 @@ def watch_of(f, kinds, jumps):
 
 
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
-    """Return the `RightHandSide` with its choices as the last parameters, after the P others.
+    """Return the `RightHandSide` with its branches as the last parameters, after the P others.
 
-    Where f chooses it has `surfaces`, `watch` and `conditions`. `by` are numbers of parameters to
-    differentiate by, `twice` asks for the second derivative. `acts` are changes of the state, in
-    the order of `EventPrograms`.
+    If f has branches, so it has `surfaces`, `watch` and `conditions`. `by` are numbers of
+    parameters to differentiate by; `twice` asks for second derivatives. `actions` are the actions
+    of events, in the order of `EventPrograms`.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
     offsets, own = elapsed.offsets, elapsed.shifts.items()
-    # A shift stays in the argument if it depends on a choice, as in t - 24 floor(t / 24), or has a
+    # A shift stays in the argument if it depends on a branch, as in t - 24 floor(t / 24), or has a
     # derivative.
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
@@ -143,7 +144,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     choices, given = dict(zip(kinds, places, strict=False)), places[-1]
     counts_of_jumps = places[len(jumps)] - first
     fixed = Expressions(given, range(D, first + counts_of_jumps))
-    tests = Expressions(given, values.fixed)  # the choices themselves
+    tests = Expressions(given, values.fixed)  # the branches themselves
     new, surfaces, truths, shifts = _with_choices(
         operations, fixed, tests, first, (kinds, kinks, choices), shifted
     )
@@ -163,11 +164,11 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 
 
 def _with_choices(operations, fixed, tests, first, chosen, shifted):
-    """Add operations to `fixed`, with choices in place of conditions, and to `tests` as they are.
+    """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    `chosen` are the kinds of all conditions by number, those of kinks, and the numbers of choices.
-    Return the new numbers of values in `fixed`, the surfaces there, their operands in `tests`, and
-    shifts of tables by number, see `ElapsedTime`.
+    `chosen` are a dict of the kinds of conditions by number, the kinks, and a dict of the numbers
+    of branches. Return the new numbers of values in `fixed`, the surfaces there, their operands in
+    `tests`, and shifts of tables by number, see `ElapsedTime`.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -179,7 +180,7 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
             continue
         kind, choice = kinds[number], choices[number]
         if is_table(kind):
-            if number in shifted:  # of choices rows `low` and `high` are less by q
+            if number in shifted:  # rows `low` and `high` of its branch are less by q
                 p, q = shifted[number]
                 of, others = [new.get(p, p)], [old.get(p, p)]
                 shifts[number] = new.get(q, q)
@@ -206,10 +207,10 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 
 
 def _choosing(values, operations, of_clocks):
-    """Return the kinds of the values by number where f may jump, and of those where it bends.
+    """Return the kinds of values at which f may jump, and of values at which it bends, by number.
 
-    Tables that jump, but are functions `of_clocks` alone, are passed as kinks: nothing slides along
-    their knots.
+    A table that jumps, but depends on clocks alone, counts as a kink: no motion slides along its
+    knots.
     """
     varying = [
         each
@@ -236,7 +237,7 @@ def _choosing(values, operations, of_clocks):
 
 
 def _watch(f, kinds, jumps, choices):
-    """Add to f what finds crossings of its surfaces: of `kinds`, and of events."""
+    """Add to f the programs that find crossings of its surfaces: of `kinds`, and of events."""
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch, f.hidden = watch_of(f, kinds, jumps), double_crossings_of(f, kinds, jumps, choices)
@@ -244,18 +245,18 @@ def _watch(f, kinds, jumps, choices):
 
 
 def _derived(f, choices):
-    """Return the `Program` of the numbers of the table of f that depend on these choices."""
+    """Return the `Program` of the numbers in the table of f that depend on these branches."""
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
     return Program(needed_for(f.fixed, results), results)
 
 
 def _choices(tests, kinds, jumps, found, first):
-    """Return the `Program` of the choices of a state, after what tells whether they are others.
+    """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    Choices that there are have the numbers from `first` on. Results are the number of a surface of
-    the first `jumps` where f jumps, -1 if it does not; 1 if any choice is another one, else 0; and
-    the choices: 1 or 0, of `floor` its value, of tables their argument.
+    The present branches have the numbers from `first` on. Its results are the number of one of the
+    first `jumps` surfaces at which f jumps, -1 if there is none; 1 if any branch has changed, else
+    0; and the branches: 1 or 0, for `floor` its value, for a table its argument.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]
@@ -276,7 +277,7 @@ def _choices(tests, kinds, jumps, found, first):
 
 
 def _finite(values, argument):
-    """Return the argument of a table, within the range of finite numbers; NaN stays NaN."""
+    """Return the argument of a table, clipped to finite numbers; NaN stays NaN."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
 
 
@@ -290,6 +291,6 @@ def _of_clocks(operations, fixed, clocks):
 
 
 def _is_0_times(values, operand):
-    """Return whether a value is a product with 0, which is 0 or NaN."""
+    """Return True if a value is a product with the constant 0: then it is 0 or NaN."""
     name, of = values.of.get(operand, ("", ()))
     return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

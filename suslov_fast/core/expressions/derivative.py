@@ -1,4 +1,4 @@
-"""Derivatives of lists of operations, as lists: the chain rule from the state to the results."""
+"""Derivatives of expression programs by the chain rule; they are expression programs, too."""
 
 from .function_records import FUNCTIONS, RECORDS, same
 from .numpy_evaluation import OF_TRUTH_VALUES
@@ -6,10 +6,10 @@ from .tables import is_table
 
 
 def gradients(values, operations, results, D, by=()):
-    """Return the derivative of each result: a dict {component of the state: operand}.
+    """Return the derivative of each result as a dict {component of the state: operand}.
 
-    `by` are numbers of parameters to differentiate by, too. The operations are added to `values`.
-    Components that are missing have the derivative 0.
+    `by` are numbers of parameters to differentiate by, too. The operations are added to `values`. A
+    component that is missing has the derivative 0.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -19,7 +19,7 @@ def gradients(values, operations, results, D, by=()):
 
 
 def _row_of(values, instruction, number, operands, rows):
-    """Return the derivative of a value: of a power a**c, which products compute, c a**(c - 1)."""
+    """Return the derivative of a value. A power a**c, computed by products, gives c a**(c - 1)."""
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
@@ -33,7 +33,7 @@ def _row_of(values, instruction, number, operands, rows):
 def _row(emit, instruction, number, operands, rows):
     """Return the derivative of the value of an operation."""
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
-    if instruction in ("select", "max", "min"):  # the derivative of what is taken
+    if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
         truth = operands[0]
         if instruction != "select":
             if not (of[0] or of[1]):
@@ -74,7 +74,7 @@ def _negative(emit, a):
 
 
 def _sum(emit, parts):
-    """Return the sum of factors times derivatives."""
+    """Return the derivative sum of factor times row, for pairs (factor, row) in `parts`."""
     total = {}
     for factor, row in parts:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None

@@ -1,26 +1,27 @@
-"""Surfaces that a step may cross twice: what values at its points tell of them.
+"""Surfaces that a step may cross twice: tests by values of the surface at points of the step.
 
 s_0 ... s_4 are the values of a surface at the beginning of a step and at POINTS of it, with the
-sign of the last one. Where the first has this sign, too, the surface is crossed twice or not at
-all. With e, 16 times the error at the middle point of the cubic through the others, and m, the
-least of the three values inside and of the quartic through all five points,
+sign of s_4. If s_0 has this sign, too, the surface is crossed twice or not at all. A cubic through
+the four other points has an error at the middle point; e is 16 times this error. m is the least of
+the three values inside and of the quartic through all five points.
 
-- m < -e tells that it is crossed twice;
-- |m| <= e tells nothing, and the step must be shorter, by the fourth root of e / |m|;
-- m > e tells that it is not crossed.
+- m < -e: the surface is crossed twice.
+- |m| <= e: undecided; the step must be shorter, by the fourth root of e / |m|.
+- m > e: the surface is not crossed.
 
-A state is known within its tolerance, so that a distance of a part rtol of the numbers that are
-compared tells nothing, either: no step becomes shorter for less. Beyond a kink, where f bends, it
-is rtol**(3/4): there a motion is for a part that is the root of it, and misses less than rtol.
-Within ROUNDING of the numbers nothing is crossed, as where a temperature comes to that of a room.
+A state is known within its tolerance, so that a distance below rtol times the numbers that are
+compared is undecided, too: no step becomes shorter for less. Beyond a kink, where f bends, the
+factor is rtol**(3/4): a motion is there for a time of the order of its root, and misses less than
+rtol. Within ROUNDING of the numbers nothing is crossed, as when a temperature relaxes to that of a
+room.
 
-Values do not show a hump between points of a function that is no polynomial, such as a bell, but
-rates do: in the part that holds its top ds/dt changes its sign. Where rates at both ends of that
-part do not lead on to the next one by a straight line, the step must be shorter.
+Values do not show a hump between points of a function that is no polynomial, such as a bell. Rates
+do: ds/dt changes its sign in the part with the top. If a straight line through the rates at both
+ends of that part does not predict the next rate, the step must be shorter.
 
 Waves, functions of sin, cos and tan, need points close to each other: between two of them the phase
-of an argument is less than a quarter of a turn. Phases of factors add up, and those of what is no
-polynomial of waves count twice.
+of an argument changes by less than a quarter of a turn. Phases of factors add up. Phases in a
+function that is no polynomial of waves count twice.
 """
 
 import functools
@@ -38,12 +39,12 @@ POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a st
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
 _ENDS = 0.0, *POINTS
 MIDDLE = 2
-# Parts of divided differences. The fourth one vanishes here and there; then the third one tells.
+# Factors of divided differences. The fourth may vanish by chance; then the third decides.
 OF_FOURTH = 16.0 * prod(abs(_ENDS[MIDDLE] - u) for u in _ENDS if u != _ENDS[MIDDLE])
 OF_THIRD = 2.0**-10
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
-# Of rates: how far those beside a hump may be from a straight line, beside their change in its
-# part, and what is 0 beside the sum of their terms, and beside states in addition to rtol.
+# For rates: how far the rates beside a hump may be from a straight line, relative to their change
+# in its part; and what counts as 0, relative to the sum of their terms, and to states besides rtol.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 
@@ -51,17 +52,17 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 class DoubleCrossings(NamedTuple):
     """Expression programs that decide whether a step hides crossings.
 
-    told         the `Program` of what values tell, None if no surface may be crossed twice; see
+    told         the `Program` that decides by values, None if no surface may be crossed twice; see
                  below
-    phases       the `Program` of arguments of waves, of a state, or None
+    phases       the `Program` of arguments of waves at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
-    of_clocks    whether some surfaces depend on clocks alone
-    of_states    whether some depend on states
+    of_clocks    True if some surfaces depend on clocks alone
+    of_states    True if some surfaces depend on states
 
-    Values of `told` are those of the surfaces at five points, phases and rates there, the state at
-    the middle one, rtol, and those of the table. Results are the largest e / |m|, at most MOST,
-    which it is where parabolas or rates alone tell of two crossings; 1 where the points do, else 0;
-    and how much longer the step is than waves allow.
+    The values of `told` are the surfaces at five points, the phases and rates there, the state at
+    the middle point, rtol, and the table. Its results are the largest e / |m|, at most MOST (it is
+    MOST if parabolas or rates alone show two crossings); 1 if the points show them, else 0; and how
+    much longer the step is than waves allow.
     """
 
     told: Program | None = None
@@ -79,16 +80,15 @@ class DoubleCrossings(NamedTuple):
 def double_crossings_of(f, kinds, jumps, choices):
     """Return the `DoubleCrossings` of f.
 
-    `choices` are the numbers of the choices of `kinds`, of which the first `jumps` are those of
-    surfaces where f jumps; the surfaces of changes follow. Left out are surfaces that are linear in
-    clocks.
+    `choices` are the numbers of the branches of `kinds`; f jumps at the first `jumps` of these. The
+    surfaces of events follow. Surfaces that are linear in clocks are left out.
     """
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
     kinks = {*results[jumps : len(kinds)]} & by_states
     own = [*enumerate(zip_longest(results, kinds, choices))]
     own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
-    own = [each for each in own if each[2] != "oeq"]  # which holds at the surface alone
+    own = [each for each in own if each[2] != "oeq"]  # which is true on the surface alone
     if not own:
         return DoubleCrossings()
     operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
@@ -104,7 +104,7 @@ def double_crossings_of(f, kinds, jumps, choices):
 
 
 def _humps(f, operations):
-    """Return the numbers of values that are no polynomials of states and of waves."""
+    """Return the numbers of values that are not polynomials in states and waves."""
     found, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
@@ -116,9 +116,9 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` of rates of these surfaces, each with what counts as 0 beside it.
+    """Return the `Program` of the rates of these surfaces, each with a size that counts as 0.
 
-    Values are the state, its change in a step at the present rate, rtol, and those of the table.
+    Its values are the state, its change in a step at the present rate, rtol, and the table.
     """
     if not humps:
         return None
@@ -138,7 +138,7 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return the `Program` of what values of surfaces tell, see `DoubleCrossings`."""
+    """Return the `Program` that decides by values of surfaces, see `DoubleCrossings`."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases
@@ -181,7 +181,7 @@ def _list_of(f, own, by_states, kinks, humps, inside):
 
 
 def _turns(operations, arguments):
-    """Return the phases of values in each part of a step, of waves with these arguments."""
+    """Return the phase changes of values in each part of a step, for waves with these arguments."""
     found, arguments = {}, iter(arguments)
     for name, number, operands in operations:
         of = [found[a] for a in operands if not isinstance(a, float) and a in found]
@@ -198,7 +198,7 @@ def _turns(operations, arguments):
 
 
 def _told(points, rates, rounding, tells_nothing):
-    """Return e / |m| of one surface, and 1 where the points tell that it is crossed twice."""
+    """Return e / |m| of one surface, and 1 if the points show that it is crossed twice, else 0."""
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
     points = [sign * s for s in points]
@@ -240,7 +240,7 @@ def _least_near(coefficients, place):
 
 
 def _of_quartic(coefficients, u):
-    """Return the value, the slope and half the bend of a quartic at a part u of the step."""
+    """Return the value, the slope and half the second derivative of a quartic at the place u."""
     value, slope, bend = coefficients[-1], 0.0, 0.0
     for end, c in zip(reversed(_ENDS[:-1]), reversed(coefficients[:-1]), strict=True):
         x = u - end
@@ -249,7 +249,7 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return whether a hump towards 0 has its top in a part beside which rates are others."""
+    """Return True if a hump towards 0 has its top in a part to which rates beside it do not fit."""
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]
@@ -264,7 +264,7 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return what values are the sums of, by modulus, at a state; of others their moduli."""
+    """Return the sizes of values at a state: for a sum the sum of moduli, else the modulus."""
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
         a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])

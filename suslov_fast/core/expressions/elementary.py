@@ -1,11 +1,11 @@
-"""Elementary functions as lists of operations on doubles.
+"""Elementary functions as expression programs on doubles.
 
 Each function takes a `Number` for each operand, and returns the `Number` of its value. Programs
 have no branches and no FMA, so their bits are the same on all machines. Errors are at most 1 ulp,
 except in `logaddexp`; special values agree with the C library.
 
-A number in two parts is a sum high + low, whose low part has less than an ulp of the high one.
-Coefficients of polynomials are minimax, by the algorithm of Remez with 300 bits, each rounded to a
+A number in two parts is a sum high + low, whose low part is less than an ulp of the high part.
+Coefficients of polynomials are minimax, by the Remez algorithm with 300 bits. Each is rounded to a
 double before the next one is fitted.
 """
 
@@ -21,7 +21,7 @@ def from_bits(bits):
 
 
 def _polynomial(coefficients, x):
-    """Return the value of a polynomial: pairs of neighbours, then pairs of those with x**2, ..."""
+    """Return the value of a polynomial: pairs a + b x, then pairs of pairs with x**2, and so on."""
     terms = [*coefficients]
     while len(terms) > 1:
         left = terms[len(terms) & ~1 :]
@@ -49,7 +49,7 @@ def _difference(a, b):
 
 
 def _split(a):
-    """Return a number as a sum of two that have 26 and 27 bits."""
+    """Return a number as a sum of two numbers with 26 and 27 bits."""
     if isinstance(a, float):
         upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
         return from_bits(upper), a - from_bits(upper)
@@ -79,7 +79,7 @@ def _quotient(a, b):
 
 
 # ----------------------------------------------------------------------------------- powers of two
-# Added to an integer, they leave it in the last bits of the sum, less what rounds it to nearest.
+# Added to a number, they leave its nearest integer in the last bits of the sum.
 _SHIFT = 1.5 * 2.0**52
 _BIASED = _SHIFT + 1023.0
 _TO_EXPONENT = from_bits(52)
@@ -96,7 +96,7 @@ def _power_of_two(n):
 
 
 def _scaled(x, n):
-    """Return x 2**n, rounded once, also where it is subnormal or 2**n overflows."""
+    """Return x 2**n, rounded once, even if the result is subnormal or 2**n overflows."""
     half = _nearest(n * 0.5)
     return (x * _power_of_two(half)) * _power_of_two(n - half)
 
@@ -141,14 +141,12 @@ def _exp_of(r, low):
 
 
 def exp(x):
-    """Return the exponential function."""
     n, *r = _less_log_2(x.within(-746.0, 710.0))
     high, low = _exp_of(*r)
     return _scaled(high + low, n)
 
 
 def exp2(x):
-    """Return 2**x."""
     x = x.within(-1080.0, 1025.0)
     n = _nearest(x)
     f = x - n
@@ -208,19 +206,16 @@ def _hyperbolic(x):
 
 
 def sinh(x):
-    """Return the hyperbolic sine."""
     n, (high, low), _ = _hyperbolic(abs(x).within(0.0, 712.0))
     return _scaled(high + low, n - 1.0).then("copysign", x)
 
 
 def cosh(x):
-    """Return the hyperbolic cosine."""
     n, _, (high, low) = _hyperbolic(abs(x).within(0.0, 712.0))
     return _scaled(high + low, n - 1.0)
 
 
 def tanh(x):
-    """Return the hyperbolic tangent."""
     _, above, below = _hyperbolic(abs(x).within(0.0, 40.0))
     high, low = _quotient(above, below)
     return (high + low).then("copysign", x)
@@ -257,7 +252,7 @@ _LOG10_2 = float.fromhex("0x1.34413509f7800p-2"), float.fromhex("0x1.fef311f12b3
 
 
 def _exponent(x):
-    """Return k and f of x, which is positive."""
+    """Return k and f with x = 2**k (1 + f), for positive x."""
     is_small = x < _LEAST_NORMAL
     x = is_small.select(x * 2.0**54, x)
     parts = x.then("bits_sub", from_bits(_ROOT_HALF))
@@ -269,7 +264,7 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return a logarithm of x - zero: -inf, inf and NaN where it has these values."""
+    """Return `result`, a logarithm of x - zero; -inf, inf or NaN if that is its value."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 
@@ -284,7 +279,6 @@ def _log(k, f, rest=None):
 
 
 def log(x):
-    """Return the natural logarithm."""
     return _with_special_values(x, 0.0, _log(*_exponent(x)))
 
 
@@ -298,9 +292,9 @@ def log1p(x):
 
 
 def logaddexp(x, y):
-    """Return log(exp(x) + exp(y)), the larger one plus log1p(exp(-abs(x - y))).
+    """Return log(exp(x) + exp(y)) = max(x, y) + log1p(exp(-abs(x - y))).
 
-    The error is at most 4 ulp of the larger one, or of the result if that is larger.
+    The error is at most 4 ulp of max(x, y), or of the result if that is larger.
     """
     a, b = x.then("max", y), x.then("min", y)
     below = a.equals(b).select(0.0, b - a)  # not the difference of infinities
@@ -327,7 +321,7 @@ def _log_in_parts(f):
 
 
 def _of_other_base(x, per_log, of_two):
-    """Return log(x) times a constant in two parts, which is `of_two` for x = 2."""
+    """Return log(x) times the constant `per_log`, given its product for x = 2; all in two parts."""
     k, f = _exponent(x)
     high, low = _log_in_parts(f)
     product, rest = _product(high, per_log[0])
@@ -378,8 +372,8 @@ def pow(x, y):
 def cbrt(x):
     """Return the cube root: 2**k m**(1/3), m from 1/2 to 4.
 
-    One step of Halley's method improves a polynomial. The last one starts at a number of 26 bits,
-    whose square is exact.
+    A polynomial starts Halley's method; the result of its step is rounded to 26 bits, so that its
+    square is exact. Another step follows.
     """
     size = abs(x)
     is_small = size < _LEAST_NORMAL
@@ -439,9 +433,9 @@ _COS = tuple(map(float.fromhex, (
 
 
 def _less_quarters(x):
-    """Return n + _SHIFT and r in two parts, for x >= 0.
+    """Return n + _SHIFT and r = x - n pi / 2 in two parts, for x >= 0.
 
-    Where the first part is tiny, the second one need not be smaller.
+    If the first part is tiny, the second part need not be smaller.
     """
     n = _nearest(x * _PER_QUARTER)
     r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
@@ -451,24 +445,24 @@ def _less_quarters(x):
 
 
 def _sine_and_cosine(x, of_tangent=False):
-    """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x >= 0."""
+    """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x = r + n pi / 2 >= 0."""
     n, r, low = _less_quarters(x)
     z = r * r
     cosine, rest = _difference(1.0, 0.5 * z)
-    if of_tangent:  # the errors of both, and of their quotient, make 1 ulp without that of r**2
+    if of_tangent:  # errors of both and of their quotient make 1 ulp if r**2 has no error
         rest = rest - 0.5 * _square(r)[1]
-    cube = r * z  # what does not wait for a polynomial is added first
+    cube = r * z  # terms that do not wait for a polynomial are added first
     sine = r, (cube * _SIN[0] + low * cosine) + (cube * z) * _polynomial(_SIN[1:], z)
     return n, sine, (cosine, (rest - r * low) + (z * z) * _polynomial(_COS, z))
 
 
 def _is_odd(n):
-    """Return whether n is odd, of n + _SHIFT."""
+    """Return the truth value that n is odd, from n + _SHIFT."""
     return n.then("bits_shl", from_bits(63)).then("bits_or", 1.0) < 0.0
 
 
 def _signed(x, n, *others):
-    """Return x, with another sign where n is 2 or 3 more than a multiple of 4, of n + _SHIFT."""
+    """Return x, with the opposite sign if n mod 4 is 2 or 3, from n + _SHIFT."""
     x = x.then("bits_xor", n.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
     for other in others:
         x = x.then("bits_xor", other.then("bits_and", -0.0))
@@ -476,19 +470,17 @@ def _signed(x, n, *others):
 
 
 def sin(x):
-    """Return the sine."""
     n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
     return _signed(_is_odd(n).select(cosine + second, sine + first), n, x)
 
 
 def cos(x):
-    """Return the cosine."""
     n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
     return _signed(_is_odd(n).select(sine + first, cosine + second), n + 1.0)
 
 
 def tan(x):
-    """Return the tangent, as the quotient of sine and cosine, or of minus cosine and sine."""
+    """Return the tangent: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
     n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
     is_odd = _is_odd(n)
     above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
@@ -507,7 +499,7 @@ ELEMENTARY = {
 
 @functools.cache
 def list_of(name):
-    """Return the operations of an elementary function on values 0, ..., and the number of f(x)."""
+    """Return the operations of an elementary function of values 0, ..., and the number of f(x)."""
     function, count = ELEMENTARY[name]
     operations = []
 

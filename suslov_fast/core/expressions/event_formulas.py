@@ -1,14 +1,14 @@
-"""Changes of the state, as lists of operations on a state and parameters.
+"""Events and their actions as expression programs of a state and parameters.
 
-A change acts on a surface, where a function s of the state is 0, or at given times; it may make a
-new state to(x), and it may end the trajectory.
+An event happens on a surface, where a function s of the state is 0, or at given times. Its action
+may set a new state to(x), and may end the trajectory.
 
-A solution that starts dx away reaches the surface a time tau dx earlier, and a column v, the
-derivative of the state by a parameter p or by the start, becomes
+A solution that starts dx away reaches the surface a time tau dx earlier. A column v, the derivative
+of the state by a parameter p or by the initial state, becomes
 
 to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / (grad s . f_before).
 
-At given times tau is 0; a change that another one has caused at the same instant has its tau.
+At given times tau is 0. An action that another action has caused at the same instant has its tau.
 """
 
 from functools import cached_property
@@ -23,8 +23,8 @@ from .values import operand_of
 
 # A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
 OF_SURFACE = 5
-_JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that do
-_BRANCHES = "select", "max", "min", "fabs", "floor"  # with tables, what may be 0 all around a state
+_JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that jump
+_BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all around a state
 # Operations without a value everywhere; the side of a surface without one: `TrajectoryRows.side`.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
@@ -37,8 +37,8 @@ _PLAIN = 0.0, 1.0, -1.0
 class KeyedProgram(Program):
     """A `Program` that is a key of caches, by its text.
 
-    Its operations are no key: 1 is the number of a value and 1.0 a constant, but 1 == 1.0; and
-    0.0 == -0.0.
+    Its operations cannot be the key: 1 is the number of a value and 1.0 a constant, but 1 == 1.0;
+    and 0.0 == -0.0.
     """
 
     @cached_property
@@ -53,11 +53,11 @@ class KeyedProgram(Program):
 
 
 class EventAction(NamedTuple):
-    """The action of a change. The first values of its lists are x (D), then the parameters (P).
+    """The action of an event. The first values of its programs are x (D) and the parameters (P).
 
-    surface    `KeyedProgram` of the function that is 0 where it acts, or None if it acts at times
+    surface    `KeyedProgram` of the function that is 0 at the event, or None if it has times
     to         `KeyedProgram` of the new state, or None if the state stays
-    direction  1 or -1, in which the surface is crossed along the motion, or 0
+    direction  1 or -1, in which the surface is crossed along the motion, or 0 for both
     most       how often it acts before it ends the trajectory, infinity if it does not
     """
 
@@ -67,7 +67,7 @@ class EventAction(NamedTuple):
     most: float
 
     def read(self):
-        """Return the numbers of the first values on which the surface and new values depend."""
+        """Return the numbers of the initial values that the surface and the new state depend on."""
         found = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
@@ -76,14 +76,14 @@ class EventAction(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `KeyedProgram` of operands that are values of `Expressions`."""
+        """Return the `KeyedProgram` with these results, operands of `Expressions`."""
         return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def with_parameters(actions, first):
-    """Return acts whose constants are parameters, of the numbers from `first` on, and their values.
+    """Return actions in which constants are parameters, numbered from `first` on, and their values.
 
-    Events that differ by numbers alone have the same lists then, and so the same code.
+    So events that differ only by numbers have the same programs, and share their code.
     """
     lists = [program for action in actions for program in action[:2] if program is not None]
     found = [a for program in lists for a in _constants(program) if a == a and a not in _PLAIN]
@@ -109,13 +109,13 @@ def with_parameters(actions, first):
 
 
 def _constants(program):
-    """Return the constants of a list that may be parameters."""
+    """Return the constants of a program that may become parameters."""
     of = [a for name, _, operands in program.operations if name in _OF_PARAMETERS for a in operands]
     return [a for a in (*of, *program.results) if type(a) is float]
 
 
 def read_by(program, results):
-    """Return the numbers of all values that are read for results, and of these."""
+    """Return the numbers of all values that a program reads, and of its results."""
     read = [a for each in program.operations for a in each[2]]
     return {a for a in (*read, *results) if type(a) is int}
 
@@ -128,21 +128,21 @@ class EventProgram(NamedTuple):
 
 
 class EventPrograms(NamedTuple):
-    """Changes as code takes them: those that act on surfaces, and those at times.
+    """Events as code takes them: first events on surfaces, then events at times.
 
-    directions   of the changes on surfaces
-    jumps, gaps, flats  whether the function of each jumps somewhere, or may have no value, or may
-                 be 0 all around a state
-    most         of all changes
+    directions   of the events on surfaces
+    jumps, gaps, flats  for each of these, whether its function jumps somewhere, may have no value,
+                 or may be 0 all around a state
+    most         of all events
     parts        `EventProgram`s by name, see below
-    components   the numbers of these components, for each change
+    components   for each event the numbers of the components that it may set
     P            number of parameters
 
-    The parts are `to{k}`, of the state: the components of change k that differ from x; `toward`, of
-    the state and f there: `OF_SURFACE` of each surface; and for columns, where they are wanted,
-    `tau{k}` of the state, a column and f before the change, `column{k}` of these, f after it and
-    tau. Columns by the parameter number q of those to differentiate by have `tau{k}_{q}` and
-    `column{k}_{q}`, which read the scale of the column, too.
+    The part `to{k}` reads the state, and returns the components that event k sets. `toward` reads
+    the state and f there, and returns `OF_SURFACE` of each surface. If columns are wanted, `tau{k}`
+    reads the state, a column and f before the event; `column{k}` reads these, f after it and tau.
+    For a column by parameter q these two are `tau{k}_{q}` and `column{k}_{q}`, which also read its
+    scale.
     """
 
     directions: tuple
@@ -159,25 +159,25 @@ class EventPrograms(NamedTuple):
     at_times = property(lambda self: self.count - self.surfaces)
 
     def only_records(self, k):
-        """Return whether change k leaves the state as it is, and goes on."""
+        """Return True if event k leaves the state as it is, and never ends the trajectory."""
         return not self.components[k] and self.most[k] == inf
 
 
 def in_order_of_code(actions):
-    """Return the numbers of changes in the order of `EventPrograms`."""
+    """Return the numbers of actions in the order of `EventPrograms`."""
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
 def components_of(action):
-    """Return the numbers of the components that a change may give another value."""
+    """Return the numbers of the components that an action may set."""
     results = () if action.to is None else action.to.results
     return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
 
 
 def event_programs_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventPrograms` of acts in the order of code.
+    """Return the `EventPrograms` of actions, which are in the order of code.
 
-    `by` are numbers of parameters, by which last columns are derivatives.
+    `by` are numbers of parameters; the last columns are derivatives by these.
     """
     parts, components = {}, []
     for k, action in enumerate(actions):
@@ -204,7 +204,7 @@ def event_programs_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return the `EventProgram` of `OF_SURFACE` of all surfaces, one after the other."""
+    """Return the `EventProgram` of `OF_SURFACE` for all surfaces, one after the other."""
     values = Expressions(D + P, range(D, D + P))
     known = [{i: i for i in range(D + P)} for _ in actions]
     of_surfaces = [
@@ -229,7 +229,7 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return the `EventProgram`s for columns by the starts, or by parameter q of `by`."""
+    """Return the `EventProgram`s for columns by the initial state, or by parameter q of `by`."""
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
     results += [] if action.surface is None else emitted(values, action.surface)
@@ -258,6 +258,6 @@ def _of_columns(k, action, D, P, by, q):
 
 
 def _product(emit, row, vector):
-    """Return the sum of the entries of a row times those of a vector, both dicts of operands."""
+    """Return the scalar product of a row and a vector, both dicts of operands."""
     total = dot(emit, [(slope, vector[j]) for j, slope in row.items() if j in vector])
     return 0.0 if total is None else total

@@ -1,10 +1,10 @@
-"""Right-hand sides whose clocks count from the start: the start of each is one more parameter.
+"""Right-hand sides whose clocks count from the start; the start of each is one more parameter.
 
-A clock is c = c0 + e with the elapsed e. At c0 = 1.7e9, a date in seconds, c is rounded to 2e-7,
-and f(c) would be a staircase. So sums of clocks and of what does not change along a step are kept
-as pairs p + q, where p is 0 at e = 0 and q does not change: t - t1 is e + (c0 - t1), which has all
-its digits, t >= t1 is e >= t1 - c0, and knots of tables are shifted by c0. Large phases q lose
-whole turns.
+A clock is c = c0 + e with the elapsed time e. At c0 = 1.7e9, a date in seconds, c is rounded to
+2e-7, and f(c) would be a staircase. So a sum of clocks and of values that are constant along a step
+is a pair p + q: p is 0 at e = 0, and q is constant. For example t - t1 is e + (c0 - t1), with all
+its digits; t >= t1 is e >= t1 - c0; and knots of tables are shifted by c0. Whole turns are removed
+from large phases q.
 """
 
 import math
@@ -15,12 +15,12 @@ from .numpy_evaluation import OF_TRUTH_VALUES
 from .programs import Expressions, Program, emitted, needed_for
 from .tables import is_table
 
-_LARGE = 2.0**20  # phase, beyond which whole turns are taken away
+_LARGE = 2.0**20  # whole turns are removed from larger phases
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class _Pair(NamedTuple):
-    """A value p + q; `whole` is its operand where the value itself has more digits, else None."""
+    """A value p + q. `whole` is the operand of the value if that has more digits, else None."""
 
     p: object
     q: object
@@ -28,10 +28,10 @@ class _Pair(NamedTuple):
 
 
 class ElapsedTime:
-    """`values`, `results`, `acts` and P for clocks from 0; `offsets`: starts' numbers by clocks.
+    """`values`, `results`, `actions`, P for clocks from 0; `offsets`: numbers of starts by clock.
 
-    actions  changes of the state; no action changes a clock that counts from 0
-    shifts   (p, q) by the numbers of the operands of tables that are sums
+    actions  actions of events; no action sets a clock that counts from 0
+    shifts   (p, q) of tables with an argument that is a sum, by number of the argument
     """
 
     def __init__(self, values, results, P, actions=()):
@@ -51,7 +51,7 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return an action with functions that have these operands as results."""
+        """Return an action that has the operands `results` as results of its programs."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
@@ -59,7 +59,7 @@ class ElapsedTime:
         return action._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
-        """Write the operations for clocks that count from 0."""
+        """Rewrite the operations for clocks that count from 0."""
         D = len(self.results)
         first, old = D + self.P, self.values
         self.P += len(clocks)
@@ -68,7 +68,7 @@ class ElapsedTime:
         self.known = {a: a for a in range(first)} | {
             i: _Pair(i, offset) for i, offset in self.offsets.items()
         }
-        # Values that do not change along a step: `floor` and truth values are choices.
+        # Values that are constant along a step; `floor` and truth values are, as branches.
         self.rigid = {a for a in old.fixed if a < first}
         for name, number, operands in operations:
             is_choice = name == "floor" or name in OF_TRUTH_VALUES
@@ -85,14 +85,14 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, a):
-        """Return the value of an old operand as a pair, None where it is no sum with a clock."""
+        """Return the pair of an old operand, None if it is no sum with a clock."""
         found = None if isinstance(a, float) else self.known[a]
         if isinstance(found, _Pair):
             return found
         return _Pair(0.0, self._whole(a)) if self._is_rigid(a) else None
 
     def _whole(self, a):
-        """Return the new operand of an old one."""
+        """Return the operand in the new `values` of an operand in the old ones."""
         found = a if isinstance(a, float) else self.known[a]
         if not isinstance(found, _Pair):
             return found
@@ -101,7 +101,7 @@ class ElapsedTime:
         return self.values.emit("fadd", found.q, found.p)
 
     def _value(self, name, operands):
-        """Return the new operand or the pair of an operation."""
+        """Return the new operand, or the pair, of an operation."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -131,12 +131,12 @@ class ElapsedTime:
         return number
 
     def _scales(self, name, operands):
-        """Return whether one operand does not change: of a quotient the divisor."""
+        """Return True if a factor, or the divisor, is constant along a step."""
         rigid = [self._is_rigid(a) for a in operands]
         return rigid[1] if name == "fdiv" else any(rigid)
 
     def _without_turns(self, q):
-        """Return a phase, less whole turns where it is large."""
+        """Return a phase, without whole turns if it is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number

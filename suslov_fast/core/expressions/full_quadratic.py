@@ -6,8 +6,8 @@ import numpy as np
 class DenseRightHandSide:
     """f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) of D components, with symmetric q.
 
-    It has what steps of the motion read of a `RightHandSide`. The parameters are its table: for
-    each component c_i, l_ij for all j, and q_ijk for all j and k.
+    It has the attributes of a `RightHandSide` that steps of the motion read. The parameters are its
+    table: for each component c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     is_dense, events, offsets, columns = True, None, {}, 0

@@ -1,9 +1,9 @@
-"""The functions of right-hand sides: one record for each.
+"""The functions that a right-hand side may contain: one record for each.
 
-A list names a function by its instruction, which `numpy_evaluation` carries out, and
-`llvm.compiler` in lanes; its derivative is a list, too. Other functions are made of these. From the
-records follow what a function of a user may call, how its equations are written and read, and what
-the pages say.
+An expression program names a function by its instruction. `numpy_evaluation` and `llvm.text`
+evaluate it; its derivative is an expression program, too. Other functions are made of these. The
+records determine which functions users may call, how equations are written and read, and the table
+in the pages.
 """
 
 import math
@@ -18,11 +18,11 @@ class Function(NamedTuple):
     """A function of numbers that f may contain.
 
     name        NumPy's name for it, which is also its name in equations
-    operands    their number
-    instruction its name in lists; "" if it is made of others
-    formula     of one that is made: takes and returns a `Number` for each operand and the value
-    derivative  takes the operands and the value; returns the partial derivatives, one or several
-    is_0_at_0   whether it is 0 at 0, and smooth there
+    operands    how many operands it takes
+    instruction its name in expression programs; "" if it is made of others
+    formula     if it is made of others: takes a `Number` for each operand, returns the value
+    derivative  takes the operands and the value; returns one partial derivative or several
+    is_0_at_0   True if it is 0 at 0, and smooth there
     sign        its sign in equations
     """
 
@@ -35,7 +35,7 @@ class Function(NamedTuple):
     sign: str = ""
 
     def rule(self, values, *operands):
-        """Return the operand that is the value at operands."""
+        """Add the function of these operands to `values`; return the operand of its value."""
         if self.instruction:
             return values.emit(self.instruction, *operands)
         return operand_of(self.formula(*map(values.number, operands)))
@@ -47,12 +47,12 @@ class Function(NamedTuple):
 
 
 def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
-    """Return the record of a function that a list names."""
+    """Return the record of a function that is an instruction of expression programs."""
     return Function(name, operands, instruction or name, None, derivative, is_0_at_0)
 
 
 def _per_roots(a, b):
-    """Return 1 / sqrt(a b), which keeps its digits if a or b is near 0."""
+    """Return 1 / sqrt(a b); it keeps its digits if a or b is near 0."""
     return 1.0 / (a.sqrt() * b.sqrt())
 
 
@@ -62,7 +62,7 @@ def _of_angle(y, x, _):
 
 
 def _of_power(a, b, y):
-    """Return the derivatives of a**b by a and b, which are 0 for b = 0 and for a = 0."""
+    """Return the derivatives of a**b by a and by b; they are 0 for b = 0 and for a = 0."""
     lower = b * a.then("pow", b - 1.0)
     return b.equals(0.0).select(0.0, lower), a.equals(0.0).select(0.0, y * a.then("log"))
 
@@ -74,7 +74,7 @@ def _of_hypot(a, b, y):
 
 
 def _of_logaddexp(a, b, y):
-    """Return the shares of exp(a) and exp(b) in their sum, also where both are infinite."""
+    """Return the shares of exp(a) and exp(b) in their sum, even if both are infinite."""
     way = a.equals(b).select(0.0, a - b)
     return way.then("expit"), (-way).then("expit")
 
@@ -103,7 +103,7 @@ _OF_LISTS = [
     _listed("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
     _listed("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
     _listed("erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True),
-    # With 1 - y, which is the value at -a, with all digits.
+    # 1 - y is the value at -a, which has all digits.
     _listed("expit", 1, lambda a, y: y * (-a).then("expit")),
     _listed("floor", 1, lambda a, y: 0.0),
     _listed("arctan2", 2, _of_angle, False, "atan2"),
@@ -116,7 +116,7 @@ RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 # ------------------------------------------------------------------ functions made of others
 def _power(a, exponent):
-    """Return a**exponent: products and roots where 2 exponent is an integer of at most 64."""
+    """Return a**exponent: products and roots if 2 exponent is an integer, abs(exponent) <= 64."""
     number = exponent.number
     if not (isinstance(number, float) and 2.0 * number in range(-128, 129)):
         return a.then("pow", exponent)
@@ -134,12 +134,12 @@ def _power(a, exponent):
 
 
 def _extreme(name):
-    """Return a minimum or maximum, which is NaN where one of both is."""
+    """Return the formula of a minimum or maximum, which is NaN if an operand is NaN."""
 
     def formula(a, b):
         if isinstance(b.number, float):
             a, b = b, a
-        result = a.then(name, b)  # b where one of both is NaN
+        result = a.then(name, b)  # b if either is NaN
         return result if isinstance(a.number, float) else a.equals(a).select(result, a)
 
     return formula
@@ -154,7 +154,7 @@ def _sign(a):
 
 
 def _heaviside(a, middle):
-    at_0 = a.equals(0.0).select(middle, 0.0 * a)  # NaN where a is
+    at_0 = a.equals(0.0).select(middle, 0.0 * a)  # NaN if a is
     return (a > 0.0).select(1.0, (a < 0.0).select(0.0, at_0))
 
 
@@ -163,7 +163,7 @@ def _ceil(a):
 
 
 def interp(values, x, knots, heights, left, right):
-    """Return what np.interp does: of a table with increasing knots, by the same arithmetic."""
+    """Return the value of np.interp(x, knots, heights, left, right), by the same arithmetic."""
     emit = values.emit
     result = emit(of_line(knots, heights), x)
     for truth, knot, end, beyond in (
@@ -176,7 +176,7 @@ def interp(values, x, knots, heights, left, right):
 
 
 def same(a, b):
-    """Return whether two operands are the same number of a value, or the same constant."""
+    """Return True if two operands are the same value, or the same constant."""
     return type(a) is type(b) and (a == b if type(a) is int else repr(a) == repr(b))
 
 
@@ -189,7 +189,7 @@ def _sum(a, b):
 
 
 def _product(a, b):
-    """Return a b; 0 for a constant 0, such as most entries of a matrix."""
+    """Return a b; 0 if either is the constant 0, as most entries of a matrix are."""
     return 0.0 if _is_0(a) or _is_0(b) else a * b
 
 

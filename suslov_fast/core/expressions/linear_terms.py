@@ -1,21 +1,21 @@
-"""Terms of right-hand sides: f = C m(x), with functions m of the state that no f_i has alone.
+"""Terms of a right-hand side: f = C m(x), with a constant matrix C and functions m of the state.
 
-Left null vectors c of C are linear integrals: c . f = 0 for all x. A product of sums is expanded,
-and quotients and other functions stay as they are.
+A left null vector c of C gives a linear integral: c . f = 0 for all x. Products of sums are
+expanded; quotients and other functions stay as they are.
 """
 
 import numpy as np
 
 from .programs import depending
 
-_MOST_TERMS, _MOST_FACTORS = 4096, 8  # above which a product is not expanded
-_ROUNDING = 1e-14  # of coefficients, beside the numbers of which they are sums
+_MOST_TERMS, _MOST_FACTORS = 4096, 8  # larger products are not expanded
+_ROUNDING = 1e-14  # of coefficients, relative to the sum of the moduli that they come from
 
 
 def coefficients(f, table):
-    """Return C (members, D, terms) of a `RightHandSide`, for the tables (members, n) of members.
+    """Return C (members, D, terms) of a `RightHandSide`, for tables (members, n).
 
-    Each column is divided by its largest entry. Choices, which are fixed within a step, stay.
+    Each column is divided by its largest entry. Branches are fixed within a step, and stay.
     """
     kinds = () if f.conditions is None else f.conditions.kinds
     choices = depending(f.fixed, range(f.D + f.P - len(kinds), f.D + f.P))

@@ -1,4 +1,4 @@
-"""Expression programs carried out in NumPy: each operation for all states at once, or in groups."""
+"""Expression programs evaluated in NumPy: each operation for all states at once, or in groups."""
 
 import math
 
@@ -8,7 +8,7 @@ from .elementary import ELEMENTARY, LARGE_ANGLE, OF_ANGLES, list_of
 
 
 def _of_library(function):
-    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
+    """Return a function of Python's `math`, that is of the C library, vectorised over arrays."""
 
     def of_number(*numbers):
         try:
@@ -27,7 +27,7 @@ def _of_library(function):
 
 
 def _of_bits(function):
-    """Return a function of the bits of doubles, which are integers without sign."""
+    """Return a function of doubles that works on their bits as unsigned integers."""
 
     def of_arrays(*arrays):
         integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
@@ -38,14 +38,14 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return the sum of a start, if there is one, and of products of pairs, in this order."""
+    """Return the sum of products of pairs, in this order; an odd first operand is added, too."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))
 
 
 def _of_list(name):
-    """Return an elementary function of arrays, which carries out its list."""
+    """Return an elementary function of arrays, which evaluates its expression program."""
 
     def of_arrays(*arrays):
         operations, result = list_of(name)
@@ -74,7 +74,7 @@ OF_BITS = {
 }
 OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
-# second operand where one of them is NaN.
+# second operand if either is NaN.
 OF_NUMBERS = {
     "fadd": np.add,
     "fsub": np.subtract,
@@ -112,7 +112,7 @@ FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
 def evaluate(operations, values):
-    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
+    """Evaluate operations on numbers or arrays; add their results to the dict `values`."""
     for instruction, number, operands in operations:
         numbers = (a if isinstance(a, float) else values[a] for a in operands)
         values[number] = FUNCTIONS[instruction](*numbers)
@@ -122,10 +122,10 @@ _JOINING = ("and", "or", "xor")
 
 
 class Groups:
-    """The operations of a program in groups of one instruction, after those of their operands.
+    """The operations of a program in groups with one instruction each, in a possible order.
 
-    NumPy carries out a group at once: for one state of many variables, a call of NumPy for each
-    operation would take most of the time. Each value has a row of a table: first constants, then
+    NumPy evaluates a group at once: for one state of many variables, a NumPy call for each
+    operation would take most of the time. Each value has a row in a table: first constants, then
     given values, then the groups one after another. Truth values stand there as 0 and 1.
     """
 
@@ -155,7 +155,7 @@ class Groups:
         self.results = np.array([*map(row_of, results)], np.intp)
 
     def carried_out(self, given, shape):
-        """Return the results (R, ...) for what is given, arrays that broadcast to `shape`."""
+        """Return the results (R, ...) for given values, arrays that broadcast to `shape`."""
         table, first = np.empty((self.count, *shape)), len(self.constants)
         for row, constant in enumerate(self.constants.values()):
             table[row] = constant

@@ -1,13 +1,13 @@
-"""The right-hand side of a motion with an orthonormal frame of tangent vectors, and its growth.
+"""Right-hand side of a motion with an orthonormal frame of tangent vectors and its growth.
 
 The columns of Q are tangent vectors that stay orthonormal: with M = Q^T f' Q and the skew matrix S
 that has the entries of M below its diagonal,
 
 Q' = Q S,     l_i' = M_ii,
 
-where l_i are the logarithms of the diagonal of R in V = Q R, for V' = f' V. Columns of V decay each
-at its own rate, and lose their digits; Q follows the motion, as fast as that changes. Its entries
-count as 1 in the error, also small ones: variables are these plus SHIFT.
+where l_i are the logarithms of the diagonal of R in V = Q R, for V' = f' V. Columns of V decay at
+different rates, and lose their digits; Q changes only as fast as the motion. In the error an entry
+counts as 1, even if it is small: the variables are the entries plus SHIFT.
 """
 
 import functools
@@ -20,10 +20,10 @@ SHIFT = 2.0
 
 
 def _with_frame(f, moving):
-    """Return the `RightHandSide` of x, Q + SHIFT by rows, and l, for a f that does not choose.
+    """Return the `RightHandSide` of x, Q + SHIFT by rows, and l, for an f without branches.
 
-    `moving` are the components that tangent vectors have. Its parameters are the table of f, to
-    which the starts of clocks have been written.
+    `moving` are the components of the tangent vectors. Its parameters are the table of f, which
+    also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
     first = D + n * n + n
@@ -55,7 +55,7 @@ def _with_frame(f, moving):
 
 
 def _product(emit, a, b, n):
-    """Return the product of two matrices, dicts of operands without those that are 0."""
+    """Return the product of two matrices, both dicts of the operands that are not 0."""
     found = {}
     for i, j in itertools.product(range(n), repeat=2):
         pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]

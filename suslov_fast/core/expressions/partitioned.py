@@ -1,13 +1,13 @@
-"""Right-hand sides whose variables fall into two sets, each with rates that read the other alone.
+"""Right-hand sides with two sets of variables: the rates of each set read only the other set.
 
-So do those of every Hamiltonian T(p) + V(q). The graph of what rates read has two colours then.
-Variables of constant rate, such as clocks, may be in both sets.
+Every Hamiltonian T(p) + V(q) has such sets. The graph of the variables that rates read then has two
+colours. Variables of constant rate, such as clocks, may be in both sets.
 
-Columns over such sets see f at half as many points of a step (`flow.stormer`). So f must not have
-features that fall within a gap without a trace beside it: Gaussians, tanh, and whatever may
-be made of functions that decay as fast. Polynomials, their quotients and roots, sin, cos, and exp
-of affine functions have none. Rates in A are not seen near the ends of a step, where a quotient may
-change at once: these have no quotients and roots.
+Columns over such sets evaluate f at half as many points of a step (`flow.stormer`). So f must not
+have features that fall within a gap and leave no trace beside it: Gaussians, tanh, and other
+functions that decay as fast. Polynomials, their quotients and roots, sin, cos, and exp of affine
+functions have none. Rates in A are not evaluated near the ends of a step, where a quotient may
+change abruptly: rates in A have no quotients and roots.
 """
 
 import functools
@@ -30,9 +30,9 @@ class ComponentSets(NamedTuple):
 def sets_of(f):
     """Return the `ComponentSets` of a `RightHandSide`, None if there are none.
 
-    Of both sets A has the rates that take less time, if they may be in A.
+    A is the set with rates that take less time, if they may be in A.
     """
-    if f.is_dense or f.conditions is not None:  # where f jumps, ends have to be smoothed
+    if f.is_dense or f.conditions is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
     still = sum(1 << i for i in range(f.D) if not f.reads[i])
@@ -52,14 +52,14 @@ def sets_of(f):
 
 
 def part_of(program, numbers):
-    """Return the `Program` of the results with these numbers; others are None."""
+    """Return the `Program` of the results with these numbers; the other results are None."""
     of = {*numbers}
     own = [a if k in of else None for k, a in enumerate(program.results)]
     return Program(needed_for(program.operations, own), own)
 
 
 def _colours(reads):
-    """Return the colours, truth values, of components that read others; None if two do not do."""
+    """Return a colour, True or False, for each component; None if a rate must read its own."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:
@@ -78,13 +78,13 @@ def _colours(reads):
 
 
 def _work(f, components):
-    """Return about how many operations the rates of components take."""
+    """Return an estimate of the number of operations in the rates of these components."""
     operations = needed_for(f.f.operations, [f.f.results[i] for i in components])
     return sum(_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
 
 
 class _Kind(NamedTuple):
-    """The kind of a value, as a function of the state."""
+    """How a value depends on the state."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
@@ -96,7 +96,7 @@ _ROOTS = "sqrt", "log", "pow", "hypot"
 
 
 def _kinds(f):
-    """Return the `_Kind` of all values of f by their numbers, None if f may have thin features."""
+    """Return the `_Kind` of all values of f by number, None if f may have thin features."""
     kinds = {i: _Kind(1) for i in range(f.D)}
     for name, number, operands in f.f.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
@@ -108,7 +108,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of an operation on values of these kinds, None if it is none of them."""
+    """Return the `_Kind` of an operation on values of these kinds, None if it has none."""
     degree, has_exp, has_quotient = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("fadd", "fsub", "select", "fabs"):

@@ -12,16 +12,15 @@ from .values import Number
 
 
 def length_of(operations):
-    """Return the number of instructions of straight-line code, in which sums are several."""
+    """Return the number of instructions of straight-line code; a "sum" is several instructions."""
     return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
 
 
 class Values:
-    """Values by number, in the order in which they are computed, and the operations that do so.
+    """Numbered values, and the operations that compute them, in order.
 
-    The first `count` values need no operation. Operands are numbers of values, which are integers,
-    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
-    alone.
+    The first `count` values need no operation. An operand is the number of a value, an integer, or
+    a constant, a float. `fixed` contains the numbers of values that depend on parameters alone.
     """
 
     def __init__(self, count, fixed):
@@ -37,19 +36,19 @@ class Values:
         return number
 
     def is_fixed(self, operand):
-        """Return whether an operand depends on parameters alone."""
+        """Return True if an operand depends on parameters alone."""
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
         """Return the value start + sum of a c over the pairs (a, c), in this order.
 
-        It is None if `start` is None and there are no pairs. Pairs of a "sum" are of one kind: the
-        first factors depend on parameters alone, or none does; other products are values of fixed.
+        It is None if `start` is None and there are no pairs. In each pair of a "sum" one factor
+        depends on parameters alone, or in none; if both do, the product is a value of its own.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return `total` of pairs, from all their factors one after the other."""
+        """Return `total` for the factors of all pairs in one list."""
         own, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)
@@ -73,7 +72,7 @@ class Values:
 
 
 def dot(emit, pairs, total=None):
-    """Return the sum of a start and of products of pairs, each an operation; None without any."""
+    """Return `total` plus products of pairs, each an operation; None if there are none."""
     for a, b in pairs:
         product = emit("fmul", a, b)
         total = product if total is None else emit("fadd", total, product)
@@ -88,10 +87,10 @@ class Program(NamedTuple):
 
 
 class Expressions(Values):
-    """Values; equal values are computed once, and operations on constants at once.
+    """Values without repetition: equal values are computed once, operations on constants at once.
 
-    `written` has the function and operands of values that a user wrote, and that operations take
-    apart: a power is products. `of` has the instruction and operands of each value, `fixed_truths`
+    `written` contains the function and operands of a value that a user wrote and operations take
+    apart, such as a power. `of` contains the instruction and operands of each value, `fixed_truths`
     the numbers of truth values that depend on parameters alone.
     """
 
@@ -100,8 +99,8 @@ class Expressions(Values):
         self._known, self.of, self.written, self.fixed_truths = {}, {}, {}, set()
 
     def emit(self, instruction, *operands):
-        """Return the number of a value, or the constant that it is."""
-        # Constants by their texts: a constant is no number of a value, and 0 has a sign.
+        """Return the number of the value of an operation, or a constant if it is constant."""
+        # Constants as texts: the constant 1.0 equals the number 1 of a value, and 0.0 equals -0.0.
         key = instruction, *operands
         if float in map(type, operands):
             key = instruction, *(repr(a) if type(a) is float else a for a in operands)
@@ -110,12 +109,12 @@ class Expressions(Values):
         return self._known[key]
 
     def given(self):
-        """Return the number of a value that needs no operation, and does not depend on others."""
+        """Return the number of a new value that needs no operation."""
         self.count += 1
         return self.count - 1
 
     def take_written(self, others, new):
-        """Note what a user wrote of other values, which have `new` numbers here."""
+        """Copy `written` of other values, which have `new` numbers here."""
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
             place = new.get(number)
@@ -138,7 +137,7 @@ class Expressions(Values):
         return number
 
     def _parts_of(self, operand):
-        """Return the instruction and the operands of a value; nothing for a constant."""
+        """Return the instruction and the operands of a value; ("", ()) for a constant."""
         return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
 
     def _simpler(self, instruction, operands):
@@ -168,7 +167,7 @@ class Expressions(Values):
 
 
 def _is_power_of_2(operand):
-    """Return whether products with a constant have no rounding error within a wide range."""
+    """Return True if products with a constant have no rounding error within a wide range."""
     if not isinstance(operand, float):
         return False
     fraction, exponent = math.frexp(operand)
@@ -178,7 +177,7 @@ def _is_power_of_2(operand):
 def in_order(values, results, more=0):
     """Return `Expressions` of these results alone, in an order that they determine, and results.
 
-    So many `more` parameters follow the values that are given.
+    `more` parameters follow the given values.
     """
     given = values.count - len(values.operations)
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
@@ -206,7 +205,7 @@ def _depth_first(values, results):
 
 
 def needed_for(operations, results):
-    """Return the operations on which results depend."""
+    """Return the operations that these results depend on."""
     needed, found = {a for a in results if type(a) is int}, []
     for operation in reversed(operations):
         if operation[1] in needed:
@@ -216,7 +215,7 @@ def needed_for(operations, results):
 
 
 def depending(operations, given):
-    """Return the numbers of values that depend on given ones, and these."""
+    """Return the numbers of given values, and of all values that depend on them."""
     found = {*given}
     for _, number, operands in operations:
         if any(a in found for a in operands if not isinstance(a, float)):
@@ -225,15 +224,15 @@ def depending(operations, given):
 
 
 def renamed(operands, new):
-    """Return operands with their new names; constants, and those without another, stay."""
+    """Return operands with their new names; constants, and operands without a new name, stay."""
     return [a if isinstance(a, float) else new.get(a, a) for a in operands]
 
 
 def emitted(values, program, new=None):
-    """Add the operations of a `Program` to values; return its results there.
+    """Add the operations of a `Program` to `values`; return its results there.
 
-    `new` maps given operands to operands there. The results of operations are added to it; other
-    operands stay.
+    `new` maps the given operands of the program to operands in `values`. It receives the results of
+    the operations; other operands keep their numbers.
     """
     new = {} if new is None else new
     for name, number, operands in program.operations:
@@ -242,7 +241,7 @@ def emitted(values, program, new=None):
 
 
 def renumbered(program, given):
-    """Return a `Program` with other numbers of values that are given, a dict; others follow."""
+    """Return a `Program` with new numbers of given values, a dict; other values follow these."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

@@ -1,4 +1,4 @@
-"""Right-hand sides of quadratic fields, from their terms."""
+"""Right-hand sides of quadratic fields, made from their terms."""
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from .programs import Expressions
 def expressions_of(indices, D, is_one, is_minus_one):
     """Return `Expressions` of f_i = sum of v x_j x_k, the operands that are f, and P.
 
-    Terms are (3, T), with x_D = 1. `is_one` and `is_minus_one` (T,) say which v are 1 and -1 for
-    all members; the other v are parameters, in the order of terms: see `parameters_of`.
+    Terms are (3, T), with x_D = 1. `is_one` and `is_minus_one` (T,) mark v that are 1 or -1 for all
+    members. The other v are parameters, in the order of terms: see `parameters_of`.
     """
     given, first = ~(is_one | is_minus_one), D
     numbers = iter(range(first, first + int(given.sum())))
@@ -29,12 +29,12 @@ def expressions_of(indices, D, is_one, is_minus_one):
 
 
 def parameters_of(terms, is_one, is_minus_one):
-    """Return the parameters (P, ...) of values (..., T) of terms."""
+    """Return the parameters (P, ...) from values (..., T) of terms."""
     return np.moveaxis(terms[..., ~(is_one | is_minus_one)], -1, 0)
 
 
 def _sum(emit, terms):
-    """Return the sum of terms (whether it is subtracted, value), in their order."""
+    """Return the sum of terms, pairs (True if it is subtracted, value), in their order."""
     is_minus, total = False, None
     for minus, product in terms:
         if total is None:

@@ -48,10 +48,10 @@ class RightHandSide:
     """
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
-        """Take `Expressions` with the operations of f, and the operands that are f.
+        """Plan f from `Expressions` with its operations, and the operands that are its results.
 
-        `by` are numbers of parameters to differentiate by, `surfaces` other operands whose values
-        are wanted, of the first `jumps` their derivatives, too, and `kept` parameters that the
+        `by` are numbers of parameters to differentiate by. `surfaces` are other operands to
+        evaluate; the first `jumps` of them are differentiated, too. `kept` are parameters that the
         table begins with.
         """
         self.D, self.P = len(results), P
@@ -107,11 +107,11 @@ class RightHandSide:
         return repr((self.D, self.table, kinds, *lists, self.events))
 
     def _find_properties(self, values):
-        """Find clocks, components that keep their sign, and denominators of clocks."""
+        """Find clocks, components that keep their sign, and denominators that depend on clocks."""
         is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
         # The components that each value depends on, as bits.
         of = {i: 1 << i for i in range(self.D)}
-        # The components that each value is 0 with.
+        # The components that make each value 0 if they are 0.
         factors = {i: 1 << i for i in range(self.D)}
         truth = set()
         for instruction, number, operands in self.f.operations:
@@ -140,7 +140,7 @@ class RightHandSide:
         return self._carried_out("_of_table", given, parameters, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters; `table` is the one that there was."""
+        """Return the table (n, ...) for other parameters; `table` is the present one."""
         return self.table_of(parameters)
 
     def value(self, x, table):
@@ -160,12 +160,12 @@ class RightHandSide:
         return matrix
 
     def _at(self, name, x, table):
-        """Return the results of the list with this name, at states and for a table."""
+        """Return the results of the program with this name, at states and for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         return self._carried_out(name, [*range(self.D), *self.table], [*x, *table], shape)
 
     def _carried_out(self, name, given, arrays, shape):
-        """Return the results of the list with this name, for the values that are given."""
+        """Return the results of the program with this name for given values."""
         program = getattr(self, name)
         with np.errstate(all="ignore"):
             if len(program.operations) > _FEW and math.prod(shape) < _MANY:
@@ -183,8 +183,8 @@ class RightHandSide:
 def _signs_of_poles(values, f, quotients):
     """Return values that change their sign at poles of quotients (number, dividend, divisor).
 
-    Where a quotient is taken they are the divisor, one for dividends above 0 and one for those
-    below, because a quotient has no pole where its dividend has a zero, too; elsewhere 0.
+    If a quotient is used, there are two: the divisor where the dividend is above 0, and where it is
+    below, because there is no pole if the dividend is 0, too. Elsewhere they are 0.
     """
     found = {}
     is_taken = _taken(values, f)
@@ -205,9 +205,9 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return truth values by numbers, or 1: where results of f depend on a value.
+    """Return for each value the truth value, or 1, that results of f depend on it.
 
-    They do not on what `select` does not take, nor on what a parameter or a choice of 0 multiplies.
+    They do not if `select` leaves it out, or if a parameter or branch that is 0 multiplies it.
     """
     emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):
@@ -232,7 +232,7 @@ def _taken(values, f):
 
 
 def _both(emit, *truths):
-    """Return where both are true, of truth values and the constants 0 and 1."""
+    """Return the conjunction of truth values and the constants 0 and 1."""
     others = [a for a in truths if a != 1.0]
     if 0.0 in others or not others:
         return 0.0 if others else 1.0
@@ -240,7 +240,7 @@ def _both(emit, *truths):
 
 
 def _common_factors(instruction, operands, factors, D):
-    """Return the components with which the value of an operation is 0, as bits."""
+    """Return, as bits, the components that make the value of an operation 0 if they are 0."""
     everything = (1 << D) - 1
     of = [
         (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)

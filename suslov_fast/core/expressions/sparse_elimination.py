@@ -1,14 +1,15 @@
 """Elimination in a large sparse matrix A by columns, planned as arrays of integers.
 
-In the order of pivots column j of A = L D U, where L and U have ones on the diagonal, follows from
-those before it. The numbers w_i of a work row begin with a_ij; then, for each k < j with u_kj != 0,
+A = L D U, where L and U have unit diagonals. In the order of pivots, column j follows from the
+columns before it. The numbers w_i of a work row begin with a_ij; then, for each k < j with u_kj !=
+0,
 
 w_i -= l_ik w_k for i > k;    u_ij = w_i / d_i (i < j),    d_j = w_j,    l_ij = w_i / d_j (i > j).
 
-The rows of a column in L, or in U, are spans that follow each other, so that a loop needs two
+The rows of a column in L, or in U, form spans of consecutive rows, so that a loop needs two
 integers for many products; dense matrices have one span a column. Spans that are less than NEAR
-apart are joined, because a span costs as much as some NEAR products with 0. Where columns k and
-k + 1 of L have the same rows from k + 2 on, both are subtracted in one loop.
+apart are joined, because a span costs as much as some NEAR products with 0. If columns k and k + 1
+of L have the same rows from k + 2 on, both are subtracted in one loop.
 """
 
 from itertools import pairwise
@@ -24,7 +25,7 @@ NEAR = 8
 
 
 class ColumnOffsets(NamedTuple):
-    """Places at which the parts of a column begin. They end where the next column begins."""
+    """Places at which the parts of a column begin; they end where the next column begins."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`
@@ -47,7 +48,7 @@ class Sparse:
     offsets      (D + 1, 7) `ColumnOffsets` of each column
     rows         of the entries, column by column
     numbers      of these entries in `places`
-    pivots       2 k for the k < j with u_kj != 0, of each column j; 2 k + 1 for k and k + 1
+    pivots       of each column j: 2 k for each k < j with u_kj != 0; 2 k + 1 for k with k + 1
     spans        (-, 2) first row and number of rows
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
@@ -79,7 +80,7 @@ class Sparse:
         self.offsets = np.stack(offsets, axis=1).astype(np.int64)
 
     def _skipped(self, spans, firsts):
-        """Return `ColumnOffsets.skipped` of columns, whose spans (-, 2) of L begin at `firsts`."""
+        """Return `ColumnOffsets.skipped` of columns; their spans (-, 2) of L begin at `firsts`."""
         own = [spans[a:b].tolist() for a, b in pairwise(firsts)]
         found = np.zeros(len(firsts), np.int64)
         for k, (this, following) in enumerate(pairwise(own)):
@@ -92,7 +93,7 @@ class Sparse:
         return found
 
     def _in_full(self, spans):
-        """Return the unknowns (-, 2) of row and column of all numbers of spans."""
+        """Return the unknowns (-, 2) of row and column for each number in spans."""
         column, first, count = spans
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return self.order[[np.repeat(first, count) + within, np.repeat(column, count)]].T.copy()
@@ -101,7 +102,7 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return columns and rows below the diagonal, and those above it, from the rows of columns."""
+    """Return (columns, rows) below the diagonal and above it; `sets` are bits of rows by column."""
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
         own = [*bits_of(rows_of_column)]
@@ -112,7 +113,7 @@ def _below_and_above(sets):
 
 
 def _in_pairs(columns, rows, skipped):
-    """Return columns, and 2 k or 2 k + 1 for these rows k of each column, see `Sparse.pivots`."""
+    """Return columns, and 2 k for these rows k of each column, or 2 k + 1 for k and k + 1."""
     found, last = [], (-1, -1)
     for j, k in zip(columns.tolist(), rows.tolist(), strict=True):
         if last == (j, k):  # the second one of a pair
@@ -124,7 +125,7 @@ def _in_pairs(columns, rows, skipped):
 
 
 def _spans(columns, rows):
-    """Return the spans (3, -) of rows of columns: column, first row and number of rows."""
+    """Return spans (3, -), which are column, first row and number of rows."""
     is_first = np.ones(len(rows), bool)
     is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
     begin = np.flatnonzero(is_first)

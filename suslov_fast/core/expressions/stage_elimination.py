@@ -1,7 +1,7 @@
-"""Elimination in A = 1 - s J as lists of operations, planned on the pattern of J.
+"""Elimination in A = 1 - s J as expression programs, planned on the pattern of J.
 
-`core.maps.kahan_step` has the equations, with N = s J. A small pivot shows as a value that is not
-finite, or as an error of the step, which is refused.
+`core.maps.kahan_step` has the equations, with N = s J. A small pivot leads to a value that is not
+finite, or to an error of the step, which is then rejected.
 """
 
 from .programs import Program, Values, dot, needed_for, renumbered
@@ -9,14 +9,14 @@ from .symbolic_elimination import Factors
 
 
 class Elimination:
-    """The lists that factorise A, and that solve A v = g.
+    """The programs that factorise A, and that solve A v = g.
 
-    factors   `Program` of the entries of J (in the order of the pattern) and of s; the results are
-              inverses of pivots, and the numbers below and above the diagonal
-    pivots    the number of pivots that are not 1 by the pattern
-    solution  `Program` of these results and of g (D); the results are v (D)
+    factors   `Program` of the entries of J (in the order of the pattern) and of s; its results are
+              the inverse pivots, and the numbers below and above the diagonal
+    pivots    the number of pivots that the pattern does not fix at 1
+    solution  `Program` of these results and of g (D); its results are v (D)
 
-    `fill` is what `filled` returns for this order.
+    `fill` is the result of `filled` for this order.
     """
 
     def __init__(self, pattern, order, fill):
@@ -38,26 +38,26 @@ class Elimination:
 
 
 class _Products(Values):
-    """Values with a separate operation for each sum, so that code can be divided into blocks."""
+    """Values with a separate operation for each product in a sum, so that code can be divided."""
 
     def total_of(self, start, factors):
         return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
 
 
 class _Scaled:
-    """The matrix s J, as `symbolic_elimination.Matrix`."""
+    """The matrix s J, with the interface of `symbolic_elimination.Matrix`."""
 
     def __init__(self, values, pattern):
         self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
 
     def entry(self, i, j):
-        """Return the entry and None, which is its early part."""
+        """Return the entry, and None for its early part."""
         k, s = self.numbers.get((i, j)), len(self.numbers)
         return (None if k is None else self.values.emit("fmul", s, k)), None
 
 
 def operations_of(fill):
-    """Return about how many operations the list of factors has."""
+    """Return an estimate of the number of operations in the program of factors."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

@@ -1,8 +1,8 @@
-"""Places where the motion crosses surfaces, by Newton's method from the end of a step.
+"""Times to the surfaces that the motion crosses, by Newton's method from the end of a step.
 
 A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later, if it lies
-ahead, or has been crossed for s / s', if the state is beyond. Rates at the ends of implicit steps
-tell of fast modes, so that within them this is for changes, and for surfaces of clocks.
+ahead, or was crossed a time s / s' ago, if the state is beyond it. Rates at the ends of implicit
+steps contain fast modes; there only surfaces of events and of clocks are used.
 """
 
 from math import inf
@@ -15,13 +15,13 @@ from .values import larger, operand_of, smaller
 
 
 def aim_of(f, kinds, choices, is_implicit):
-    """Return the `Program` that finds when surfaces of f and of its changes are crossed.
+    """Return the `Program` that finds when surfaces of f and of its events are crossed.
 
-    Values are the state, f there with the sign of time, sides and levels of the surfaces of events,
-    see `TrajectoryRows`, and those of the table. `kinds` are those of `Conditions`, and `choices`
-    the numbers of their choices. Results are the least time to a surface that the state is not
-    beyond or has just passed, and the longest time for which it is beyond one: that of Newton's
-    method, infinity if the rate leads back.
+    Its values are the state, f there with the sign of time, sides and levels of the surfaces of
+    events, see `TrajectoryRows`, and the table. `kinds` are the kinds of `Conditions`, and
+    `choices` the numbers of their branches. It has two results by Newton's method: the least time
+    to a surface that the state is not beyond or has just passed; and the longest time since a
+    surface was crossed, infinity if the rate leads back.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)
@@ -48,7 +48,7 @@ def aim_of(f, kinds, choices, is_implicit):
             ends = [(s, number(new[choice]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
-            if kind == "side" and f.events.gaps[choice]:  # its beginning and end are none of these
+            if kind == "side" and f.events.gaps[choice]:  # the ends of a gap are no crossings
                 was_known, is_known = ~above.equals(GAP), value.equals(value)
                 since = (was_known ^ is_known).select(inf, since)
                 is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)

@@ -1,7 +1,7 @@
 """Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
 
-`core.maps.kahan_step` has the equations. Here numbers of values stand for the values, and None
-stands for 0.
+`core.maps.kahan_step` has the equations. Here values are represented by their numbers, and 0 by
+None.
 """
 
 from collections import defaultdict
@@ -17,7 +17,7 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return the places (i, j) of entries of N, and of entries that depend on the state."""
+    """Return the places (i, j) of the entries of N, and of the entries that depend on the state."""
 
     def of(i, j):
         numbers = np.unique(i * D + j)
@@ -32,7 +32,7 @@ def places_of(indices, D):
 class Matrix:
     """The entries of N(x) and the right sides h f(x), as sums over the terms of a field.
 
-    x and `halves` are the numbers of the components and of h v of the terms.
+    `x` are the numbers of the components, `halves` the numbers of h v of the terms.
     """
 
     def __init__(self, indices, D, values, x, halves):
@@ -64,7 +64,7 @@ class Matrix:
             self.columns[i].add(j)
 
     def entry(self, i, j):
-        """Return N_ij and its early part."""
+        """Return N_ij, and the part of it that the right side uses, see `early`."""
         if (i, j) not in self.entries:
             early = self.values.total(None, self.early.get((i, j), []))
             others, linear = self.products.get((i, j), []), self.linear.get((i, j))
@@ -98,10 +98,11 @@ class Matrix:
 class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
-    `fill` is what `filled` returns. With a dict `right`, elimination fills it with the right sides.
+    `fill` is the result of `filled`. Elimination fills the dict `right`, if given, with right
+    sides.
 
     diagonal, original   N_kk after and before elimination
-    pivot, inverse       1 - N_kk after elimination, and its inverse; missing where N_kk is 0
+    pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0
     lower, upper         m_ik, and N_kj after elimination
     before, after        for each row, the columns of earlier and of later pivots
     """
@@ -156,9 +157,9 @@ class Factors:
         return self.values.emit("fmul", value, self.inverse[k])
 
     def is_accurate(self):
-        """Return whether the least modulus of a pivot is above its limit.
+        """Return the truth value that the least modulus of a pivot is above its limit.
 
-        That is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
+        The limit is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
         elimination.
         """
         number, sizes, largest = self.values.number, [], [1.0]
@@ -170,7 +171,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *sizes]) > limit
 
     def is_good(self):
-        """Return whether the least pivot is above a bound of its limit.
+        """Return the truth value that the least pivot is above an upper bound of its limit.
 
         The bound holds if all pivots are positive, and takes fewer operations than the limit.
         """
@@ -182,7 +183,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
-        """Return the "min" or "max" of numbers; functions of parameters alone come first."""
+        """Return the "min" or "max" of numbers; numbers fixed by parameters alone come first."""
         fixed, others = [], []
         for a in numbers:
             a = self.values.number(a) if isinstance(a, float) else a
@@ -190,7 +191,7 @@ class Factors:
         return joined(instruction, [joined(instruction, fixed), *others])
 
     def _least_constant(self):
-        """Return the least of the pivots that are 1 for all states, infinity without any."""
+        """Return 1 if a pivot is 1 for all states, else infinity."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
@@ -198,8 +199,8 @@ def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
     The degree of an unknown is the number of others that occur in an equation together with it.
-    Among equals the next pivot is one that waits for the fewest others, one after the other,
-    because processors carry out side by side what does not wait for each other.
+    Among unknowns of equal degree the next pivot has the shortest chain of pivots that it depends
+    on, because processors evaluate independent operations in parallel.
     """
     neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
     for i, j in pattern:
@@ -233,9 +234,9 @@ def bits_of(number):
 
 
 def filled(pattern, order):
-    """Return the sets of columns of rows, and of rows of columns, after elimination.
+    """Return, after elimination, the set of columns of each row, and of rows of each column.
 
-    Rows and columns are places in the order of pivots, and sets are the bits of integers.
+    Rows and columns are places in the order of pivots; a set is the bits of an integer.
     """
     place, D = {k: n for n, k in enumerate(order)}, len(order)
     rows, columns = [0] * D, [0] * D
@@ -264,7 +265,7 @@ def before_and_after(order, fill):
 def work_of(order, fill, varying):
     """Return the number of products in elimination, and of products that depend on the state.
 
-    `fill` is what `filled` returns, and `varying` has the places of entries that do.
+    `fill` is the result of `filled`; `varying` are the places of entries that depend on the state.
     """
     place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
     rows = [0] * len(order)

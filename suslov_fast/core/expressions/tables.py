@@ -1,7 +1,7 @@
-"""Tables as instructions of lists: functions of one number that are linear between knots.
+"""Tables as instructions of expression programs: piecewise linear functions of one number.
 
 Between knots t_p-1 <= x < t_p the value is height_p + slope_p (x - t_p-1), as of `np.interp`. A
-right-hand side whose choices are fixed has the numbers of one interval in place of the table, so
+right-hand side with fixed branches contains the numbers of one interval in place of the table, so
 the cost of a step does not depend on the number of knots.
 """
 
@@ -15,16 +15,16 @@ LARGEST = float(np.finfo(float).max)
 
 
 class Table(str):
-    """The name of a table in lists, which tells it from others by its numbers.
+    """The name of a table in expression programs; different tables have different names.
 
     rows           (4, N + 1), of each interval: low, high, height, slope
-    is_continuous  whether its values do not jump at knots
+    is_continuous  True if its values do not jump at knots
     """
 
     ROWS = 4
 
     def __new__(cls, knots, heights, slopes, is_continuous):
-        """Take N knots, and the heights and slopes of the N + 1 intervals, at their beginnings."""
+        """Make a table of N knots, and of N + 1 intervals with first heights and slopes."""
         low, high = np.append(-LARGEST, knots), np.append(knots, np.inf)
         rows = np.array([low, high, heights, slopes])
         digest = hashlib.blake2b(rows.tobytes(), digest_size=16).hexdigest()
@@ -44,20 +44,20 @@ class Table(str):
 
     @functools.cached_property
     def derivative(self):
-        """The table of slopes, those to the right at knots."""
+        """The table of slopes; at a knot, of the interval to the right."""
         low, _, _, slopes = self.rows
         return Table(low[1:], slopes, np.zeros(len(slopes)), False)
 
 
 def is_table(instruction):
-    """Return whether an instruction of a list, or a kind of surface, is a table."""
+    """Return True if an instruction, or a kind of surface, is a table."""
     return isinstance(instruction, Table)
 
 
 def interval(kind, number, choice, places):
-    """Return the least and greatest argument of a table, or of `floor`, by its choice.
+    """Return the ends of the interval of arguments in which a table, or `floor`, keeps its branch.
 
-    number(places[choice]) is the choice, that of a table is the first of several.
+    number(places[choice]) is the branch; the branch of a table is several numbers from there on.
     """
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
@@ -66,7 +66,7 @@ def interval(kind, number, choice, places):
 def of_line(knots, heights):
     """Return the table of straight lines between points, with knots where its slope changes.
 
-    It jumps where knots are equal: there the last one counts, as for `np.interp`.
+    It jumps if knots are equal: there the last height counts, as in `np.interp`.
     """
     knots, heights = np.array(knots), np.array(heights)
     is_last = np.append(knots[1:] > knots[:-1], True)

@@ -1,10 +1,10 @@
-"""Numbers of a list of operations, written with Python's operators."""
+"""Values of an expression program, written with Python's operators."""
 
 
 class Number:
-    """A value of a list, or a constant: +, -, *, /, comparisons; & | ^ ~ of truth values.
+    """A value of a program, or a constant: +, -, *, /, comparisons; & | ^ ~ of truth values.
 
-    `emit` adds an operation to the list and returns the number of its value.
+    `emit` adds an operation to the program and returns the number of its value.
     """
 
     __slots__ = ("emit", "number")
@@ -27,18 +27,17 @@ class Number:
         return self.then("fabs")
 
     def __invert__(self):
-        """Return the opposite of a truth value."""
+        """Return the negated truth value."""
         return self ^ Number(self.emit, 0.0).equals(0.0)
 
     def __le__(self, other):
         return self._of("oge", other, self)
 
     def sqrt(self):
-        """Return the square root."""
         return self.then("sqrt")
 
     def equals(self, other):
-        """Return where this value equals another one."""
+        """Return the truth value that this value equals another value."""
         return self.then("oeq", other)
 
     def select(self, a, b):
@@ -46,7 +45,7 @@ class Number:
         return self.then("select", a, b)
 
     def within(self, least, greatest):
-        """Return this value within limits; NaN stays NaN."""
+        """Return this value, clipped to limits; NaN stays NaN."""
         return self._of("min", greatest, self._of("max", least, self))
 
 
@@ -71,24 +70,24 @@ for _name, _instruction in (
 
 
 def operand_of(a):
-    """Return the operand that a `Number` or a constant is."""
+    """Return the operand of a `Number`, or the constant itself."""
     return a.number if isinstance(a, Number) else a
 
 
 def larger(a, b):
-    """Return the larger of two numbers; `b` where one of them is NaN."""
+    """Return the larger of two numbers; `b` if one of them is NaN."""
     return (a if isinstance(a, Number) else b)._of("max", a, b)
 
 
 def smaller(a, b):
-    """Return the smaller of two numbers; `b` where one of them is NaN."""
+    """Return the smaller of two numbers; `b` if one of them is NaN."""
     return (a if isinstance(a, Number) else b)._of("min", a, b)
 
 
 def joined(instruction, numbers):
-    """Return numbers joined by an instruction: pairs of neighbours, then pairs of those.
+    """Return numbers joined by an instruction: neighbours in pairs, then these in pairs, and so on.
 
-    So none of many operations waits for all others.
+    So no operation waits for a long chain of others.
     """
     numbers = [*numbers]
     while len(numbers) > 1:

@@ -7,7 +7,7 @@ import numpy as np
 from .programs import Expressions, Program, dot, emitted
 from .right_hand_side import RightHandSide
 
-# What surfaces, choices and changes are is a matter of x alone.
+# Surfaces, branches and events depend on x alone.
 _OF_X = (
     "clocks steady of_one_sign conditions watch watched hidden aim events offsets branches derived"
 ).split()
@@ -16,13 +16,13 @@ _OF_X = (
 class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
-    A column has D components. The last ones are derivatives by the parameters that f names in
-    `by`, times scales that stand in the table after that of f: v' = f'(x) v + scale df/dp. `trace`
-    says whether u and s are there; u is a size that columns have, because they and s should count
-    as much as x in the error. Its parameters are the table of f.
+    A column has D components. The last q columns are derivatives by the parameters `by` of f, times
+    scales that follow the table of f: v' = f'(x) v + scale df/dp. u and s exist if `has_trace`; u
+    is a size that columns have, because columns and s should count as much as x in the error. Its
+    parameters are the table of f.
 
     of       the right-hand side of x
-    columns  their number, the last q of them by parameters
+    columns  how many columns there are
     """
 
     of = None

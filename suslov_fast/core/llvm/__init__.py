@@ -1,1 +1,1 @@
-"""Lists of operations as machine code: LLVM's text, its compiler, and loops over any list."""
+"""Expression programs as machine code: LLVM's text, its compiler, and sparse elimination."""

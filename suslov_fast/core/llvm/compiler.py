@@ -15,20 +15,20 @@ from numba import config
 
 from ..numba.decorators import advice_on_numba
 
-# Length of the texts of codes that are kept, beside those that last: some 250 MB of memory. Each
-# counts as a part of it at least, because it takes two memory mappings; Linux grants 65,530 to a
-# process, and LLVM ends the process where it gets none.
+# Total length of the texts of codes that are kept and need not last: some 250 MB of memory. Each
+# code counts as LEAST_TEXT at least, because it takes two memory mappings; Linux grants 65,530 to
+# a process, and LLVM ends the process if it gets none.
 MOST_TEXT, LEAST_TEXT = 2**28, 2**16
 
 
 def pointer(kind):
-    """Return the type of an address of this type, as this version of LLVM writes it."""
+    """Return LLVM's name for a pointer to this type, which depends on the version of LLVM."""
     return "ptr" if binding.llvm_version_info[0] > 16 else f"{kind}*"
 
 
 # ------------------------------------------------------------------------------------------ compile
 class Address(int):
-    """The address of machine code, which stays as long as this object: that keeps its engine."""
+    """The address of machine code; the code stays in memory as long as this object."""
 
 
 known_codes = {}  # addresses, by the arguments of `code_of`
@@ -44,7 +44,7 @@ if hasattr(os, "register_at_fork"):  # a child has no thread that would give it 
 def code_of(text_of, step, W=1, *options, lasts=False):
     """Return the `Address` of the machine code of `text_of(step, name, W, *options)`.
 
-    Code that `lasts` stays until the process ends.
+    If `lasts` is true, the code stays until the process ends.
     """
     key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
@@ -54,7 +54,7 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 def compiled(key, text_of, level=2, lasts=False):
     """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
 
-    `key` is different for different texts; `level` is the level of LLVM's optimisation.
+    `key` identifies the text; `level` is LLVM's optimisation level.
     """
     key = key, level, lasts
     with _lock:
@@ -64,7 +64,7 @@ def compiled(key, text_of, level=2, lasts=False):
             text = text_of(name)  # an error here is the package's own
             try:
                 known_codes[key] = _compile(text, name, level, lasts)
-            # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
+            # LLVM cannot read the text, or llvmlite has removed or changed a function.
             except (RuntimeError, AttributeError, TypeError) as error:
                 text = f"LLVM refuses the code of a field ({error})"
                 raise RuntimeError(
@@ -74,7 +74,7 @@ def compiled(key, text_of, level=2, lasts=False):
 
 
 def _free_old():
-    """Forget the codes that do not last, if they have MOST_TEXT, and their engines."""
+    """Forget all codes that need not last, and their engines, once they exceed MOST_TEXT."""
     # A signal handler may compile or free codes between any two lines, so the loops need copies.
     old = {key: code for key, code in known_codes.copy().items() if not key[-1]}
     if sum(code.length for code in old.values()) >= MOST_TEXT:
@@ -113,14 +113,14 @@ def _machine(level):
 
 
 def _features():
-    """Return the features of the processor that code is made for, as LLVM spells them."""
+    """Return the processor features that code is compiled for, as LLVM spells them."""
     if config.CPU_FEATURES is not None:
         return config.CPU_FEATURES
     return "" if config.CPU_NAME else binding.get_host_cpu_features().flatten()
 
 
 def numbers_in_register():
-    """Return how many numbers a register of the processor holds, at least."""
+    """Return how many doubles a vector register of the processor holds, at least."""
     features = _features().split(",")
     return 8 if "+avx512f" in features else 4 if "+avx2" in features else 2
 
@@ -130,7 +130,7 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 
 def address_of(array):
-    """Return the address of a writeable array without gaps, in a third of the time of NumPy."""
+    """Return the address of a writeable contiguous array, in a third of the time of NumPy."""
     return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else 0
 
 

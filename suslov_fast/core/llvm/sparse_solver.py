@@ -13,7 +13,7 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Return the lengths of a `Sparse`, and the addresses of its arrays with these names."""
+    """Return the lengths of a `Sparse` plan, and the addresses of its arrays with these names."""
     lengths = {
         "D": plan.order,
         "entries": plan.rows,
@@ -26,7 +26,7 @@ def _parts(text, plan, *names):
 
 
 def _between(text, begin, end):
-    """Add a loop over integers, of which there may be none."""
+    """Add a loop over the integers from begin to end - 1, which may be none."""
     with text.when(begin < end):
         for n in text.each(end - begin):
             yield begin + n
@@ -41,8 +41,8 @@ def _offsets(text, of, j):
 def _along(text, of, begin, end, rows, numbers=0):
     """Add loops over the rows of spans; `rows` is the address of row 0.
 
-    The body has the lanes of a text, the address of its row, and the address of its number;
-    `numbers` is the address of the first number.
+    Yield to the body a text, the address of a row, and of its number; `numbers` is the first
+    address. A single lane takes AT_ONCE rows at once, by a wider text.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
@@ -60,17 +60,17 @@ def _along(text, of, begin, end, rows, numbers=0):
 
 
 def _for_rows(text, value):
-    """Return a value by the number of lanes of a text, see `_along`."""
+    """Return a dict {number of lanes of a text: value} for the texts that `_along` yields."""
     if text.W > 1:
         return {text.W: value}
     return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
 
 
 def add_factors(text, name, plan):
-    """Add void name(from, table, to, scratch), the factors of A = 1 - s J.
+    """Add void name(from, table, to, scratch), which factors A = 1 - s J.
 
-    It reads the entries of J and s, and writes the inverses of pivots (D), L and U; `scratch` has
-    room for a column (D).
+    It reads the entries of J and s, and writes the inverse pivots (D), L and U; `scratch` has room
+    for a column (D).
     """
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")
@@ -122,7 +122,7 @@ def add_factors(text, name, plan):
 
 
 def add_solution(text, name, plan):
-    """Add void name(from, table, to, scratch), the solution of A v = g from factors, in place."""
+    """Add void name(from, table, to, scratch), which solves A v = g in place by the factors."""
     with text.function(name):
         of = _parts(text, plan, "order", "lower", "upper")
         inverses, v = text.array("%from"), text.array("%to")

@@ -28,7 +28,7 @@ AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, and how many have
 
 # -------------------------------------------------------------------------------------- the names
 class _Name:
-    """A thing with a name in a text. `str()` is that name, so it may stand in any instruction."""
+    """A named value in a text. `str()` is its name, so that it may stand in any instruction."""
 
     __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
     __bool__ = None  # `if` is an error, because there are no values yet: write `when` or `select`
@@ -40,7 +40,7 @@ class _Name:
         return self.name
 
     def _number(self, other):
-        """Return what stands for the other operand."""
+        """Return the other operand as it stands in an instruction."""
         return other
 
     def _operate(self, instruction, a, b):
@@ -55,7 +55,7 @@ def _add_operators(cls, **instructions):
 
 
 class Truth(_Name):
-    """Truth values of all lanes, or a single one, with `&`, `|`, `^` and `~`."""
+    """Truth values of all lanes, or a single truth value, with `&`, `|`, `^` and `~`."""
 
     def __init__(self, text, name, kind=None):
         super().__init__(text, name)
@@ -66,7 +66,7 @@ class Truth(_Name):
         return Truth(self.text, name, self.kind)
 
     def __invert__(self):
-        """Return what is true where this is false."""
+        """Return the negated truth values."""
         return self ^ ("true" if self.kind == "i1" else self.text.truth(True))
 
     def select(self, a, b):
@@ -77,7 +77,7 @@ class Truth(_Name):
         return type(value)(value.text, value.text.new(name))
 
     def _packed(self):
-        """Return an integer with a bit for each lane, and its type."""
+        """Return an integer that has a bit for each lane, and its type."""
         if self.kind == "i1":
             return self, self.kind
         kind = f"i{self.text.W}"
@@ -89,11 +89,11 @@ class Truth(_Name):
         return Index(self.text, self.text.new(f"zext {kind} {bits} to i64"))
 
     def any(self):
-        """Return whether some lane is true."""
+        """Return the truth value that some lane is true."""
         return self._compared("ne", 0)
 
     def all(self):
-        """Return whether all lanes are true."""
+        """Return the truth value that all lanes are true."""
         return self._compared("eq", -1)
 
     def _compared(self, how, number):
@@ -104,7 +104,7 @@ class Truth(_Name):
 
 
 class _Comparable(_Name):
-    """A name that `equals` and `differs` compare, because `==` finds the keys of dicts."""
+    """A value that `equals` and `differs` compare, because `==` finds the keys of dicts."""
 
     def _compare(self, how, other):
         comparison = f"{self.comparison} {how} {self.kind} {self}, {self._number(other)}"
@@ -118,7 +118,7 @@ class _Comparable(_Name):
 
 
 class Value(_Comparable):
-    """W numbers, with `+`, `-`, `*`, `/`, `abs` and comparisons; floats stand for W equal ones."""
+    """W numbers, with `+`, `-`, `*`, `/`, `abs` and comparisons; a float means W equal numbers."""
 
     comparison, equal, different = "fcmp", "oeq", "une"
 
@@ -144,7 +144,7 @@ class Value(_Comparable):
 
 
 class Index(_Comparable):
-    """An integer, or an address, with operators; `<` and the like, and `//`, are without a sign."""
+    """An integer, or an address, with operators; `<`, `<=`, ... and `//` are unsigned."""
 
     comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
 
@@ -154,7 +154,7 @@ class Index(_Comparable):
         return super()._operate(instruction, a, b)
 
     def is_at_most(self, number):
-        """Return whether this integer, with its sign, is at most a number."""
+        """Return the truth value that this integer, as a signed integer, is at most a number."""
         return self._compare("sle", number)
 
 
@@ -171,24 +171,24 @@ for _cls, _marks in ((Value, "o"), (Index, "u")):
 
 # ------------------------------------------------------------------------------------- the memory
 class Array:
-    """Rows of W numbers from an address on; `a[i]` reads row i, and `a[i] = value` writes it."""
+    """Rows of W numbers at an address; `a[i]` reads row i, and `a[i] = value` writes it."""
 
     def __init__(self, text, base, first=0):
         self.text, self.base, self.first = text, base, first
 
     def at(self, i=0):
-        """Return the address of a row."""
+        """Return the address of row i."""
         return Index(self.text, self._place(i))
 
     def _place(self, i):
         return self.text.place(self.base, self.first, i)
 
     def after(self, k):
-        """Return the rows from row k on."""
+        """Return the array that begins at row k."""
         return type(self)(self.text, self.base, self.first + k)
 
     def from_here(self, i=0):
-        """Return the rows from row i on; the address of that is computed here, once."""
+        """Return the array that begins at row i; its address is computed here, once."""
         return type(self)(self.text, self.at(i))
 
     def __getitem__(self, i):
@@ -198,19 +198,19 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write a row that is a choice between this one and others.
+        """Write row i, where the value was selected from the row itself and another value.
 
-        LLVM would make a masked store of it, which takes up to 40 cycles on processors of AMD.
+        LLVM would make a masked store of it, which takes up to 40 cycles on AMD processors.
         """
         self.text.store(self.text.V, self.text.value(value), self._place(i), how="volatile ")
 
     def choose(self, truth, i, value):
-        """Write a row in the lanes where `truth` holds."""
+        """Write row i in the lanes where `truth` is true."""
         self.put_chosen(i, truth.select(value, self[i]))
 
 
 class Shared(Array):
-    """Numbers of 8 bytes from an address on, each of which all lanes share."""
+    """Numbers of 8 bytes at an address, which all lanes share."""
 
     def _place(self, i):
         return Index(self.text, self.base) + 8 * self.first + i * 8
@@ -220,7 +220,7 @@ class Shared(Array):
 
 
 class Integers(Shared):
-    """Integers of 8 bytes from an address on."""
+    """Integers of 8 bytes at an address."""
 
     def __getitem__(self, i):
         return Index(self.text, self.text.load("i64", self._place(i)))
@@ -230,7 +230,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """The rows of a `Table` as a part of a text, `bytes` apart; their number is a power of 2."""
+    """The rows of a `Table` in a text, `bytes` apart; their number is padded to a power of 2."""
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
@@ -241,7 +241,7 @@ class Intervals:
         self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
-        """Return the address of the interval that holds x + less, by bisection."""
+        """Return the address of the interval that contains x + less, by bisection."""
         for now in self.text.rounds(Carried(at=self.base, half=self.half)):
             above = now.at + now.half * 8
             is_above = x >= Shared(x.text, above)[0] - less
@@ -252,24 +252,24 @@ class Intervals:
 
 
 class Carried:
-    """Values that a loop carries on, by name: its body puts the next ones in place.
+    """Loop variables by name: the body of a loop replaces them by the values of the next round.
 
-    Floats are W equal numbers, and integers an `Index`. After the loop these are the last ones.
+    Floats become W equal numbers, integers an `Index`. After the loop they are the last values.
     """
 
     def __init__(self, **values):
         vars(self).update(values)
 
     def update(self, values):
-        """Put values by name in place of those before."""
+        """Replace loop variables by name."""
         vars(self).update(values)
 
 
 class Code:
-    """The text of functions for lines of W lanes; instructions go to `target`, if there is one.
+    """The text of functions for SIMD packs of W lanes; instructions go to `target`, if given.
 
-    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers; `size`
-    are the bytes from row to row.
+    V, M and I are the types of W numbers, of W truth values and of the bits of W numbers. Rows are
+    `size` bytes apart.
     """
 
     def __init__(self, W, target=None, size=None):
@@ -282,7 +282,7 @@ class Code:
         self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def finished(self):
-        """Return the text with the end of the function and all that it refers to."""
+        """Return the text with the end of the function, its constants and declarations."""
         return "\n".join([
             *self.arrays_of_text, *self.lines, "}", *sorted(self.declared),
             *itertools.chain(*self.functions.values()),
@@ -327,7 +327,7 @@ class Code:
         self.block = self.target.block = name
 
     def begin(self, name, *arguments):
-        """Begin the function i64 name(arguments), of integers."""
+        """Begin the function i64 name(arguments); the arguments are integers."""
         arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
         self.add(f"define i64 @{name}({arguments}) #0 {{")
         self.label("entry")
@@ -343,7 +343,7 @@ class Code:
         self.add("}")
 
     def leave(self, result):
-        """Return from the function; the code that follows, up to the next block, is not reached."""
+        """Return `result` from the function; code up to the next block is not reached."""
         self.add(f"  ret {result}")
         self.label(self._name("left"))
 
@@ -354,7 +354,7 @@ class Code:
         self.label(name)
 
     def constants(self, values, name=None):
-        """Return an array of integers or of numbers, which is part of the text."""
+        """Add an array of constants, integers or numbers, to the text; return it."""
         values, name = np.asarray(values), name or f"array{len(self.target.arrays_of_text)}"
         if values.dtype == float:
             rows, kind, mark, bits = Shared, "double", ", align 64", values.ravel().view(np.uint64)
@@ -367,7 +367,7 @@ class Code:
         return rows(self, Index(self, self.new(f"ptrtoint {pointer(whole)} @{name} to i64")))
 
     def table(self, table):
-        """Return the name of the function of a number that is a `Table`; the text defines it."""
+        """Return the name of the function that evaluates a `Table`; the text defines it."""
         name = "_".join(table.split())
         if name not in self.target.functions:
             text = Code(1)
@@ -384,7 +384,7 @@ class Code:
         return name
 
     def prefetch(self, address):
-        """Let the cache load what stands at an address, if it exists: it is written soon."""
+        """Prefetch the cache line at an address, if it exists: it is written soon."""
         kind = pointer("i8")
         name = f"@llvm.prefetch.p0{'' if kind == 'ptr' else 'i8'}"
         self.target.declared.add(f"declare void {name}({kind}, i32, i32, i32)")
@@ -392,18 +392,18 @@ class Code:
         self.add(f"  call void {name}({kind} {place}, i32 1, i32 3, i32 1)")
 
     def copy(self, source, target, count):
-        """Add a loop that copies rows between arrays, or addresses."""
+        """Add a loop that copies `count` rows between arrays, or addresses."""
         both = source, target
         source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
         for k in self.each(count):
             target[k] = source[k]
 
     def fill(self, rows, count, of, *inputs):
-        """Add loops that write of(a, b, ...) to so many rows, where a, b, ... are rows of inputs.
+        """Add loops that write of(a, b, ...) to `count` rows, where a, b, ... are rows of inputs.
 
-        A `Value` among these is the same for all rows. One lane takes AT_ONCE rows at once, because
-        rounds of loops take most of the time of code without optimisation; but not if there are
-        few rows, because processors wait where they have just been written one by one.
+        An input that is a `Value` is the same for all rows. One lane takes AT_ONCE rows a round,
+        because without optimisation rounds take most of the time. Few rows are taken singly,
+        because processors stall on a vector of rows that were just written singly.
         """
 
         def put(text, inputs, i):
@@ -420,18 +420,18 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop that copies so many numbers, which stand so many bytes apart."""
+        """Add a loop that copies `count` numbers, from `step` to `other` bytes apart."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
 
     def invoke(self, name, *addresses):
-        """Call a function of this text that returns nothing, with arrays and integers."""
+        """Call a void function of this text with arrays and integers."""
         addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
         self.add(f"  call void @{name}({', '.join(f'i64 {a}' for a in addresses)})")
 
     def call(self, result, address, *integers):
-        """Call the function at an address with integers; return its result, of this type."""
+        """Call the function at an address with integers; return its result, of type `result`."""
         kind = f"{result} ({', '.join(['i64'] * len(integers))})"
         function = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         call = f"call {result} {function}({', '.join(f'i64 {a}' for a in integers)})"
@@ -439,7 +439,7 @@ class Code:
 
     @contextmanager
     def when(self, truth, likely=None):
-        """Add a block that is carried out if a truth value is true."""
+        """Add a block that runs if a truth value is true."""
         name = self._name("when")
         self.branch(truth, name, f"{name}_after", likely)
         self.label(name)
@@ -448,7 +448,7 @@ class Code:
         self.label(f"{name}_after")
 
     def otherwise(self, truth, values, body, likely=True):
-        """Return these values if a truth value is true, else what `body()` returns."""
+        """Return `values` if a truth value is true, else the values that `body()` returns."""
         name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
         self.branch(truth, f"{name}_after", name, likely)
         self.label(name)
@@ -463,10 +463,10 @@ class Code:
 
     # --------------------------------------------------------------------------------------- loops
     def rounds(self, carried, *others):
-        """Add a loop with the body of `for`; it goes on while `carried.goes_on` is true.
+        """Add a loop with the body of `for`; it continues while `carried.goes_on` is true.
 
-        The body is carried out once by Python, to write its instructions, and must not leave the
-        `for`. It replaces what is in `carried` and in others, and sets `carried.goes_on`.
+        Python runs the body once, to write its instructions, and must not leave the `for`. The body
+        replaces the variables in `carried` and `others`, and sets `carried.goes_on`.
         """
         name, before = self._name("cycle"), self.target.block
         self.jump(name)
@@ -491,10 +491,10 @@ class Code:
         self.label(f"{name}_after")
 
     def each(self, count, carried=None, most=1):
-        """Add a loop over indices with the body of `for`, see `rounds`.
+        """Add a loop over indices from 0 with the body of `for`, see `rounds`.
 
-        A `count` in Python that is at most `most` gives no loop: the body is written so many times.
-        Others must be 1 or more.
+        If `count` is a Python integer of at most `most`, the loop is unrolled. Any other count must
+        be 1 or more.
         """
         carried = carried or Carried()
         if isinstance(count, int) and count <= most:
@@ -507,9 +507,9 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over indices with the body of `for`.
+        """Return a function that adds a loop over these indices with the body of `for`.
 
-        Indices that do not follow each other stand in an array. Its address is found here.
+        Indices that are not consecutive stand in an array, and its address is computed here.
         """
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
@@ -519,7 +519,7 @@ class Code:
 
     # ------------------------------------------------------------------------------ names, memory
     def value(self, value):
-        """Return a name with operators, of W equal numbers or of an integer."""
+        """Return a float as a `Value`, an int as an `Index`, any other value as it is."""
         if isinstance(value, float):
             return Value(self, self.constant(value))
         if isinstance(value, int):
@@ -527,34 +527,34 @@ class Code:
         return value
 
     def lanes(self, W):
-        """Return the same text for W of its lanes; rows stay as far apart."""
+        """Return this text for W lanes; the distance between rows stays the same."""
         return Code(W, self.target, self.size)
 
     def array(self, base, first=0):
-        """Return the `Array` from a row on."""
+        """Return the `Array` at an address, from row `first` on."""
         return Array(self, base, first)
 
     def arrays(self, base, rows):
-        """Return an array for each name of a tuple of first rows, after an address."""
+        """Return an array at `base` for each name of a named tuple of first rows."""
         firsts = rows._asdict().items()
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
 
     def place(self, base, first, i=0):
-        """Return the address of row first + i from an address on."""
+        """Return the address of row first + i at `base`."""
         base = Index(self, base)
         if isinstance(i, int):
             return base + self.size * (first + i)
-        # One counter for all rows of a loop: of sums that it can take apart LLVM makes many.
+        # One counter for all rows of a loop: LLVM would split a sum into many counters.
         row = Index(self, self.new(f"freeze i64 {base + i * self.size}"))
         return row + self.size * first
 
     def short(self, address, k):
-        """Return the k-th integer of 4 bytes, without a sign, from an address on."""
+        """Return the k-th unsigned integer of 4 bytes at an address."""
         number = self.load("i32", Index(self, address) + k * 4, 4)
         return Index(self, self.new(f"zext i32 {number} to i64"))
 
     def apply(self, kernel, **inputs):
-        """Carry out a scalar kernel; return its results by name."""
+        """Apply a scalar kernel to inputs by name; return its results by name."""
         values = {k: self.value(inputs[name]) for k, name in enumerate(kernel.inputs)}
         self.carry_out(kernel.operations, values, None)
         truths = {
@@ -568,7 +568,7 @@ class Code:
         }
 
     def shuffled(self, a, b, order):
-        """Return the lanes of two vectors, one after the other, in this order."""
+        """Return the lanes of two vectors in this order; lanes of `b` follow the W lanes of `a`."""
         order = ", ".join(f"i32 {n}" for n in order)
         return self.new(f"shufflevector {self.V} {a}, {self.V} {b}, <{self.W} x i32> <{order}>")
 
@@ -666,7 +666,7 @@ class Code:
         return result
 
     def _call_list(self, name, operands):
-        """Call the function of W lanes that carries out the list of an elementary function.
+        """Call the function of W lanes that runs the expression program of an elementary function.
 
         The text defines it once.
         """

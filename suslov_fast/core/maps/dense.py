@@ -1,8 +1,8 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
 Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `pivoting`) without row exchanges. A(x) is
-filled by columns, so that each coefficient is read once. A lane that loses digits takes its step by
-`pivoting.solve_lane`.
+filled by columns, so that each coefficient is read once. If a lane loses digits,
+`pivoting.solve_lane` takes its step.
 """
 
 import functools
@@ -28,7 +28,7 @@ LANES = 8
 class Dense(NamedTuple):
     """Dense fields, and the stages of a step.
 
-    The terms v x_j x_k stand in spans, of rows that follow each other; x_D is 1.
+    The terms v x_j x_k with the same j, k are in spans of consecutive rows; x_D is 1.
     """
 
     spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
@@ -66,9 +66,9 @@ def _spans_of(step):
 
 
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Take steps on so many threads, with the arguments of `suslov.steps.steps`.
+    """Take steps on this many threads; the other arguments are those of `suslov.steps.steps`.
 
-    `solve_at` takes seconds to compile, and few runs need it: then they begin again.
+    `solve_at` takes seconds to compile, and few runs need it: a run that needs it starts again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -107,8 +107,8 @@ def fill(spans, coefficients, states, columns, a):
     """Fill a (W, D, D + 1) with A(x) of lanes, and the last columns with right sides; x_D is 1.
 
     `columns` (W, D + 1, D) is memory. A term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j
-    to N_ik, where column D of N is the right side less x. Lanes take turns, because coefficients,
-    the most of all memory, then are read once.
+    to N_ik, where column D of N is the right side less x. All lanes use a coefficient before the
+    next one is read, because coefficients take most of the memory.
     """
     W, D = states.shape
     for l in range(W):
@@ -135,9 +135,9 @@ def fill(spans, coefficients, states, columns, a):
 def solve_rows(a):
     """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
 
-    A is replaced by its factors, with inverse pivots on the diagonal. Return whether this kept
-    digits, as `gauss.keeps_digits`, and det A < 0. One row after the other is eliminated,
-    because a row stays in the first cache. Loops over a row are SIMD because j has no sign.
+    A is replaced by its factors, with inverse pivots on the diagonal. Return True if this kept
+    digits, as `gauss.keeps_digits` does, and True if det A < 0. Rows are eliminated one after the
+    other, because a row stays in the first cache. Loops over a row are SIMD because j is unsigned.
     """
     D, least, largest, negative = len(a), np.inf, 1.0, False
     for i in range(D):
@@ -180,7 +180,7 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of the terms of trajectory i, lane l, for each stage, in both orders."""
+    """Write h v of the terms of trajectory i to lane l, for each stage, in both orders of terms."""
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
@@ -190,7 +190,7 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Iterate the trajectories of a part from the states in `final`; see `suslov.steps.steps`."""
+    """Iterate one part of the trajectories from the states in `final`; see `suslov.steps.steps`."""
     field, memory, carry, saved = uncounted((field, memory, carry, saved))
     final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span

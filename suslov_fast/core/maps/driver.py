@@ -1,8 +1,8 @@
-"""The driver of steps of fields: what happens to lines of lanes, as LLVM's text.
+"""The driver of steps of fields: the control flow around SIMD packs, as LLVM's text.
 
-A block of lines takes all steps before the next block begins. A step takes one line after the
-other. Each line takes a stage; `pivoting_step` takes the lanes that need it; at the end of a whole
-step signs are tested, and states are saved.
+A line is a SIMD pack of W lanes. A block of lines takes all its steps before the next block begins.
+A step takes one line after the other. Each line takes a stage; `pivoting_step` takes the lanes that
+need it; at the end of a whole step signs are tested, and states are saved.
 """
 
 import functools
@@ -20,7 +20,7 @@ NOT_READY, DONE = range(2)  # what the code returns
 
 
 class DriverArguments(NamedTuple):
-    """The integers of an array that the driver takes."""
+    """The integers of the array that is the argument of the driver."""
 
     x: int  # address of the states (lines, D, W)
     lines: int
@@ -41,7 +41,7 @@ class DriverArguments(NamedTuple):
     first: int = 0  # number of the state after the first step
     pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
     pivoting_arguments: int = 0  # address of its array
-    # Where the code is. It returns when the budget is spent, and goes on there in the next call.
+    # The place in the loops: the code returns when the budget is spent, and continues from there.
     budget: int = 0  # calls of `pivoting_step` that are left
     line: int = 0  # the first of a block
     n: int = 0  # the next step
@@ -57,14 +57,14 @@ def text_of_steps(step, name, W, for_each, saves, tells_signs):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
 
     The code returns DONE; or NOT_READY at a step that needs `pivoting_step` while its address is 0.
-    The table is common to all lanes, or `for_each` of them. Signs are told if they are compared
-    over whole steps of several stages.
+    The table is common to all lanes, or `for_each` of them. If `tells_signs`, signs of components
+    are compared over whole steps of several stages.
     """
     return _Driver(step, name, W, for_each, saves, tells_signs).finished()
 
 
 class _Driver:
-    """The text of a driver, with straight-line code of a stage."""
+    """The text of a driver, which contains the straight-line code of a stage."""
 
     def __init__(self, step, name, W, for_each, saves, tells_signs):
         self.text, self.step, self.D, self.name = Code(W), step, step.D, name
@@ -85,7 +85,7 @@ class _Driver:
         return text.finished()
 
     def block(self, at):
-        """Add all steps of a block of lines, and where the next one begins, if there is one."""
+        """Add all steps of a block of lines; set the loop variables of the next block, if any."""
         text, of, lo = self.text, self.of, at.lo
         end = lo + of.block
         hi = (end < of.lines).select(end, of.lines)
@@ -96,7 +96,7 @@ class _Driver:
         at.goes_on = hi < of.lines
 
     def step_of(self, lo, hi, now):
-        """Add a step of all lines of a block, and what the next one begins with, if any."""
+        """Add a step of all lines of a block; set the loop variables of the next step, if any."""
         text, of, n, row = self.text, self.of, now.n, now.row
         saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
@@ -133,7 +133,7 @@ class _Driver:
         return (bits | marked) ^ self.all_lanes
 
     def call_pivoting(self, line, bad, told, n):
-        """Call `pivoting_step` for bits of lanes; leave if it is not ready."""
+        """Call `pivoting_step` for the lanes in `bad`; return NOT_READY if it has no address."""
         text, of = self.text, self.of
         with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
@@ -142,17 +142,17 @@ class _Driver:
 
     # --------------------------------------------------------------------------------- whole steps
     def tell_changes(self, bases, line, n, final):
-        """Tell `pivoting_step` of lanes in which a component changed its sign over a whole step.
+        """Report to `pivoting_step` the lanes in which a component changed its sign in a step.
 
-        These are components that keep their signs along the motion.
+        Tested are the components that keep their signs along the motion, over whole steps.
         """
 
         def keeps(base, after):
-            """Return where a component has its sign."""
+            """Return the lanes in which a component has its old sign."""
             return (base < 0.0) ^ (after >= 0.0)
 
         def changes(base, after):
-            """Return where it has the other one, by more than rounding may make."""
+            """Return the lanes in which it has changed its sign, by more than rounding errors."""
             rises = (base < 0.0) & (after > SIGNIFICANT)
             return rises | (base > 0.0) & (after < -SIGNIFICANT)
 
@@ -183,7 +183,7 @@ class _Driver:
         return final
 
     def take_rare_stage(self, stage, rows, line, n):
-        """Add the rare operations, and pivoting where they do not suffice; return the state."""
+        """Add the rare operations, and pivoting if they do not suffice; return the next state."""
         text, components = self.text, range(self.D)
         # Loaded and computed again, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
@@ -224,13 +224,13 @@ class _Driver:
         return [rows[k] for k in range(self.D)]
 
     def over_signs(self, how, truth_of, bases, final):
-        """Return truth_of(base, after) of all components that keep their signs, joined."""
+        """Return truth_of(base, after) of all components that keep their signs, joined by `how`."""
         truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
         return functools.reduce(how, truths)
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
-        """Write the states of the trajectories of a line to the row, number by number."""
+        """Save the states of a line at `row`, number by number."""
         text, one = self.text, self.text.lanes(1)
         first = line * text.W
         for l in range(text.W):
@@ -242,9 +242,10 @@ class _Driver:
                     place[k] = x[k]
 
     def save(self, line, row, state, final):
-        """Write the states of a line to the row, one trajectory after the other.
+        """Save the states of a line at `row`, one trajectory after the other.
 
-        From registers: plain loops take 1.57 times as long. The last line has fewer trajectories.
+        Lanes are shuffled in registers: plain loops take 1.57 times as long. The last line has
+        fewer.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

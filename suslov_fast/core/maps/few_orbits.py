@@ -1,6 +1,6 @@
-"""Short runs of a few orbits of one field, with few of NumPy's objects: users call `step` in loops.
+"""Short runs of a few orbits of one field, with few NumPy objects: users call `step` in loops.
 
-What a run prepares beside its states, its code, tables and arguments, is kept from call to call.
+The code, tables and arguments of a run are kept from call to call.
 """
 
 import functools
@@ -17,7 +17,7 @@ FEW, SHORT = 8, 256
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, B, saves):
-    """Return the call of code for B orbits, its arguments, W and what has to stay alive.
+    """Return the code for B orbits, its arguments, W, and objects that must stay alive.
 
     `eps` and `values` are bytes of numbers.
     """
@@ -35,12 +35,12 @@ def _prepared(step, stages, eps, values, B, saves):
 
 
 def lanes_of(B):
-    """Return the lanes of a line for B orbits, of which there may be more."""
+    """Return the number W of lanes in a line for B orbits; W may exceed B."""
     return min(1 << (B - 1).bit_length(), 4) if B <= FEW else WIDTH
 
 
 def take_few(arguments, states, span, saved=None):
-    """Return the states (B, D) after a short run from some states; None if others have to take it.
+    """Return the states (B, D) after a short run; None if another function has to take it.
 
     `arguments` are a `Scheme`, values and eps; `span` is (start, stop, every, row).
     """

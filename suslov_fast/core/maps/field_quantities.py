@@ -1,8 +1,8 @@
 """Quantities of a field at states: its matrix A, 1 / det A, and forms such as the Hamiltonian.
 
-With x_D = 1, component i of a field is a sum of terms v x_j x_k, and a Hamiltonian one of terms
-v x_i x_j x_k. Functions take indices (3, T), values (..., T), step sizes (...) and states (..., D).
-1 / det A is the invariant density of Kahan's map of a Hamiltonian field.
+With x_D = 1, component i of a field is a sum of terms v x_j x_k, and a Hamiltonian is a sum of
+terms v x_i x_j x_k. Functions take indices (3, T), values (..., T), step sizes (...) and states
+(..., D). 1 / det A is the invariant density of Kahan's map of a Hamiltonian field.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from .pivoting import fill_system
 
 
 def _with_one(x):
-    """Return states with x_D = 1, by components (D + 1, ...)."""
+    """Return states with x_D = 1, as components (D + 1, ...)."""
     y = np.ones((x.shape[-1] + 1, *x.shape[:-1]))
     y[:-1] = np.moveaxis(x, -1, 0)
     return y
@@ -32,7 +32,7 @@ def cubic_form(indices, values, x, z):
 
 @np.errstate(all="ignore")
 def matrix(indices, values, eps, x):
-    """Return A = 1 - (eps / 2) f' (..., D, D); rows of components that are NaN are NaN."""
+    """Return A = 1 - (eps / 2) f' (..., D, D); a row is NaN if its component of x is NaN."""
     D, halves = x.shape[-1], (0.5 * eps)[..., np.newaxis] * values
     batch, y = np.broadcast_shapes(halves.shape[:-1], x.shape[:-1]), _with_one(x)
     A = np.empty((D, D, *batch))
@@ -59,10 +59,10 @@ def determinants(part, parts, indices, halves, x, out):
 
 
 def densities(scheme, values, eps, x):
-    """Return 1 / det A at states x (B, D), infinite where det A is 0 to rounding.
+    """Return 1 / det A at states x (B, D), infinite if det A is 0 to rounding.
 
-    The determinant is the product of the pivots of a step. At states where these lose digits it
-    comes from elimination with pivoting.
+    The determinant is the product of the pivots of a step. If these lose digits, it comes from
+    elimination with pivoting.
     """
     step, halves = scheme.step, 0.5 * eps[:, np.newaxis] * values
     found = dict(enumerate(np.ascontiguousarray(x.T)))

@@ -1,9 +1,8 @@
 """Growth of tangent vectors along orbits of Kahan's map, and its derivative at states.
 
-Small fields have an expression program for states with columns (`kahan_step.ExtendedStep`), which
-the kernel of steps takes. In lanes that need `pivoting_step` columns are orthonormalised one step
-later. The columns of larger fields are products, by NumPy, of derivatives
-DPhi = A(x)**-1 (1 + (eps / 2) f'(x_next)).
+A small field has an expression program for a state with columns (`kahan_step.ExtendedStep`), which
+the kernel of steps runs. In a lane that needs `pivoting_step`, columns are orthonormalised one step
+later. For larger fields NumPy multiplies the columns by DPhi = A(x)**-1 (1 + (eps / 2) f'(x_next)).
 """
 
 import numpy as np
@@ -13,7 +12,7 @@ from .stages import WHOLE, Scheme
 
 
 def of_lists(scheme, values, eps, lengths=True):
-    """Return the arguments of the kernel of steps for states with columns, None without a list."""
+    """Return arguments of the kernel of steps for states with columns; None without a program."""
     tangent = scheme.step.with_columns(lengths)
     if not tangent.usual:
         return None
@@ -21,7 +20,7 @@ def of_lists(scheme, values, eps, lengths=True):
 
 
 def begun(x, lengths=True):
-    """Return states (B, D) with orthonormal columns, and sums of logarithms."""
+    """Return initial states (B, D) with orthonormal columns, and sums of logarithms that are 0."""
     B, D = x.shape
     return np.concatenate([x, np.tile(np.eye(D).ravel(), (B, 1)), np.zeros((B, D * lengths))], 1)
 
@@ -46,7 +45,7 @@ class ByNumPy:
             self.scheme = scheme_of(self.step.indices, self.step.D, WHOLE)
 
     def columns_after(self, x, step):
-        """Return the states after a step that step(arguments, x) takes, and DPhi (B, D, D)."""
+        """Return the states after step(arguments, x), and its derivative DPhi (B, D, D)."""
         if (f := self.step.of) is not None:
             slopes = f.jacobian(x.T, f.table_of(self.values.T))
             return step((self.scheme, self.values, self.eps), x), np.moveaxis(slopes, 2, 0)

@@ -1,7 +1,7 @@
-"""A step of a field as a list of operations on numbers, planned from its pattern of zeros.
+"""A step of a field as an expression program, planned from its pattern of zeros.
 
 With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
-(theory, section 7). Where an increment cancels a component, digits are kept by the same matrix and
+(theory, section 7). If an increment cancels a component, the same matrix gives all digits by
 
 (1 - N) x_next = x + h l x + 2 h c,
 
@@ -15,11 +15,11 @@ for i and j that come later, where g = h f(x) at first; then, backwards,
 delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
 The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
-the tests that they keep their digits, are the same for all states. They form a list of operations
-(instruction, number, operands), each of which computes the value with this number. `stage_code`
-makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
-only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
-tests, two of them divisions; sums of products count as products and additions there.
+the tests that they keep their digits, are the same for all states. They form a program of
+operations (instruction, number, operands); each computes the value with this number. `stage_code`
+makes machine code of it; `evaluate` runs it in NumPy, with the same bits. Values that depend on
+parameters alone are computed once a run. A step of the Lorenz system takes 81 operations with its
+tests, two of them divisions; here products and additions in a sum count singly.
 """
 
 import functools
@@ -42,8 +42,8 @@ from ..expressions.values import joined, larger
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-# Instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms for each; longer lists
-# take it 20 us each, in blocks, and twice the time to run.
+# Most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. In longer
+# programs an instruction takes 20 us, in blocks, and twice the time to run.
 LONGEST_OPTIMISED = 4000
 # The most products of elimination that depend on the state: of dense fields, which have more than
 # SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
@@ -53,13 +53,13 @@ LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
-    """Return the components i that each term of f_i contains, so that x_i keeps its sign."""
+    """Return the components i for which each term of f_i contains x_i, so that x_i keeps sign."""
     i, j, k = indices
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 
 
 def _plan_of(indices, D):
-    """Return an order of elimination, what is filled, and the entries that depend on the state."""
+    """Return an order of elimination, its fill, and the entries that depend on the state."""
     pattern, varying = places_of(indices, D)
     order = elimination_order(pattern, D)
     return order, filled(pattern, order), varying
@@ -68,20 +68,20 @@ def _plan_of(indices, D):
 class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
-    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes
-    too many products, the lists are empty: loops take all steps (`maps.dense`), or SuperLU those
-    of large sparse fields (`maps.superlu`).
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes too
+    many products, there are no operations: loops take all steps (`maps.dense`), or SuperLU for
+    large sparse fields (`maps.superlu`).
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need
     usual       operations for all states
     rare        operations for states where `good` is false
     after       the next state
-    after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
+    after_rare  the next state after the operations `rare`; the same if `after` keeps its digits
     good        true if `after` is accurate and all pivots are positive
     accurate    true if `after_rare` is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
-    changed     true if a component that keeps its sign along the motion does not; a value of
+    changed     true if a component that keeps its sign along the motion changes it; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
     is_long     true if there are many operations, which LLVM does not optimise
@@ -91,7 +91,7 @@ class Step:
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
-    of = None  # the function of a map, of which there is no field
+    of = None  # the function of a map; None for a field
 
     def __init__(self, indices, D, keeps_signs=False):
         self._begin(indices, D, keeps_signs)
@@ -130,7 +130,7 @@ class Step:
         return type(self), self.indices.tobytes(), self.D, self.keeps_signs
 
     def with_columns(self, lengths=True):
-        """Return the step of x with columns; without operations if these are too many."""
+        """Return the step of x with columns; it has no operations if there would be too many."""
         return _extended_step(self, lengths)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
@@ -181,7 +181,7 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
-        """Return x_next from equations in which no increment cancels the state."""
+        """Return x_next by the equations in which no increment cancels the state."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
             right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
@@ -190,7 +190,7 @@ class Step:
         return right
 
     def _separate_fixed(self):
-        """Separate the operations on parameters alone, and list which of their values are used."""
+        """Separate the operations on parameters alone; list their values that others use."""
         fixed, table = self.values.fixed, {}
         rare = {number for _, number, _ in self.rare}
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
@@ -222,8 +222,8 @@ class ExtendedStep(Step):
 
     q_next = (1 - N(x))**-1 (1 + N(x_next)) q.
 
-    With `lengths` they are orthonormalised in each step, by Gram and Schmidt, and the logarithms of
-    their lengths are added to D more values.
+    If `lengths` is true, columns are orthonormalised in each step, by Gram and Schmidt, and the
+    logarithms of their lengths are added to D more values.
     """
 
     def __init__(self, indices, D, keeps_signs=False, lengths=True):
@@ -245,7 +245,7 @@ class ExtendedStep(Step):
         self._separate_fixed()
 
     def _columns(self, back, D):
-        """Return the next columns, with the entries of N(x_next) that `back` has."""
+        """Return the next columns; `back` contains the entries of N(x_next)."""
         values, step, found = self.values, self.factors, []
         entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
         for c in range(D):
@@ -262,7 +262,7 @@ class ExtendedStep(Step):
         return found
 
     def _orthonormal(self, columns, D):
-        """Return orthonormal columns; add the logarithms of the lengths that they had."""
+        """Return orthonormal columns; add the logarithms of their former lengths to the sums."""
         found, first = [], D * (1 + D)
         for c, q in enumerate(columns):
             for p in found:

@@ -2,11 +2,11 @@
 
 x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
 
-A field is a list of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is
-the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
-(`kahan_step`), of which `stage_code` makes machine code. `pivoting_step` takes a step where the
-increment cancels the state, or elimination loses digits. A step of other methods consists of
-several stages, which are steps with fractions of eps (`stages`).
+A field consists of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is the
+sum of its v x_j x_k, j <= k. The indices of the terms determine the expression program of a step
+(`kahan_step`), and `stage_code` makes machine code of it. If the increment cancels the state, or
+elimination loses digits, `pivoting_step` takes the step. A step of other methods has several
+stages, which are steps by fractions of eps (`stages`).
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
@@ -56,19 +56,19 @@ def _step_of(places, D, is_whole):
 
 
 def scheme_of(indices, D, stages=WHOLE):
-    """Return the scheme for fields of D variables with terms at these indices (3, T)."""
+    """Return the `Scheme` for fields of D variables with terms at these indices (3, T)."""
     places = np.ascontiguousarray(indices, np.int64).tobytes()
     return Scheme(_step_of(places, D, len(stages.fractions) == 1), stages)
 
 
 # ------------------------------------------------------------------------------------------- lines
 class _Lines:
-    """Trajectories in lines of W lanes, with all that their steps need.
+    """Trajectories in lines of W lanes, with all the arrays that their steps need.
 
     x         states (lines, D, W)
-    for_each  True if lanes have parameters of their own
+    for_each  True if each lane has its own parameters
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
-              of no trajectory have ended
+              without a trajectory have ended
     notes     status, failed_at and the first state beyond a pole, of each trajectory
     bases     states before the whole step (lines, D, W); None if no components have signs to
               compare over several stages
@@ -84,7 +84,7 @@ class _Lines:
         self.start_from(states)
 
     def start_from(self, states):
-        """Set the states, to NaN where trajectories have ended."""
+        """Set the states; set them to NaN for trajectories that have ended."""
         self.x = in_lines(states, self.W)
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
@@ -96,7 +96,7 @@ class _Lines:
             self.bases = aligned(self.x)
 
     def _of_lanes(self, truths, unused):
-        """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
+        """Return truth values (B,) as (lines, W); lanes without a trajectory get `unused`."""
         padded = np.full(self.count * self.W, unused)
         padded[: self.B] = truths
         return padded.reshape(self.count, self.W)
@@ -108,9 +108,9 @@ class _Lines:
     def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `pivoting_step`, which is not compiled, or a run is short. Then
-        the steps must be taken again, with the seconds that pivoting would take in Python. End
-        early if there is something in `abandoned`.
+        Return False if a step needs `pivoting_step`, but it is not compiled or the run is short.
+        Then the steps must be taken again, with `seconds`, the time that pivoting would take in
+        Python. End early if `abandoned` is not empty.
         """
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
@@ -134,7 +134,7 @@ class _Lines:
         return True
 
     def _driver_arguments(self, start, steps, saved, until, between, pivoting):
-        """Return the arguments of the driver, and what has to stay alive while it runs."""
+        """Return the arguments of the driver, and objects that must stay alive while it runs."""
         arrays, own = None, None
         if pivoting:
             step, stages = self.scheme
@@ -174,7 +174,7 @@ class _Lines:
 
 
 def _is_dense(step):
-    """Return whether loops take the steps, of a dense field without a list."""
+    """Return True if `dense` takes the steps: the field has no program, and is not sparse."""
     return not (step.usual or step.is_sparse)
 
 
@@ -220,9 +220,9 @@ class FieldSteps(Kernel):
 def _iterate_part(
     part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
 ):
-    """Iterate the trajectories of a part; the arguments are those of `suslov.steps.steps`.
+    """Iterate one part of the trajectories; arguments as in `suslov.steps.steps`.
 
-    End early if there is something in `abandoned`.
+    End early if `abandoned` is not empty.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -238,7 +238,7 @@ def _iterate_part(
         if steps[0] == 0:
             note_undefined(states, notes)
         if not scheme.step.usual:
-            from . import superlu  # here, because to import SciPy takes time
+            from . import superlu  # here, because importing SciPy takes time
 
             final[chunk] = superlu.take(own, states, steps, saved[:, chunk], notes, abandoned)
             continue

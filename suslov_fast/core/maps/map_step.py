@@ -1,6 +1,6 @@
-"""A step of a map x -> f(x) as a list of operations, with columns of derivatives.
+"""A step of a map x -> f(x) as an expression program, with columns of derivatives.
 
-The kernel of steps takes it as a step of a field with the parameters of f in place of h v. A step
+The kernel of steps takes it as a step of a field, with the parameters of f in place of h v. A step
 exists if all components of f(x) are finite; otherwise the trajectory ends.
 """
 
@@ -11,17 +11,17 @@ from ..expressions.programs import Expressions, Program, Values, emitted
 from ..expressions.values import joined
 from .kahan_step import ExtendedStep
 
-# NumPy takes longer lists, which LLVM would compile for seconds, and multiplies derivatives with
+# NumPy takes longer programs, which LLVM would compile for seconds, and multiplies derivatives with
 # more products (measured on coupled lattices).
 LONGEST, MOST_WORK = 10_000, 4000
 _PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
 
 
 class MapStep(ExtendedStep):
-    """The list of f, with D columns q_next = f'(x) q behind x if there are `columns`.
+    """The program of f; if there are `columns`, D columns q_next = f'(x) q follow x.
 
-    f        the `RightHandSide` with the lists of f and f'
-    lengths  whether columns are orthonormalised, with sums of logarithms, as in `ExtendedStep`
+    f        the `RightHandSide` with the programs of f and f'
+    lengths  True if columns are orthonormalised, with sums of logarithms, as in `ExtendedStep`
     """
 
     def __init__(self, f, columns=False, lengths=False):
@@ -62,20 +62,20 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
 
     def _add_test(self, D):
-        """Add `accurate`: f(x) is finite, and x not NaN; and `good`, also where x was NaN before.
+        """Add `accurate`: f(x) is finite and x not NaN. Add `good`, true also if x was NaN before.
 
-        Then lines with lanes that have ended take no longer than others.
+        So lines with lanes that have ended take no more time than others.
         """
         number = self.values.number
         tested, stays = [number(a) for a in self.after[:D]], self._stays_nan(D)
-        if not any(stays):  # as where f chooses between constants
+        if not any(stays):  # for example if f selects between constants
             tested += [0.0 * number(i) for i in range(D)]
         accurate = abs(joined("fadd", tested)) < float("inf")
         good = accurate | ~number(0).equals(number(0)) if all(stays) else accurate
         self.accurate, self.good = accurate.number, good.number
 
     def _stays_nan(self, D):
-        """Return of each component of f(x) whether it is NaN if all components of x are."""
+        """Return, for each component of f(x), True if it is NaN whenever all of x are NaN."""
         found = {*range(D)}
         for name, number, operands in self.values.operations:
             of = operands[_PASSES_NAN_ON.get(name, slice(None))]

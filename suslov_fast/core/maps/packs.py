@@ -13,10 +13,10 @@ PLANS = 32  # fields for which tables are kept from call to call
 
 
 def zeros(*shape):
-    """Return zeros that begin where a line of the cache begins.
+    """Return zeros that begin at a cache line.
 
-    NumPy's begin 16 bytes later in some processes: then lines of lanes lie across lines of the
-    cache, which costs up to a seventh of the time.
+    NumPy's arrays begin 16 bytes later in some processes: then lines of lanes straddle cache lines,
+    which costs up to a seventh of the time.
     """
     count = math.prod(shape)
     memory = np.zeros(count + 7)
@@ -25,20 +25,20 @@ def zeros(*shape):
 
 
 def aligned(array):
-    """Return a copy of an array in such memory."""
+    """Return a copy of an array that begins at a cache line."""
     copy = zeros(*array.shape)
     copy[:] = array
     return copy
 
 
 def in_lines(rows, W):
-    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
+    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last row."""
     missing = -len(rows) % W
     padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
     return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
 
 
-@functools.lru_cache(PLANS)  # because it takes long beside a few steps
+@functools.lru_cache(PLANS)  # because it takes longer than a few steps
 def common_table(step, stages, eps, values):
     """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
     values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
@@ -50,12 +50,12 @@ def common_table(step, stages, eps, values):
 
 
 def plan_of(stages, table):
-    """Return the plan (stages,) of `DriverArguments`."""
+    """Return the addresses (stages,) of the tables of the stages, `plan` of `DriverArguments`."""
     return table.ctypes.data + table.strides[0] * distinct(stages.fractions)[1]
 
 
 def compares_signs(step):
-    """Return whether signs are compared over whole steps of several stages."""
+    """Return True if signs are compared over whole steps of several stages."""
     return bool(step.of_one_sign and not step.keeps_signs)
 
 
@@ -75,7 +75,7 @@ def tables_of(scheme, values, eps, W):
 
 
 def packed(truths):
-    """Return truth values (lines, W) as bits, a number for each line."""
+    """Return truth values (lines, W) as bits, one number for each line."""
     return np.packbits(truths, axis=1, bitorder="little")[:, 0]
 
 

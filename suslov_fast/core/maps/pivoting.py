@@ -54,15 +54,15 @@ def solve_lane(indices, half, x, system, units):
 
 @function
 def crosses_0(x, after):
-    """Return whether a component changes its sign, by more than rounding may."""
+    """Return True if a component changes its sign, by more than rounding errors."""
     return (x < 0.0 and after > SIGNIFICANT) or (x > 0.0 and after < -SIGNIFICANT)
 
 
 @function
 def changes_sign(indices, x, after):
-    """Return whether a component changes its sign that keeps it along the motion.
+    """Return True if a component changes its sign that keeps it along the motion.
 
-    It does if each term of its equation contains it; see `kahan_step.of_one_sign`.
+    It keeps its sign if each term of its equation contains it; see `kahan_step.of_one_sign`.
     """
     for i in range(len(x)):
         if crosses_0(x[i], after[i]):
@@ -77,9 +77,9 @@ def changes_sign(indices, x, after):
 
 @function
 def take_columns(indices, half, x, after, tangent, units):
-    """Multiply the columns of a lane by DPhi, and orthonormalise them if it has sums of logarithms.
+    """Multiply the columns of a lane by DPhi; orthonormalise them if it has sums of logarithms.
 
-    `x` has the state, columns and sums of the lane before the step, `after` (D,) the next state.
+    `x` contains the lane's state, columns and sums before the step, `after` (D,) the next state.
     """
     D = len(after)
     fill_system(indices, half, -1.0, after, tangent)
@@ -118,7 +118,7 @@ class LineArguments(NamedTuple):
     indices: int  # (3, T)
     status: int  # (B,)
     failed_at: int  # (B,)
-    poles: int  # (B,), the first state beyond a pole, negative if a change of sign told it
+    poles: int  # (B,), the first state beyond a pole, negative if found by a change of sign
     marks: int  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: int  # (own_D (3 own_D + 4) + T,)
     lines: int
@@ -146,10 +146,10 @@ def arguments_of(arrays, own_D, first):
 
 @c_function(types.void(*[types.int64] * 5))
 def pivoting_step(address, line, bad, negative, n):
-    """Take stage n of the lanes of a line with bits in `bad`; note failures and poles.
+    """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
 
-    `address` is the address of the `LineArguments`. Bits in `negative` mark lanes that
-    took this stage from det A < 0, and from CHANGED on lanes in which a component changed its sign.
+    `address` is the address of the `LineArguments`. Bits in `negative` mark lanes that took this
+    stage from det A < 0; bits from CHANGED on, lanes in which a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]

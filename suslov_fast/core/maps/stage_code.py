@@ -1,8 +1,8 @@
-"""Machine code of one stage of a field: straight-line code made from a list of operations.
+"""Machine code of one stage of a field: straight-line code made from an expression program.
 
-The program of a step becomes straight-line code for a line of W lanes. Its values stay in
-registers, and are bitwise identical to the values of `evaluate` in NumPy. `Stage` is used by the
-`driver` of steps, and by `text_of_stage` for loops of users.
+The code takes a line of W lanes. Its values stay in registers, and are bitwise identical to the
+values of `evaluate` in NumPy. The `driver` of steps and `text_of_stage`, for loops of users, use
+`Stage`.
 """
 
 from ..llvm.text import Code, Shared, Truth, Value
@@ -12,16 +12,16 @@ BLOCK = 64  # operations of a block of long programs, see `Stage.carry_out`
 
 
 class Stage:
-    """A stage of a line: its operations, and what it tells.
+    """A stage of a line: its operations and their test values.
 
-    `load` returns a value that is not computed: of the state, or of the table.
+    `load` returns a value that no operation computes: a component of the state, or a table value.
     """
 
     def __init__(self, text, step, load):
         self.text, self.step, self.load, self.values = text, step, load, {}
 
     def take(self, x):
-        """Carry out the usual operations on the state x; return the next state."""
+        """Run the usual operations on the state x; return the next state."""
         self.values = dict(enumerate(x))
         self.carry_out(self.step.usual, self.values)
         return self.results()
@@ -31,7 +31,7 @@ class Stage:
         return self._results(self.values, self.step.after)
 
     def carry_out(self, operations, values):
-        """Carry out operations; many in blocks: LLVM's time grows with the square of a block."""
+        """Run operations; many in blocks, because LLVM's time grows with the square of a block."""
         size = BLOCK if self.step.is_long else len(operations)
         for begin in range(0, len(operations), max(size, 1)):
             if begin:
@@ -43,14 +43,14 @@ class Stage:
         return [Value(text, values[k] if k in values else load(k)) for k in numbers]
 
     def is_good(self):
-        """Return whether the usual operations suffice in all lanes."""
+        """Return the truth value that the usual operations suffice in all lanes."""
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Carry out the rare operations, too.
+        """Run the rare operations, too.
 
-        Return the next state, where it is accurate, the bits of these lanes, and bits of lanes with
-        det A < 0; from CHANGED on, in which a component changed its sign.
+        Return the next state, the truth values that it is accurate, the same as bits, and bits of
+        lanes with det A < 0; bits from CHANGED on mark lanes in which a component changed its sign.
         """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)
@@ -63,7 +63,7 @@ class Stage:
 
 
 def loader(text, step, for_each, state, table):
-    """Return the function that loads a value: of the state, or of the table.
+    """Return a function that loads a value: a component of the state, or a table value.
 
     `state` and `table` are the addresses of their rows for one line.
     """
@@ -76,9 +76,9 @@ def loader(text, step, for_each, state, table):
 
 
 def text_of_stage(step, name, *_):
-    """Return the text of i64 name(x, table): a stage of one state x (D,), in place.
+    """Return the text of i64 name(x, table), which takes a stage of one state x (D,) in place.
 
-    The code returns 1 if the stage is not accurate, else 256 if det A < 0.
+    The code returns 1 if the stage is not accurate, else 256 if det A < 0, else 0.
     """
     text = Code(1)
     text.begin(name, "x", "table")

@@ -12,14 +12,14 @@ class Stages(NamedTuple):
     fractions: tuple[float, ...]  # of eps
 
     def multiply(self, z):
-        """Return the factors by which a step multiplies modes with eps mu / 2 = z, inf at poles."""
+        """Return the factors by which a step multiplies modes with eps mu / 2 = z; inf at poles."""
         parts = [fraction * z for fraction in self.fractions]
         factors = np.prod([(1.0 + y) / (1.0 - y) for y in parts], axis=0)
         return np.where(np.any([y == 1.0 for y in parts], axis=0), np.inf, factors)
 
 
 class Scheme(NamedTuple):
-    """A list of operations for a stage, and the stages of one step."""
+    """The step of a stage, and the stages of a whole step."""
 
     step: Any  # `kahan_step.Step`
     stages: Stages
@@ -27,7 +27,7 @@ class Scheme(NamedTuple):
 
 @lru_cache
 def distinct(fractions):
-    """Return the distinct fractions, and for each stage the place of its own among them."""
+    """Return the distinct fractions, and for each stage the index of its fraction among them."""
     values = [*dict.fromkeys(fractions)]
     return np.array(values), np.array([values.index(fraction) for fraction in fractions])
 

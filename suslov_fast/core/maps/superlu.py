@@ -13,7 +13,7 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return the states after a run, see `kernel._iterate_part`; save every `every`-th state."""
+    """Return the states after a run, see `kernel._iterate_part`; save each `every`-th state."""
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
@@ -50,7 +50,7 @@ def take(arguments, states, span, saved, notes, abandoned):
 
 
 class _StepByNumPy:
-    """The values f(x) of a map of one's own, with a long list."""
+    """The step f(x) of a user's map with a long program."""
 
     def __init__(self, f, parameters):
         self.f, self.table = f, f.table_of(parameters.T)
@@ -61,7 +61,7 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """A step of states x (B, D) of trajectories `which`, one after the other; signs of det A."""
+    """The step of states x (B, D) of trajectories `which`, one after the other; signs of det A."""
 
     def __init__(self, indices, D, halves):
         self.D, (i, j, k), self.halves = D, indices, halves
@@ -93,7 +93,7 @@ class _Sparse:
 
 
 def _parity(order):
-    """Return 1 or -1 for an even or odd permutation, whose cycles are components of a graph."""
+    """Return 1 for an even permutation, -1 for an odd one; its cycles are components of a graph."""
     D = len(order)
     cycles = connected_components(sparse.csr_matrix((np.ones(D), (np.arange(D), order)), (D, D)))[0]
     return 1 - 2 * ((D - cycles) % 2)

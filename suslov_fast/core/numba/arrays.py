@@ -14,17 +14,14 @@ from .intrinsics import LINE, emit_call
 
 
 class Uncounted(types.Array):
-    """The type of arrays without reference counts.
-
-    They are valid while the arrays are that they are made from.
-    """
+    """The type of arrays without reference counts, valid while the arrays they come from exist."""
 
     def __init__(self, kind):
         name = f"Uncounted {kind}"
         super().__init__(kind.dtype, kind.ndim, kind.layout, not kind.mutable, name, kind.aligned)
 
     def copy(self, dtype=None, ndim=None, layout=None, readonly=None):
-        """The type of a part of these arrays."""
+        """Return the type of a part of such an array."""
         return uncounted_type(super().copy(dtype, ndim, layout, readonly))
 
 
@@ -35,7 +32,7 @@ class _Model(models.ArrayModel):
 
 
 def uncounted_type(kind):
-    """Return the type of an argument whose arrays have no reference counts."""
+    """Return the type of an argument after its arrays have lost their reference counts."""
     if type(kind) is types.Array:
         return Uncounted(kind)
     if isinstance(kind, types.BaseTuple):
@@ -46,7 +43,7 @@ def uncounted_type(kind):
 
 
 def uncounted_value(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts."""
+    """Return the LLVM value of an argument without the reference counts of its arrays."""
     if isinstance(kind, types.Array):
         return builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
     for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
@@ -62,11 +59,11 @@ def uncounted(arrays):
 
 
 def keep(arrays):
-    """Keep arrays of a kernel, from which it has made uncounted ones, until this line."""
+    """Keep arrays of a kernel alive until this line, because it uses uncounted copies of them."""
 
 
 def block_of(rows, lanes):
-    """Return the function that makes a block (rows, lanes) for a kernel.
+    """Return a function that makes a block (rows, lanes) for a kernel.
 
     The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line. NumPy's
     arrays begin anywhere, and vectors that straddle two lines take up to 1.5 times as long. Because
@@ -116,7 +113,7 @@ def _keep(context, builder, signature, arguments):
 
 @intrinsic
 def array_at(typing, address, shape, dtype):
-    """Return the array of order C at an address, without reference counts.
+    """Return the C-ordered array at an address, without reference counts.
 
     Numba would compile `carray` for each shape.
     """
@@ -142,10 +139,10 @@ def array_at(typing, address, shape, dtype):
 
 @intrinsic
 def pack(typing, arguments):
-    """Return the addresses of a function and of data, which are valid while the caller runs.
+    """Return the addresses of a function and of its data, which are valid while the caller runs.
 
-    function(kernel, data, part, parts) calls the kernel at an address with part, parts and the
-    arguments of `pack`, which are the data.
+    The data are the arguments of `pack`. function(kernel, data, part, parts) calls the kernel at
+    the address `kernel` with part, parts and these arguments.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
 

@@ -32,7 +32,7 @@ def _digest():
 
 
 def _sources(folder):
-    """Yield the Python files in a folder and in those in it, in the order of their names."""
+    """Yield the Python files in a folder and its subfolders, in the order of their names."""
     for path in sorted(folder.iterdir(), key=lambda path: path.name) if folder.is_dir() else []:
         if path.is_dir():
             yield from _sources(path)
@@ -50,9 +50,9 @@ def _delete_stale_files(folder):
 # -------------------------------------------------------------------------------------------- files
 @functools.cache
 def _locators():
-    """Return the classes that Numba asks for a folder: first NUMBA_CACHE_DIR, as it is.
+    """Return the classes that Numba asks for a cache folder: first NUMBA_CACHE_DIR, as it is.
 
-    Numba takes only folders that it can write. The folder of a container may be read-only.
+    Numba accepts only folders that it can write to. The folder of a container may be read-only.
     """
     usual = caching.CompileResultCacheImpl._locator_classes
     [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]
@@ -67,7 +67,7 @@ def _locators():
 
 @contextmanager
 def named_folder():
-    """Let Numba choose the files of universal functions and of C functions by `_locators`, too."""
+    """Make Numba choose the files of universal functions and of C functions by `_locators`, too."""
     usual = caching.CacheImpl._locator_classes
     caching.CacheImpl._locator_classes = _locators()
     try:
@@ -77,17 +77,17 @@ def named_folder():
 
 
 def _files_of(py_function):
-    """Return what reads and writes the files of a function; RuntimeError if there is no folder."""
+    """Return the reader and writer of a function's cache files; RuntimeError without a folder."""
 
     class Files(FunctionCache):
-        """Files of a function. If one cannot be read or written, the process compiles."""
+        """Cache files of a function. If a file cannot be read or written, the process compiles."""
 
         class _impl_class(caching.CompileResultCacheImpl):
             _locator_classes = _locators()
 
         def load_overload(self, signature, target_context):
-            # Of any class, because unpickling what is not whole may raise anything. The process
-            # then compiles.
+            # Of any class, because unpickling a damaged file may raise anything. Then the
+            # process compiles.
             with suppress(Exception):
                 code = super().load_overload(signature, target_context)
                 # Two processes that write at once may exchange the code of two signatures.
@@ -105,14 +105,14 @@ def _files_of(py_function):
 
 
 def use_cache(compiled, py_function):
-    """Give a compiled function its files: `caching`, `FunctionCache`, `_cache`."""
+    """Give a compiled function its cache files: `caching`, `FunctionCache`, `_cache` of Numba."""
     if FunctionCache is not None and hasattr(compiled, "_cache"):
         with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder
             compiled._cache = _files_of(py_function)
 
 
 def is_kept(compiled, kinds):
-    """True if the files of a function have code for arguments of these types."""
+    """Return True if the cache files of a function contain code for these argument types."""
     with suppress(Exception):  # of any class: unpickling, and private names of Numba
         files = compiled._cache
         key = files._index_key(kinds, compiled.targetctx.codegen())
@@ -121,18 +121,18 @@ def is_kept(compiled, kinds):
 
 
 def has_files(py_function):
-    """True if there are files of a function that Numba itself gives files."""
+    """Return True if a function that Numba caches by itself has cache files."""
     with suppress(Exception), named_folder():  # of any class, as in `is_kept`
         return bool(FunctionCache(py_function)._cache_file._load_index())
     return False
 
 
 def folder_of(compiled):
-    """Return the folder of the files of a function, or None."""
+    """Return the folder of the cache files of a function, or None."""
     files = getattr(compiled, "_cache", None)
     return files.cache_path if isinstance(files, FunctionCache or ()) else None
 
 
 def name_with_digest(py_function):
-    """Give a function the name that the names of its files contain."""
+    """Add the digest of all sources to the name of a function, and so to the names of its files."""
     py_function.__qualname__ += f"_{_digest()}"

@@ -64,7 +64,7 @@ _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
 
 
-with suppress(ImportError, AttributeError):  # names that Numba does not promise; Windows
+with suppress(ImportError, AttributeError):  # private names of Numba; Windows has no fork
     # A child forked while another thread compiles would wait for it without end.
     _lock = importlib.import_module("numba.core.compiler_lock").global_compiler_lock
     os.register_at_fork(
@@ -74,7 +74,7 @@ with suppress(ImportError, AttributeError):  # names that Numba does not promise
 
 # -------------------------------------------------------------------------------------- functions
 def _cached(compile_with, py_function):
-    """Return a function that is compiled in its first call; cache it if there is a folder."""
+    """Return a function that is compiled at its first call; cache it if there is a folder."""
     name_with_digest(py_function)
     compiled = compile_with(py_function)
     # Numba would cache code with and without bounds checks under the same name.
@@ -85,22 +85,22 @@ def _cached(compile_with, py_function):
 
 @functools.cache
 def _load_registries():
-    """Have Numba import all that it needs to compile, which an interrupt would leave half done.
+    """Make Numba import all that it needs to compile, which an interrupt would leave half done.
 
-    Of two threads that do so at once each would get a part, so the second one waits.
+    A second thread waits: of two threads that import at once, each would get a part.
     """
-    with uninterrupted(), suppress(ImportError, AttributeError):  # names that it does not promise
+    with uninterrupted(), suppress(ImportError, AttributeError):  # private names of Numba
         registry = importlib.import_module("numba.core.registry")
         with importlib.import_module("numba.core.compiler_lock").global_compiler_lock:
             registry.cpu_target.target_context.refresh()
 
 
-SILENT = 2.0  # seconds of compiling, after which a user at a terminal is told
-_said = []  # what users were told
+SILENT = 2.0  # seconds of compiling before the message to a user at a terminal
+_said = []  # the message to users, once it is printed
 
 
 def _say():
-    """Tell a user at a terminal, once in a process, that it compiles."""
+    """Tell a user at a terminal, once in a process, that the package is compiling."""
     folder = folder_of(_loop)
     kept = f"later processes load the code from {folder}" if folder else "the code is not kept"
     if not _said:
@@ -123,7 +123,7 @@ def _compiling():
         if not _said and sys.stderr is not None and sys.stderr.isatty():
             timer.start()
         yield
-    except Exception as error:  # of any class: what a newer Numba breaks may raise anything
+    except Exception as error:  # of any class: a newer Numba may raise anything
         # Kernels that check indices, or are interpreted, raise IndexError when they run.
         if not advice_on_numba() or isinstance(error, (IndexError, MemoryError)):
             raise
@@ -148,15 +148,15 @@ def advice_on_numba():
 # ------------------------------------------------------------------------- before it is compiled
 # Seconds of calls without compiled code, after which compiling it is worth its time.
 PATIENCE = 1.0
-# Seconds for a number of a step in NumPy, of which a call costs as many as these trajectories.
+# Seconds for a number of a step in NumPy; a NumPy call costs as much as these trajectories.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
 @functools.cache
 def as_python(py_function, of_arrays=False):
-    """Return a function of which all that it calls is Python, too: the same bits, uncompiled.
+    """Return an uncompiled function that calls uncompiled functions alone; the bits are the same.
 
-    If it is `of_arrays`, formulas compute arrays of numbers: `select` is `numpy.where`.
+    If `of_arrays` is true, the formulas compute with arrays: `select` is `numpy.where`.
     """
     names, code = {}, py_function.__code__
     twin = FunctionType(
@@ -186,17 +186,17 @@ call_code.py_func, array_at.py_func = _call_code, _array_at
 
 
 class Patient:
-    """Carries out small calls of a function in Python, as long as it is not compiled."""
+    """A function that runs in Python for small calls, as long as it is not compiled."""
 
     seconds = 0.0  # that these calls have taken
 
     def has_patience(self, seconds):
-        """Return whether a call that takes so many seconds in Python may run there."""
+        """Return True if a call that takes this many seconds in Python may run there."""
         settings = config.DISABLE_JIT or config.BOUNDSCHECK
         return not settings and self.seconds + seconds < PATIENCE
 
     def in_python(self, function, *arguments):
-        """Call a function that runs as Python."""
+        """Call a function in Python; add the time it takes to `seconds`."""
         began = perf_counter()
         try:
             with np.errstate(all="ignore"):
@@ -209,8 +209,8 @@ class Patient:
 class Function:
     """A function that compiled code calls.
 
-    It has no Python wrapper, which would make first calls a fifth longer: a call from Python runs
-    as Python.
+    It has no Python wrapper, which would make first calls a fifth longer: Python runs it
+    uncompiled.
     """
 
     def __init__(self, options, py_func):
@@ -233,7 +233,7 @@ for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 
 
 def inlined(py_func):
-    """Return the function that is compiled as a part of its callers."""
+    """Return a function that Numba compiles as a part of its callers."""
     compiled = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})(py_func)
     if config.DISABLE_JIT:  # it is the Python function
         compiled.py_func = py_func
@@ -245,7 +245,7 @@ _raised = {}  # errors of Python functions that machine code has called, by thre
 
 @contextmanager
 def calling_python():
-    """Call machine code that calls Python; raise afterwards what is raised there, Ctrl-C too."""
+    """Run machine code that calls Python; afterwards raise Python's error, or that of Ctrl-C."""
     with uninterrupted():
         yield
     if error := _raised.pop(get_ident(), None):
@@ -253,16 +253,16 @@ def calling_python():
 
 
 class _WithFiles(Patient):
-    """A function to which Numba itself gives files."""
+    """A function whose cache files Numba itself manages."""
 
     @functools.cached_property
     def _named(self):
-        """The Python function, with the name of its files."""
+        """The Python function, renamed by `name_with_digest`."""
         name_with_digest(self.py_func)
         return self.py_func
 
     def _built(self, build, is_whole=bool):
-        """Return what build(cache)(function) makes."""
+        """Return build(cache=...)(function); without the cache if that fails or is not whole."""
         with _compiling():
             # There is no writable folder; or a file cannot be read, which may raise anything. An
             # error of compiling comes again.
@@ -288,9 +288,9 @@ class CFunction(_WithFiles):
         return self.address_for(math.inf)
 
     def address_for(self, seconds):
-        """Return the address of compiled code, or of Python's if that may take so many seconds.
+        """Return the address of compiled code, or of Python code if that may take so many seconds.
 
-        Machine code that may call the latter is called within `calling_python`.
+        Machine code that may call Python code is called within `calling_python`.
         """
         is_slow = not self.is_compiled and self.has_patience(seconds)
         if config.DISABLE_JIT or (is_slow and not has_files(self._named)):
@@ -318,19 +318,19 @@ class CFunction(_WithFiles):
 
 
 def c_function(signature):
-    """Return the decorator that makes a `CFunction`."""
+    """Return a decorator that makes a `CFunction`."""
     return functools.partial(CFunction, signature)
 
 
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel(Patient):
-    """A compiled kernel of numbers, arrays and tuples of them."""
+    """A compiled kernel; its arguments are numbers, arrays and tuples of them."""
 
     # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
-    # a short run of a few trajectories, or None where the kernel has to take it.
+    # a short run of a few trajectories, or None if the kernel has to take it.
     few = None
     # in_numpy(*arguments) takes the work of a kernel of steps for all trajectories side by side,
-    # with the same bits, and returns True; or False where only the kernel can take it.
+    # with the same bits, and returns True; or False if only the kernel can take it.
     in_numpy = None
     is_compiled = False
 
@@ -341,7 +341,7 @@ class Kernel(Patient):
             self.compiled = lambda *arguments: self.in_python(as_python(py_function), *arguments)
 
     def serial(self, *arguments):
-        """Call the kernel for all of the work."""
+        """Call the kernel for all of the work, in this thread."""
         with _compiling():
             self.compiled(0, 1, *arguments)
         self.is_compiled = True
@@ -349,14 +349,14 @@ class Kernel(Patient):
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
     def briefly(self, seconds, *arguments):
-        """Call the kernel for all of the work, which takes about so many seconds in Python."""
+        """Call the kernel for all of the work, which takes about this many seconds in Python."""
         if self.has_patience(seconds) and not self._is_kept(arguments):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
             self.serial(*arguments)
 
     def by_numpy(self, *arguments):
-        """Take steps by NumPy, while nothing is compiled; return whether that was possible."""
+        """Take the steps by NumPy if nothing is compiled yet; return True if NumPy took them."""
         if self.in_numpy is None or self.is_compiled:
             return False
         _, x0, _, (begin, end, start, stop, *_), *_ = arguments
@@ -374,7 +374,7 @@ class Kernel(Patient):
         return self.compiled(part, parts, *arguments)
 
     def parallel(self, threads, *arguments):
-        """Call the kernel for one part of the work in each thread."""
+        """Call the kernel in each of `threads` threads, for one part of the work each."""
         addresses = None
         # Kernels that check indices or are interpreted may raise, which a
         # parallel loop of Numba ignores.
@@ -415,7 +415,7 @@ known_addresses = {}  # results of `_addresses`, by kernel and kind of its argum
 
 
 def _kind(argument):
-    """Return what Numba's type of an argument depends on; `numba.typeof` takes 0.1 ms for all."""
+    """Return a key for Numba's type of an argument; `numba.typeof` takes 0.1 ms for all."""
     if isinstance(argument, tuple):
         return type(argument), *map(_kind, argument)
     if isinstance(argument, np.ndarray):
@@ -426,9 +426,9 @@ def _kind(argument):
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
-    This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and those of
-    `llvm`. If one is missing or has another meaning, return None: then threads of Python take the
-    parts, and an error of compiling the kernel, which is not of a private name, comes again.
+    This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and the private
+    names in `llvm`. If a name is missing or has another meaning, return None. Then Python threads
+    take the parts, and an error in the kernel itself is raised again.
     """
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
         addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
@@ -466,7 +466,7 @@ class Universal(_WithFiles):
             return self.compiled(*arguments, **options)
 
     def _is_small(self, arguments):
-        """Return whether a call may run in Python, which takes microseconds for each number."""
+        """Return True if a call may run in Python, which takes microseconds for each number."""
         loops, own = [], 10
         for axes, each in zip(self.inputs, arguments, strict=True):
             shape = np.shape(each)
@@ -509,10 +509,10 @@ class Universal(_WithFiles):
 
 
 def _is_whole(compiled):
-    """True if a universal function has the address of its wrapper.
+    """Return True if a universal function has the address of its wrapper.
 
-    After two processes wrote to the cache at once, the wrapper may be one of other code, and its
-    address 0. Without these private names of Numba this raises, and the process compiles for
+    After two processes wrote to the cache at once, the wrapper may belong to other code; then its
+    address is 0. Without these private names of Numba this raises, and the process compiles by
     itself.
     """
     [code] = compiled.gufunc_builder._cres.values()
@@ -520,13 +520,13 @@ def _is_whole(compiled):
 
 
 def universal(layout):
-    """Return the decorator that makes a universal function with this layout."""
+    """Return a decorator that makes a universal function with this layout."""
     return functools.partial(Universal, layout)
 
 
 # ------------------------------------------------------------------------------------- in kernels
 def of_kind(name):
-    """Return the function `name` of the class of its first argument, a named tuple."""
+    """Return a function that calls the method `name` of its first argument, a named tuple."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)
@@ -553,12 +553,12 @@ STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 
 @formula
 def pick(parameter, i):
-    """Return the parameter of trajectory i from an array with one for each, or one for all."""
+    """Return the parameter of trajectory i, from an array (B,) or (1,)."""
     return parameter[i if i < parameter.size else 0]
 
 
 @formula
 def are_common(parameters):
-    """True if all trajectories have the same body and step size."""
+    """Return True if all trajectories have the same body and step size."""
     I1, I2, I13, I23, k, eps = parameters
     return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

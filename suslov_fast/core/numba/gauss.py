@@ -23,7 +23,7 @@ from .status import NONFINITE, OK, SINGULAR
 LEAST, LARGEST, TO_SOLVE = range(3)
 NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
-ROUNDS = 20  # the most of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
+ROUNDS = 20  # at most, in `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
 
 
 # Sums with 0 avoid masked stores, which are slow.
@@ -41,7 +41,7 @@ def simd_min(v, w):
 
 @formula
 def keeps_digits(b, l):
-    """True if elimination in this order lost no digits: no pivot was small beside the largest."""
+    """Return True if elimination lost no digits: no pivot was small compared with the largest."""
     return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 
@@ -49,8 +49,8 @@ def keeps_digits(b, l):
 def eliminate(a, b, lanes):
     """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
 
-    A is replaced by U above the diagonal, inverse pivots on it, and L, with ones on its diagonal,
-    below it. Two pivots at a time halve the loads and stores. LEAST and LARGEST of b are filled.
+    A is replaced by U above the diagonal, inverse pivots on it, and unit lower L below it. Two
+    pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -91,9 +91,9 @@ def eliminate(a, b, lanes):
 
 @formula
 def accept(a, x, b, lanes):
-    """Replace states x by solutions that keep their digits; return how many lanes have others.
+    """Replace states x by solutions that keep their digits; return how many lanes are left.
 
-    On entry b[TO_SOLVE] is NaN, or at least the length of x, for solutions that are not usable.
+    On entry b[TO_SOLVE] is at least len(x), or NaN, in lanes with unusable solutions.
     """
     m, to_solve = len(a), NONE
     for l in range(lanes):
@@ -117,8 +117,8 @@ def solve(a, units):
     """Solve one system (m, columns) by scaling and partial pivoting; return its status.
 
     Solutions replace the right sides, and pivots of the scaled rows replace the diagonal. A pivot
-    that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite make NONFINITE.
-    `units` (2, m) receives units of the unknowns, and factors of rows: det A is the product of
+    that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite give NONFINITE.
+    `units` (2, m) receives units of the unknowns, and factors of rows. det A is the product of
     pivot k / units[1, k].
     """
     weights, undefined, size = units[1], 0.0, 0.0
@@ -167,10 +167,9 @@ def solve(a, units):
 
 @inlined
 def balance(a, units):
-    """Change the units of the unknowns by powers of two.
+    """Rescale the unknowns by powers of two.
 
-    In the new units the largest entries off the diagonal are about equal in the row and in the
-    column of each unknown.
+    Then the largest off-diagonal entries in the row and column of each unknown are about equal.
     """
     m, columns = a.shape
     for i in range(m):
@@ -200,9 +199,9 @@ def balance(a, units):
 
 @formula
 def parts_of_determinant(a, units):
-    """Return m and e of the determinant m 2**e of A after `solve`; m = 0 if it is 0 to rounding.
+    """Return m and e of det A = m 2**e after `solve`; m = 0 if det A is 0 to rounding.
 
-    The product of many pivots may leave the range of numbers.
+    The product of many pivots may overflow or underflow.
     """
     product, exponent = 1.0, 0
     for k in range(len(a)):

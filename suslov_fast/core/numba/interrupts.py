@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def uninterrupted():
-    """Handle Ctrl-C after the block, such as an import of Numba, which Python cannot repeat."""
+    """Delay Ctrl-C to the end of a block that must not be left half done, such as an import."""
     handler, pending = signal.getsignal(signal.SIGINT), []  # None if Python cannot restore it
     try:
         if handler is not None:

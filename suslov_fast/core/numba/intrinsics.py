@@ -53,14 +53,14 @@ def call_code(typing, address, numbers):
 
 
 class _WithAddress(types.NamedTuple):
-    """The type of named tuples that begin with an address of this process."""
+    """The type of a named tuple that begins with an address of this process."""
 
 
 register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Keep functions that have such a tuple as a constant out of the cache: Numba then warns."""
+    """Keep functions that contain such a tuple as a constant out of Numba's cache; Numba warns."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):
@@ -80,7 +80,7 @@ def _constant_with_address(context, builder, kind, value):
 
 # ------------------------------------------------------------------------------------------ stores
 def stream_pairs(target, i, b, row, l):
-    """Interleave LINE numbers from b[row, l] and b[row + 1, l] on into target, from index i on.
+    """Interleave b[row, l : l + LINE] and b[row + 1, l : l + LINE] into target from index i on.
 
     These are two whole cache lines, which are written past the caches, in half the time.
     NUMBA_BOUNDSCHECK does not check the indices.
@@ -93,7 +93,7 @@ type_callable(stream_pairs)(lambda context: lambda target, i, b, row, l: types.n
 
 
 def _line(context, builder, kinds, array, *place):
-    """Return a pointer to the line from array[place] on; `kinds` are the types of both."""
+    """Return a pointer to the cache line at array[place]; `kinds` are the types of both."""
     numbers, offset = context.make_array(kinds[0])(context, builder, array), None
     for k, (index, kind) in enumerate(zip(place, kinds[1:], strict=True)):
         index = context.cast(builder, index, kind, types.intp)
@@ -128,7 +128,7 @@ def _stream_pairs(context, builder, signature, arguments):
 
 # ----------------------------------------------------------------------------------------- choices
 def select(condition, first, second):
-    """Return `first` where the condition holds, else `second`; compute both, without a branch."""
+    """Return `first` if the condition is true, else `second`; compute both, without a branch."""
     return first if condition else second
 
 

@@ -7,14 +7,14 @@ SINGULAR = -1  # there is no next state, because the state is on a pole
 NONFINITE = -2  # the next state is out of the range of float64, or state 0 is NaN
 # Along a motion:
 ENDED = -3  # the solution ends: a pole or an escape
-SLIDING = -4  # it slides along a condition
+SLIDING = -4  # it slides along a surface of f
 TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
-ACCUMULATES = -6  # changes of the state follow one another without end
+ACCUMULATES = -6  # events accumulate: actions follow one another without end
 STOPPED = 3  # finished; an event ended it
 # Of equilibria:
 DEGENERATE = 4  # found, but f' is singular, as at a fold
 NOT_FOUND = -7
 
-# In integers that tell of lanes, one bit each: the place of the bits of those in which a component
-# changed its sign, after the bits of those with det A < 0.
+# In integers with bits of lanes: the first bit for lanes in which a component changed its sign. The
+# bits before it are for lanes with det A < 0.
 CHANGED = 8

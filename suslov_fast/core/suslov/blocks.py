@@ -8,14 +8,14 @@ from ..numba.intrinsics import LINE, lesser, stream_pairs
 def alignment(out, begin, batch, lanes):
     """Return `lead`, `shift` and `shared`, which align the writing of `out` with cache lines.
 
-    A trajectory has two numbers in a row of `out`. A line that two blocks write is read before it
-    is written, which doubles the time.
+    A trajectory takes two numbers in a row of `out`. If two blocks write to one cache line, the
+    line is read first, which doubles the time.
 
     lead     how many numbers of `out` are before its first cache line, -1 if `out` is small
-    shift    by how many trajectories the block from trajectory `begin` on must be shorter, so that
-             later blocks begin at a line. (Large arrays of NumPy begin 16 bytes after a line.)
-    shared   how many trajectories a block has in common with the next one, so that one of them
-             writes each line whole: LINE where rows begin at different places within lines, else 0
+    shift    by how many trajectories the block that starts at trajectory `begin` must be shorter,
+             so that later blocks start at a line (large NumPy arrays start 16 bytes after a line)
+    shared   how many trajectories a block has in common with the next block, so that one of them
+             writes each line whole: LINE if rows start at different places within lines, else 0
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
     in_lines = lead >= 0 and lead % 2 == 0 and batch > lanes > 1
@@ -32,11 +32,11 @@ def store_rows(b, row, flat, place, count):
 
 @formula
 def write_pairs(b, row, flat, place, count, lead, after, before):
-    """Interleave two rows as `store_rows`; past the caches, by whole cache lines, if possible.
+    """Interleave two rows as `store_rows` does, by whole cache lines past the caches if possible.
 
-    Where blocks share LINE pairs, a block `after` another one leaves to it the pairs ahead of its
-    own first cache line. A block `before` another one is full, and leaves to it the last LINE pairs
-    less those ahead of its own first cache line. The number of lanes is a constant.
+    If blocks share LINE pairs, a block `after` another block skips the pairs ahead of its own first
+    cache line. A block `before` another block is full, and leaves its last LINE pairs to that
+    block, less as many as stand ahead of its own first line. The number of lanes is a constant.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:

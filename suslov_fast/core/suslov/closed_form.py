@@ -56,8 +56,8 @@ from .blocks import store_rows
 from .map import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import FIRST, LANES, NO
 
-# TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all that vanishes with
-# it keeps its proportions, and state 1 and the decay to the steady state are right.
+# TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all numbers that
+# vanish with it keep their ratios, and state 1 and the decay to the steady state are right.
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # r is 0 or negative if it is below this, and has no real powers
 NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
@@ -80,14 +80,14 @@ new_block = block_of(ROWS, int(LANES))
 
 @formula
 def is_ordinary(w1, w2):
-    """True for a state whose powers in the closed form are in the range of float64."""
+    """Return True if the powers of this state in the closed form are in the range of float64."""
     size = select(abs(w1) > abs(w2), abs(w1), abs(w2))
     return (size <= ORDINARY) & (size >= 1.0 / ORDINARY)
 
 
 @formula
 def unit_of(w1, w2, k):
-    """A power of two about as large as a state: in this unit its square is in range.
+    """Return a power of two about as large as a state: in this unit its square is in range.
 
     With k / unit and eps * unit, the orbit of omega / unit is the orbit of omega over unit.
     """
@@ -99,39 +99,39 @@ def unit_of(w1, w2, k):
 
 @formula
 def nonzero(v):
-    """The number, or TINY if it is 0."""
+    """Return the number, or TINY if it is 0."""
     return select(v == 0.0, TINY, v)
 
 
 @formula
 def constants_of(I1, I2, I13, I23):
-    """ROOT_A, G1, G2, H1, H2 and PER_G of a body."""
+    """Return ROOT_A, G1, G2, H1, H2 and PER_G of a body."""
     root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
     return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 
 
 @formula
 def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
-    """ell, x and nu = y / sqrt(I1 I2), with x and y of equation (7)."""
+    """Return ell, x and nu = y / sqrt(I1 I2), with x and y of equation (7)."""
     x = I13 * w1 + I23 * w2
     return x + k, x, root_a * (g2 * w1 - g1 * w2)
 
 
 @formula
 def steady(g1, g2, h1, h2, x, nu):
-    """The state with these x and nu, times |g|**2."""
+    """Return the state that has this x and nu, times |g|**2."""
     return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """A**2 - k**2."""
+    """Return A**2 - k**2."""
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill the coefficients for n >= 0 if `ahead` is 1, for n < 0 if it is -1."""
+    """Fill the coefficients of the closed form, for n >= 0 if `ahead` is 1, for n < 0 if -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
     g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
@@ -157,7 +157,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, discrete):
-    """Fill the rows of an orbit; row RATE holds e root until `rate` is computed from it."""
+    """Fill the rows of an orbit; row RATE contains e root until `rate` is computed from it."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
@@ -205,7 +205,7 @@ def fill_orbit(b, l, discrete):
 
 @formula
 def rate(passes, L, r, discrete):
-    """log|r|, or the angle a, of L = e root; a less a right angle if L > 1."""
+    """Return log|r|, or the angle a, for L = e root; a minus a right angle if L > 1."""
     if discrete == 0.0:
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
@@ -216,13 +216,13 @@ def rate(passes, L, r, discrete):
 
 @formula
 def has_power(r, n):
-    """True if r**n is a real number of known sign."""
+    """Return True if r**n is a real number with a known sign."""
     return r >= CRITICAL or (n == np.floor(n) and n <= PARITY_KNOWN)
 
 
 @formula
 def pair(n, passes, root, r, rate):
-    """(rho, sigma) for n >= 0 steps, or for time n of the flow; NaN if r**n is not real."""
+    """Return (rho, sigma) after n >= 0 steps, or at time n of the flow; NaN if r**n is not real."""
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
@@ -242,7 +242,7 @@ def pair(n, passes, root, r, rate):
 
 @formula
 def state(b, l):
-    """The state of a lane; NaN after a pole."""
+    """Return the state of a lane; NaN after a pole."""
     ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
     rho2, rho_sigma, sigma2 = rho * rho, rho * sigma, sigma * sigma
     d12 = select(ahead, b[D12, l], b[D12 + BACK, l]) * rho_sigma
@@ -259,7 +259,7 @@ def state(b, l):
 
 @formula
 def adjacent(b, l):
-    """State 1 or -1 of a lane, by a step, because both forms in `state` may vanish for large K."""
+    """Return state 1 or -1 of a lane by a step: for large K both forms in `state` may vanish."""
     eps = abs(b[EPS, l]) * b[TIME, l]
     w1, w2 = one_step(
         b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]
@@ -270,7 +270,7 @@ def adjacent(b, l):
 
 @formula
 def reason(b, l):
-    """The reason why a lane has no state: 0, 1 or 2, the row of `reasons` in `states`."""
+    """Return why a lane has no state: 0, 1 or 2, the row of `reasons` in `states`."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
         return 0
     if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
@@ -283,7 +283,7 @@ def reason(b, l):
 
 @formula
 def fill_bodies(b, first, width, lanes, parameters, discrete):
-    """Fill the rows of the bodies of `width` trajectories from `first` on, repeated; UNIT is 1."""
+    """Fill the rows of bodies of `width` trajectories from `first` on, repeated; set UNIT to 1."""
     i = first
     for l in range(lanes):
         b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
@@ -301,7 +301,7 @@ def fill_bodies(b, first, width, lanes, parameters, discrete):
 
 @formula
 def rescale(b, lanes, discrete):
-    """Change the unit of lanes whose state is not ordinary to `unit_of` the state."""
+    """Change the unit of each lane whose state is not ordinary to `unit_of` its state."""
     for l in range(lanes):
         if not is_ordinary(b[W1, l], b[W2, l]):
             unit = unit_of(b[W1, l], b[W2, l], b[K_, l])
@@ -316,7 +316,7 @@ def rescale(b, lanes, discrete):
 def start_orbits(b, first, width, used, omega0, discrete):
     """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated.
 
-    Return True if a unit is not 1, so that rows of bodies are changed.
+    Return True if a unit is not 1: then the rows of bodies have changed.
     """
     i = first
     for l in range(used):
@@ -336,7 +336,7 @@ def start_orbits(b, first, width, used, omega0, discrete):
 
 @kernel
 def states(part, parts, parameters, omega0, discrete, n, out, reasons):
-    """States of trajectories by the closed form.
+    """Compute states of trajectories by the closed form.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0; NaN gives NaN
@@ -347,8 +347,8 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                  an integer or too large; 1: X, Y or K is above RANGE, or a number out of the range
                  of float64; 2: the state is directly after a pole, or after 0 / 0
 
-    A block has `width` trajectories at `abreast` values of n, so that few trajectories fill the
-    lanes, too.
+    If there are few trajectories, a block computes them at several values of n (`abreast`), so that
+    all lanes are used.
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     target = array_at(out.ctypes.data, (out.size,), np.float64)
@@ -394,7 +394,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")
 def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
-    """The states to which an orbit tends as n tends to -infinity and to +infinity (Proposition 2).
+    """Fill `minus` and `plus`: limits of an orbit for n -> -infinity and +infinity (Proposition 2).
 
     They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
     fixed state both are this state. For eps = 0 they are the limits of the motion.

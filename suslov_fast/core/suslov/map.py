@@ -35,7 +35,7 @@ RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough di
 
 
 class Frame(NamedTuple):
-    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back).
+    """Constants of a body and a step size, for states (u, v) = (w1, w2 / back).
 
     X = a1 u + a2 v + K, Y = a2 u - a1 v; without a rotor u = m1 X + m2 Y, v = m2 X - m1 Y.
     """
@@ -50,7 +50,7 @@ class Frame(NamedTuple):
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """The frame of a body, and e. If g = 0 or eps = 0, m1 and m2 are not finite."""
+    """Return the `Frame` of a body, and e. If g = 0 or eps = 0, m1 and m2 are not finite."""
     root_a = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / root_a, root_a / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
@@ -60,13 +60,13 @@ def frame_of(I1, I2, I13, I23, k, eps):
 
 @formula
 def XY_in_frame(frame, e, I13, I23, k, w1, w2):
-    """X and Y of a state; X = 0 where ell is 0 in floating point."""
+    """Return X and Y of a state; X = 0 if ell is 0 in floating point."""
     return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
 
 
 @formula
 def frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2):
-    """The frame of a body, and X and Y of a state of it."""
+    """Return the `Frame` of a body, and X and Y of its state."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     return frame, X, Y
@@ -74,27 +74,27 @@ def frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2):
 
 @formula
 def is_supercritical(frame, X, Y):
-    """True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    """Return True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
 
 
 @formula
 def loses_digits(frame, X, Y):
-    """True if the state after a moving state of a gyrostat would have too few digits."""
+    """Return True if the next state of a moving gyrostat would have too few digits."""
     far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
     return far & (frame.K != 0.0) & (X != 0.0)
 
 
 @formula
 def plain_step(X, Y):
-    """X and Y of the next state, without a rotor and for T < 1; X = 0 where it has decayed."""
+    """Return X and Y of the next state, without a rotor and for T < 1; X = 0 if it has decayed."""
     X, Y = decaying_step(X, Y)
     return select(abs(X) < -NEGLIGIBLE * Y, 0.0, X), Y
 
 
 @formula
 def decaying_step(X, Y):
-    """X and Y of the next state by equations (8); X may become subnormal."""
+    """Return X and Y of the next state by equations (8); X may become subnormal."""
     square = X * (2.0 * X)
     ratio = (1.0 + Y) / ((1.0 - Y) + square)
     return X * ratio, Y - square * ratio
@@ -102,13 +102,14 @@ def decaying_step(X, Y):
 
 @formula
 def leave_plain(frame, X, Y):
-    """The state with these X and Y, without a rotor."""
+    """Return the state that has this X and Y, without a rotor."""
     return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
 
 
 @formula
 def turn(X, Y, K):
-    """along, across and ratio of a step, NaN if there is none, and 1 at a pole, else 0:
+    """Return `along`, `across`, `ratio` (NaN if there is no next state), and 1 at a pole, else 0.
+
     z_next = along z + across i z and X_next = ratio X.
     """
     KX, square = K * X, X * (2.0 * X)
@@ -122,7 +123,7 @@ def turn(X, Y, K):
 
 @formula
 def general_step(frame, X, u, v):
-    """X, u and v after a step of any orbit, and 1 if the state was a pole, else 0."""
+    """Return X, u and v after a step of any orbit, and 1 if the state was a pole, else 0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -132,7 +133,7 @@ def general_step(frame, X, u, v):
 
 @formula
 def length(u, v):
-    """sqrt(u**2 + v**2), also if the squares are out of range."""
+    """Return sqrt(u**2 + v**2), also if the squares are out of range."""
     size = abs(u) + abs(v)
     small, large = size < LEAST, size > LARGEST
     unit = select(small, LEAST * LEAST, select(large, LARGEST * LARGEST, 1.0))
@@ -143,7 +144,7 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Rescale (u, v) to the initial R, against drift; recompute X where that loses no digits."""
+    """Rescale (u, v) to the initial R, against drift; recompute X if that loses no digits."""
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)
@@ -153,27 +154,27 @@ def project_on_level(frame, R, X, u, v):
 
 @formula
 def is_plain(frame, X, Y):
-    """True for a state that takes plain steps: no rotor, T < 1, not fixed, no subnormal X and Y."""
+    """Return True if a state takes plain steps: no rotor, T < 1, not fixed, X and Y normal."""
     moves = (X != 0.0) & (abs(X) < LARGEST) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
     return moves & (frame.K == 0.0) & (abs(frame.m1) + abs(frame.m2) < np.inf)
 
 
 @formula
 def is_fixed(X, Y):
-    """True for a fixed state, ell = 0, which keeps its bits; but not for the pole among them."""
+    """Return True for a fixed state (ell = 0), which a step keeps bitwise, unless it is a pole."""
     return (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
 
 
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """The next state, with the bits of `steps`; NaN where there is none."""
+    """Return the next state, bitwise as `steps` computes it; NaN if there is none."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     return step_in_frame(frame, e, I13, I23, k, w1, w2)
 
 
 @formula
 def step_in_frame(frame, e, I13, I23, k, w1, w2):
-    """The next state of a body with this frame and e."""
+    """Return the next state of a body with this frame and e."""
     X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     if is_plain(frame, X, Y):
         next1, next2 = leave_plain(frame, *plain_step(X, Y))
@@ -188,7 +189,7 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
 
 
 class BodySystem(NamedTuple):
-    """A body and a step size, for compiled loops of users; without a rotor k = 0."""
+    """A body and a step size, for compiled loops of users; k = 0 without a rotor."""
 
     I1: float
     I2: float
@@ -201,7 +202,7 @@ class BodySystem(NamedTuple):
 
 @function
 def no_memory(system):
-    """An array, because all systems have memory; steps in three dimensions need none."""
+    """Return an empty array: every system has a memory, but steps in three dimensions need none."""
     return np.empty(0)
 
 

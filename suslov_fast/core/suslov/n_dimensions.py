@@ -55,7 +55,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 @formula
 def sum_terms(J, I, w, half):
-    """Return 1 / d of a component, and its terms in alpha, beta and gamma."""
+    """Return 1 / d of a component, and its terms in the sums alpha, beta and gamma."""
     inverse = 1.0 / (J - half)
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
@@ -65,7 +65,7 @@ def sum_terms(J, I, w, half):
 def solve_two(eps, p, square, alpha, beta, gamma):
     """Solve the two equations for I.delta and w.delta by Cramer's rule.
 
-    Return the factors of w_i / d_i and I_i / d_i in delta_i, whether they are accurate, and the
+    Return the factors of w_i / d_i and I_i / d_i in delta_i, True if they are accurate, and the
     determinant.
     """
     h = 0.5 * eps
@@ -81,7 +81,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 @formula
 def fill_systems(c, b, a, begin, lanes):
-    """Fill the systems of equation (16) for lanes from `begin` on: A(w), and w as right side."""
+    """Fill the systems (16) of lanes from `begin` on: A(w), and w as the right side."""
     m = len(a)
     for i in range(m):
         for l in range(begin, begin + lanes):
@@ -102,7 +102,7 @@ def fill_systems(c, b, a, begin, lanes):
 def compute_factors(c, b, lanes):
     """Compute 1 / d and the factors of the increment; return how many lanes need elimination.
 
-    Terms i and M/2 + i are added in pairs, which halves the stores.
+    Terms i and M/2 + i are added in pairs, which halves the number of stores.
     """
     M = c.shape[1]
     pairs = M // 2
@@ -227,7 +227,7 @@ def nd_step_of_one(system, state, out, memory):
 
 @function
 def gauss_step_of_one(system, state, out, memory):
-    """Take the same step by elimination."""
+    """Write the state that follows `state` to `out` by elimination; return its status."""
     ((c, b, for_solve), a), status = memory, OK
     start_one(system, state, c, b)
     if eliminate_all(c, b, a, 1) > 0:
@@ -237,14 +237,14 @@ def gauss_step_of_one(system, state, out, memory):
 
 @function
 def nd_memory(system):
-    """The memory of `nd_step_of_one`."""
+    """Return the memory of `nd_step_of_one`."""
     m = system.dimension
     return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
 
 
 @function
 def gauss_memory(system):
-    """The memory of `gauss_step_of_one`."""
+    """Return the memory of `gauss_step_of_one`."""
     m = system.dimension
     return nd_memory(system), np.empty((m, m + 1, 1))
 
@@ -272,23 +272,23 @@ GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part in O(n), with the arguments of `suslov.steps.steps`."""
+    """Iterate one part of the trajectories in O(n) a step; arguments as in `suslov.steps.steps`."""
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part by elimination."""
+    """Iterate one part of the trajectories by elimination; arguments as in `suslov.steps.steps`."""
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
 
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
-    """Iterate the trajectories of a part.
+    """Iterate one part of the trajectories.
 
-    `by_elimination` is True or None, because Numba compiles only the branch that None selects.
+    `by_elimination` is True or None, because Numba then compiles one branch alone.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
@@ -320,7 +320,7 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 
 @inlined
 def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
-    """Take step n of a block, see `iterate_nd`; note failures and poles."""
+    """Take step n of a block, see `iterate_nd`; record failures and poles in `notes`."""
     (carry, status, failed_at), lanes = notes, c.shape[2]
     if by_elimination is None:
         to_solve = compute_factors(c, b, lanes)
@@ -342,7 +342,7 @@ def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
 
 @function
 def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Fill a block with trajectories; lanes beyond the last trajectory repeat it."""
+    """Fill a block with trajectories begin to end - 1; spare lanes repeat the last trajectory."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
@@ -385,7 +385,7 @@ _MOST_IN_PYTHON = 256  # steps that lose digits, or pass a pole
 
 
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy; return False if many steps lose digits, or pass a pole."""
+    """Take all trajectories by NumPy; return False if many steps lose digits or pass a pole."""
     begin, end, start, stop, every, row = span
     if begin == end:
         return True

@@ -29,9 +29,9 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
     omega   (rows + 1, B, D), the states from `start` on: Omega1 and Omega2 in three dimensions
             (`axial`), else Omega_in
     eps     (1 or B,)
-    R       (B, n, n), at the first state; replaced by that at the last state
-    turns   (..., B, n, n), whose rows from `next_row` on receive R at later states with indices
-            that are multiples of `every`; none if that is 0
+    R       (B, n, n), at the first state; replaced by R at the last state
+    turns   (..., B, n, n); rows from `next_row` on receive R at later states with indices that
+            are multiples of `every`; none if `every` is 0
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
@@ -67,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S)."""
+    """Replace r by r cay(S) in all lanes."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0

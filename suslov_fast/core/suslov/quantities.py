@@ -23,19 +23,19 @@ STATES_LAYOUT_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body
 # ------------------------------------------------------------------------------- three dimensions
 @formula
 def in_range(number):
-    """The number, or NaN if it is beyond the range of float64."""
+    """Return the number, or NaN if it is beyond the range of float64."""
     return select(abs(number) < np.inf, number, np.nan)
 
 
 @formula
 def energy_at(I1, I2, w1, w2):
-    """(I1 w1**2 + I2 w2**2) / 2."""
+    """Return (I1 w1**2 + I2 w2**2) / 2."""
     return 0.5 * (I1 * w1 * w1 + I2 * w2 * w2)
 
 
 @formula
 def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """F of Lemma 1, equation (6): (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 ell**2)."""
+    """Return F of Lemma 1, (6): (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 ell**2)."""
     step = eps * (I13 * w1 + I23 * w2 + k)
     return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
 
@@ -52,13 +52,13 @@ def first_integral(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(LAYOUT_3D + "()")
 def modified_energy(I1, I2, I13, I23, k, eps, w, out):
-    """2 I1 I2 F."""
+    """Compute 2 I1 I2 F."""
     out[0] = 2.0 * I1 * I2 * first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
 
 
 @universal(LAYOUT_3D + "()")
 def invariant_density(I1, I2, I13, I23, k, eps, w, out):
-    """1 / (ell (4 I1 I2 + eps**2 ell**2))."""
+    """Compute 1 / (ell (4 I1 I2 + eps**2 ell**2))."""
     ell = I13 * w[0] + I23 * w[1] + k
     step = eps * ell
     out[0] = 1.0 / in_range(ell * (4.0 * I1 * I2 + step * step))
@@ -66,7 +66,7 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """T = e |g| |z| / sqrt(1 + X**2), on the same side of 1 as in the test of the steps."""
+    """Return T = e |g| |z| / sqrt(1 + X**2), on the side of 1 on which the steps test it."""
     step, twice = eps * (I13 * w1 + I23 * w2 + k), 2.0 * energy_at(I1, I2, w1, w2)
     numerator = (eps * eps * (I13 * I13 * I2 + I23 * I23 * I1)) * twice
     denominator = (I1 * I2) * (4.0 * (I1 * I2) + step * step)
@@ -93,7 +93,7 @@ def criticality(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(LAYOUT_3D + "()")
 def rotation_number(I1, I2, I13, I23, k, eps, w, out):
-    """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
+    """Compute sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2; 0 if mu**2 is negative."""
     root_a, g1, g2, _, _, _ = constants_of(I1, I2, I13, I23)
     ell, x, nu = coordinates(I13, I23, k, root_a, g1, g2, w[0], w[1])
     e = 0.5 * eps / root_a
@@ -104,13 +104,13 @@ def rotation_number(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(LAYOUT_3D + "(d)")
 def to_xy(I1, I2, I13, I23, k, eps, w, out):
-    """Equation (7): x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
+    """Compute x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2, equation (7)."""
     out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
 
 
 @universal(LAYOUT_3D + "(),(),(),()")
 def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
-    """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
+    """Compute h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
 
     Equation (9): h = D F = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2). Equation (12), with its
     sign: k1 = -(2 / eps) artanh t. sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
@@ -132,14 +132,14 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
 
 @universal(LAYOUT_3D + "(d)")
 def vector_field(I1, I2, I13, I23, k, eps, w, out):
-    """Equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
+    """Compute equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
     ell = I13 * w[0] + I23 * w[1] + k
     out[0], out[1] = -(ell * w[1]) / I1, (ell * w[0]) / I2
 
 
 @formula
 def matrix_at(I1, I2, I13, I23, k, half, w1, w2):
-    """Entries (11, 12, 21, 22) of 1 - half f', the matrix before equation (5)."""
+    """Return the entries (11, 12, 21, 22) of 1 - half f', the matrix before equation (5)."""
     ell = I13 * w1 + I23 * w2 + k
     return (
         1.0 + half * (I13 * w2) / I1,
@@ -157,7 +157,7 @@ def matrix(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def inverse_determinant(I1, I2, I13, I23, k, half, w1, w2):
-    """1 / Delta of equation (5): Delta = det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
+    """Return 1 / Delta of equation (5): Delta = det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
     Y, ell = half * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
     part = half * ell / (I1 * I2)
     square, KX = 2.0 * half * ell * part, half * k * part
@@ -168,7 +168,7 @@ def inverse_determinant(I1, I2, I13, I23, k, half, w1, w2):
 
 @universal(LAYOUT_3D + "(d,d)")
 def jacobian(I1, I2, I13, I23, k, eps, w, out):
-    """A(w; eps)**-1 A(w_next; -eps) with w_next = A(w; eps)**-1 A(0; -eps) w, by the adjugate."""
+    """Compute A(w; eps)**-1 A(w_next; -eps) by the adjugate; w_next is the next state."""
     half = 0.5 * eps
     first, second = w[0] - half * k * w[1] / I1, w[1] + half * k * w[0] / I2
     inverse = inverse_determinant(I1, I2, I13, I23, k, half, w[0], w[1])
@@ -181,7 +181,7 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(STATES_LAYOUT_3D + "(b,d)")
 def step(I1, I2, I13, I23, k, eps, w, out):
-    """The next states of B states: one frame for all, because it takes most of the divisions."""
+    """Compute the next states of B states; their common frame takes most of the divisions."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     for i in range(len(w)):
         out[i, 0], out[i, 1] = step_in_frame(frame, e, I13, I23, k, w[i, 0], w[i, 1])
@@ -189,7 +189,7 @@ def step(I1, I2, I13, I23, k, eps, w, out):
 
 @universal("(),(),(),(),(),(),(d)->(d)")
 def step_full(I1, I2, I13, I23, I3, eps, w, out):
-    """The next state of equations (3): w3_next = -w3, and the first two give the increments."""
+    """Compute the next state of equations (3): w3_next = -w3; the first two give the increments."""
     half, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
     a11, a12 = I1 + half * (I13 * w[1]), half * (x + I23 * w[1] + (I3 - I2) * w[2])
     a21, a22 = half * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - half * (I23 * w[0])
@@ -204,11 +204,11 @@ def step_full(I1, I2, I13, I23, I3, eps, w, out):
 
 @universal(LAYOUT_3D + "()")
 def reaction(I1, I2, I13, I23, k, eps, w, out):
-    """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; derivatives if eps = 0.
+    """Compute (ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2.
 
-    It is lambda of equation (2), with the differences and products of equation (4).
-    Both terms have the denominator det A, and numerators in which only those terms cancel that
-    cancel in the result, too.
+    It is lambda of equation (2), with the differences and products of equation (4); for eps = 0
+    derivatives replace the differences. Both terms have the denominator det A. Terms of the
+    numerators cancel only if they cancel in the result, too.
     """
     a, half, x = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
     ell, y = x + k, I23 * I1 * w[0] - I13 * I2 * w[1]
@@ -225,10 +225,10 @@ def reaction(I1, I2, I13, I23, k, eps, w, out):
 # ---------------------------------------------------------------------------------- n dimensions
 @formula
 def sums_of_others(I, w):
-    """The index of the largest component of w, and the sums of I_j w_j and w_j**2 over the others.
+    """Return the index of the largest |w_j|, and the sums of I_j w_j and w_j**2 over the others.
 
-    In f_i = (p w_i - I_i |w|**2) / J_i, equation (14), the terms I_i w_i**2 cancel. `force` adds up
-    the others alone, because for the largest component these terms would outweigh them.
+    In f_i = (p w_i - I_i |w|**2) / J_i, equation (14), the terms I_i w_i**2 cancel. `force` leaves
+    the largest component out of the sums, because its terms would outweigh the others.
     """
     largest, p, square = 0, 0.0, 0.0
     for j in range(len(w)):
@@ -241,7 +241,7 @@ def sums_of_others(I, w):
 
 @formula
 def force(I, w, i, largest, p, square):
-    """J_i f_i."""
+    """Return J_i f_i."""
     if i == largest:
         return p * w[i] - I[i] * square
     W = w[largest]
@@ -250,7 +250,7 @@ def force(I, w, i, largest, p, square):
 
 @formula
 def twice_energy(J, w):
-    """The sum of J_i w_i**2."""
+    """Return the sum of J_i w_i**2."""
     total = 0.0
     for j in range(len(w)):
         total += J[j] * w[j] * w[j]
@@ -264,7 +264,7 @@ def energy_nd(J, I, eps, w, out):
 
 @universal(LAYOUT_ND + "()")
 def modified_energy_nd(J, I, eps, w, out):
-    """E**2 / (E + eps**2 f.Jf / 8)."""
+    """Compute E**2 / (E + eps**2 f.Jf / 8)."""
     largest, p, square = sums_of_others(I, w)
     of_slope, of_state = 0.0, twice_energy(J, w)
     for i in range(len(w)):
@@ -276,10 +276,10 @@ def modified_energy_nd(J, I, eps, w, out):
 
 @universal(LAYOUT_ND + "()")
 def invariant_density_nd(J, I, eps, w, out):
-    """The density for two coordinates, and for three with I along axis a; b and c are the others.
+    """Compute the density for two coordinates, or for three with I along axis a.
 
-    For three the inverse of the density is, with rate = eps I_a / 2,
-    w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
+    With the other axes b and c and rate = eps I_a / 2, the inverse of the density for three is w_b
+    w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     if len(w) == 2:
         ell = I[0] * w[1] - I[1] * w[0]
@@ -300,7 +300,7 @@ def invariant_density_nd(J, I, eps, w, out):
 
 @universal(LAYOUT_ND + "(d)")
 def vector_field_nd(J, I, eps, w, out):
-    """Equation (14): (p w_i - I_i |w|**2) / J_i."""
+    """Compute equation (14): (p w_i - I_i |w|**2) / J_i."""
     largest, p, square = sums_of_others(I, w)
     for i in range(len(w)):
         out[i] = force(I, w, i, largest, p, square) / J[i]
@@ -308,7 +308,7 @@ def vector_field_nd(J, I, eps, w, out):
 
 @universal("(d),(d),(d),(d)->(d,d)")
 def reaction_between(J, I, w, after, out):
-    """lambda_ij of equation (13): I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
+    """Compute lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, (13).
 
     s is the field with polarised products: (after - w) / eps in a step, f(w) if after = w.
     """

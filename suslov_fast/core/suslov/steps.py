@@ -52,14 +52,14 @@ new_block = block_of(ROWS, int(LANES))
 
 @formula
 def frame_at(b, l):
-    """The frame of a lane."""
+    """Return the `Frame` of a lane."""
     K, a1, a2 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
     return Frame(K, a1, a2, b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l])
 
 
 @formula
 def state_at(b, l):
-    """The state of a lane; NaN where there is none."""
+    """Return the state of a lane; NaN if there is none."""
     plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
     plain, fixed = b[KIND, l] == PLAIN, b[KIND, l] == FIXED
     w1 = select(plain, plain1, select(fixed, b[W1, l], b[U, l]))
@@ -89,7 +89,7 @@ def fill_frames(b, lanes, first, width, parameters):
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
 
-    All are plain if a single trajectory is. Lanes beyond `width` repeat the first trajectory.
+    A single plain trajectory counts as all. Lanes beyond `width` repeat the first trajectory.
     """
     full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
@@ -121,7 +121,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
 @formula
 def continue_lanes(b, lanes, first, width, carry):
-    """Fill lanes with trajectories where they stopped; return the same as `start_lanes`."""
+    """Fill lanes with trajectories where they stopped; return what `start_lanes` returns."""
     plains = FIRST
     for l in range(lanes):
         for j in range(CARRIED):
@@ -137,7 +137,7 @@ def continue_lanes(b, lanes, first, width, carry):
 def take_steps(b, lanes, plains, n, pause):
     """Take lanes from state n to state `pause`. The number of lanes is a constant, for SIMD.
 
-    A lane alone stops where there is no next state; to test all lanes takes 1.4 times as long.
+    A single lane stops if there is no next state; to test all lanes takes 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
@@ -201,8 +201,8 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     has failed if the last state is far inside the range, because R is conserved.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
-    omega0       (B, 2), state 0, read where start = 0
-    carry        (CARRIED, B), written at the end and read where start > 0
+    omega0       (B, 2), state 0, read if start = 0
+    carry        (CARRIED, B), written at the end and read if start > 0
     span         (begin, end, start, stop, every, row): trajectories begin to end - 1; states with
                  numbers that are multiples of `every` go to saved[row] and on; none if that is 0
     saved, final (rows, B, 2) and (B, 2), the states at `stop`; NaN after a failure

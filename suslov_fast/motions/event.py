@@ -114,7 +114,7 @@ class Event:
     times: Any = None  # so that type checkers ask for no test of None
     most: int | None = None
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
-    _traced: dict[Any, Traced] = field(init=False, default_factory=dict)
+    _traced: dict[Any, TracedEvent] = field(init=False, default_factory=dict)
     _kept: dict[str, Any] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -239,13 +239,13 @@ def field_of(system: Any) -> Any:
     return system._field
 
 
-def traced(event: Event, system: Any) -> Traced:
+def traced(event: Event, system: Any) -> TracedEvent:
     """Return what an event is for a field, which has names and parameters."""
     key, known = (tuple(system.names), tuple(system._arrays)), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
             known.clear()
-        known[key] = Traced(event, *key)
+        known[key] = TracedEvent(event, *key)
     return known[key]
 
 
@@ -313,7 +313,7 @@ def _check_surface(surface: Any) -> None:
         raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{what}", TypeError)
 
 
-class Traced:
+class TracedEvent:
     """An event for a field with these variables and parameters, all names."""
 
     def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:

@@ -3,7 +3,7 @@
 import os
 import signal
 import sys
-import time
+import threading
 
 import children
 import numpy as np
@@ -188,13 +188,28 @@ def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
 
 
 def test_a_user_at_a_terminal_is_told_once_that_it_compiles(monkeypatch, capsys):
-    """After a while."""
+    """After a while, which is a timer's; here it has come, or not."""
+    waiting = []
+
+    class Timer:
+        def __init__(self, seconds, function):
+            assert seconds == decorators.SILENT
+            self.function = function
+
+        def start(self):
+            waiting.append(self.function)
+
+        def cancel(self):
+            waiting.clear()
+
+    monkeypatch.setattr(threading, "Timer", Timer)
     monkeypatch.setattr(decorators, "_said", [])
-    for silent, is_terminal in ((9, True), (0.1, False), (0.1, True), (0.1, True)):
-        monkeypatch.setattr(decorators, "SILENT", silent)
+    for is_long, is_terminal in ((False, True), (True, False), (True, True), (True, True)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda told=is_terminal: told)
         with decorators._compiling():
-            time.sleep(0.3)
+            for function in waiting * is_long:
+                function()
+        assert not waiting
     told = capsys.readouterr()
     assert len(told.err.splitlines()) == 1
     assert str(decorators.folder_of(decorators._loop)) in told.err

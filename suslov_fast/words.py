@@ -156,6 +156,7 @@ TABLE = (
   ("fromstring fromtext fromequations fromsecondorder", "from_equations",
    "Field(lambda x, k: (x[1], -k * x[0]), 'q p', k=1.0)"),
   ("fromfunction", "", "Field(f, names)"),
+  ("fromnambu nambu", "", "Field(f, names), where f is the cross product of two gradients"),
   ("quadraticfield", "", "Field(f, names); if f is of degree 2, it has Kahan's map"),
   ("figures picture", "figures figure", "plot_phase(*suslov_fast.Suslov3D.figure(k))"),
   ("darboux darbouxpolynomial", "polynomials darboux_polynomials", ""),

@@ -101,6 +101,12 @@ def crossed(function, brackets):
     return [brentq(function, *ends, xtol=1e-14) for ends in brackets]
 
 
+def stopping(s):
+    """Return the state after a bounce, or at rest if the ball is slower than 1/1000."""
+    is_slow = np.abs(s[1]) < 1e-3
+    return np.where(is_slow, 0, s[0]), np.where(is_slow, 0, -0.8 * s[1]), np.where(is_slow, 0, s[2])
+
+
 BOUNCE = Event("h", direction=-1, to=lambda s, e: (s[0], -e * s[1]))
 SECTION = np.arange(1, 11) - 0.5  # half turns after which a cosine is 0
 PHASE, ARC = np.arctan(0.5), np.arcsin(0.2 / np.sqrt(1.25))
@@ -109,6 +115,7 @@ TO_BLOOD = {"to": lambda s, dose: (s[0] + dose, s[1])}
 SPEED = np.sqrt(1.51)  # of a fall with friction, which takes the time SLIPS
 SLIPS = (SPEED - 0.1) / 0.75
 OF_SPRING = on_a_spring(4.6)
+OF_PRODUCT = np.add.outer(pi / 2 * np.arange(65), np.arcsin(np.sqrt(0.96)) / 2 * np.array([-1, 1]))
 SYSTEMS = {
     # ------------------------------------------------------------------------ records of surfaces
     "oscillator": Hybrid(
@@ -120,6 +127,11 @@ SYSTEMS = {
     "a surface and its double": Hybrid(
         oscillator, "q p", [1.0, 0.0], 4.0, [Event("q"), Event(lambda s: s[0])], [[pi / 2]] * 2,
         [np.cos(4.0), -np.sin(4.0)],
+    ),
+    "a product of waves": Hybrid(
+        lambda s: (1.0,), "t", [0.1], 99.9,
+        [Event(lambda s: np.sin(s[0]) ** 2 * np.cos(s[0]) ** 2 - 0.24)],
+        [np.sort(OF_PRODUCT[(OF_PRODUCT > 0.1) & (OF_PRODUCT < 100.0)]) - 0.1], [100.0],
     ),
     "decay to a level": Hybrid(
         lambda s, k, level: (-k * s[0],), "c", [3.0], 4.0, [Event(lambda s, level: s[0] - level)],
@@ -152,6 +164,12 @@ SYSTEMS = {
     # ------------------------------------------------------------------------- actions at surfaces
     "a ball": Hybrid(ball, "h v", [1.0, 0.3], 3.0, [BOUNCE], [OF_ELASTIC[0]], OF_ELASTIC[1],
                      OF_BALL),
+    "a ball that stays on the floor": Hybrid(  # by a variable that is 0 from the last bounce on
+        lambda s: (s[2] * s[1], -9.81 * s[2], 0 * s[2]), "h v flies", [1.0, 0.0, 1.0], 10.0,
+        [Event("h", direction=-1, to=stopping)],
+        [np.sqrt(2 / 9.81) * np.cumsum([1.0, *(2 * 0.8 ** np.arange(1, 39))])], [0.0, 0.0, 0.0],
+        is_smooth=False,
+    ),
     "a bounce with friction": Hybrid(  # f has the other sign after it
         lambda s, mu: (s[1], -1 - mu * np.sign(s[1])), "h v", [1.0, -0.1], 2.0,
         [Event("h", direction=-1, to=lambda s: (s[0], -s[1]))], [[SLIPS]],
@@ -203,6 +221,11 @@ SYSTEMS = {
         [Event(lambda s: s[0] - 1, to=lambda s: (s[0], s[1] + 1)),
          Event(lambda s: 2 * s[0] - 2, to=lambda s: (s[0], 10 * s[1]))], [[1.0], [1.0]],
         [2.0, 10.0],
+    ),
+    "two surfaces at once in the other order": Hybrid(
+        clock, "t n", [0.0, 0.0], 2.0,
+        [Event(lambda s: 2 * s[0] - 2, to=lambda s: (s[0], 10 * s[1])),
+         Event(lambda s: s[0] - 1, to=lambda s: (s[0], s[1] + 1))], [[1.0], [1.0]], [2.0, 1.0],
     ),
     "a change that crosses another surface": Hybrid(  # it moves with the time of the first
         lambda s, a: (1.0 + 0.5 * s[1], 0.0), "t r", [0.0, 0.0], 2.0,

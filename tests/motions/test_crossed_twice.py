@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import suslov_fast as sf
 
@@ -90,6 +91,21 @@ def test_records_of_peaks(stiff, direction, rng):
         np.testing.assert_allclose(own, times[times < 60.0], atol=2e-8 / np.sqrt(depth[i]))
     alone = sf.crossings(f[1, 0], np.transpose(x0)[4], **options)
     np.testing.assert_array_equal(alone.states, found.states[found.trajectory == 104])
+
+
+@pytest.mark.parametrize(("c", "depth", "step"), [(2, 1e-4, 0.5), (4, 1e-2, 1.0), (-4, 1e-2, 1.0)])
+def test_records_beside_a_least_value_that_is_not_where_a_parabola_has_it(c, depth, step):
+    """Of clocks, whose steps have one length; some pairs begin as a step begins."""
+    clock, t0 = field(lambda s: (1.0,), "t"), np.linspace(-2.0, -1.0, 300)
+
+    def surface(s):
+        return (1 - np.cos(s[0])) * np.exp(c * np.sin(s[0])) - depth
+
+    found = sf.crossings(clock, t0[:, np.newaxis], surface, time=3.0, max_step=step)
+    exact = [brentq(lambda t: surface([t]), *ends, xtol=1e-15) for ends in ((-0.7, 0), (0, 1))]
+    assert (found.count == 2).all()
+    times = found.time.reshape(-1, 2) + t0[:, np.newaxis]
+    np.testing.assert_allclose(times, np.tile(exact, (300, 1)), atol=1e-11)
 
 
 @pytest.mark.parametrize("stiff", [None, True, False])
@@ -181,6 +197,25 @@ def test_humps_that_oscillators_pass(kind, least, how, N, widths, rng):
     for width in np.geomspace(0.1, least, widths):
         found, right = passages(kind, width, rng, how, N)
         np.testing.assert_array_equal(found, right)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_targets_that_orbits_pass(rtol, rng):
+    """Of radius .003; passages miss its centre by up to .0028, at any place and speed."""
+    b, angle, v, t0 = (rng.uniform(*of, 100) for of in ((0, 28e-4), (0, 6.3), (0.5, 2), (0.5, 3)))
+    centre, along = rng.uniform(-0.5, 0.5, (2, 100)), np.array([np.cos(angle), np.sin(angle)])
+    place, speed = centre + b * np.array([-along[1], along[0]]), v * along  # at the time t0
+    c, s = np.cos(t0), np.sin(t0)
+    x0 = np.concatenate([place * c - speed * s, speed * c + place * s]).T
+    family = field(lambda s, p, q: (s[2], s[3], -s[0], -s[1]), 4, p=centre[0], q=centre[1])
+
+    def inside(s, p, q):
+        return 0.003 - np.hypot(s[0] - p, s[1] - q)
+
+    options = {"time": 6.0, "rtol": rtol}
+    motion = sf.flow(family, x0, events=sf.Event(inside, terminal=True), **options)
+    assert (motion.end < t0).all()
+    assert (sf.crossings(family, x0, inside, **options).count >= 2).all()
 
 
 def upward(start, end):

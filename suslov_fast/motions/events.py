@@ -286,7 +286,9 @@ def warn_of_times_that_never_come(
 ) -> None:
     """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
     for k, event in enumerate(events if count else ()):
-        times = np.empty(0) if event.times is None else event.times[np.isfinite(event.times)]
+        if event.times is None:
+            continue
+        times = event.times[np.isfinite(event.times)]
         if not times.size or ((sign * times >= 0.0) & (abs(times) <= last)).any():
             continue
         warn(

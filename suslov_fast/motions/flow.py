@@ -166,8 +166,16 @@ def flow(
         field = field or field_of(body)
         actions = actions_of(field, acting)
     x, batch = checked_starts(body, x0, batch_of(acting))
-    _warn_of_arguments(body, field, x.reshape(*batch, x.shape[1]), times, sign, acting)
-    stops = stops_of(acting, sign, batch) if acting else None
+    if isinstance(body, Field):
+        warn_of_times(body, x, times)
+        if sign > 0 and body._tables_of_time:
+            warn_of_tables(body, x, times.max(initial=0.0))
+    stops = None
+    if acting:
+        stops = stops_of(acting, sign, batch)
+        warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
+        if sign > 0:
+            warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)
@@ -190,7 +198,10 @@ def flow(
             "status": found.status.reshape(batch),
             "end": found.t.reshape(batch),
             "steps": found.steps.reshape(batch),
-            **settings._asdict(),
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": settings.max_step,
+            "stiff": settings.stiff,
             "_by": names,
             "_derivatives": of_columns,
             "events": None,
@@ -199,23 +210,6 @@ def flow(
     if acting:
         vars(motion)["events"] = events_of_records(found.records, acting, motion)
     return motion
-
-
-def _warn_of_arguments(
-    body: Any, field: Any, x: FloatArray, times: FloatArray, sign: int, events: tuple[Event, ...]
-) -> None:
-    """Warn of starts x (..., D), times and events that are likely to be mistakes."""
-    has_tables = isinstance(body, Field) and sign > 0 and body._tables_of_time
-    last = abs(times).max(initial=0.0) if has_tables or events else 0.0
-    if isinstance(body, Field):
-        starts = x.reshape(-1, x.shape[-1])
-        warn_of_times(body, starts, times)
-        if has_tables:
-            warn_of_tables(body, starts, last)
-    if events:
-        warn_of_times_that_never_come(events, sign, last, times.size)
-        if sign > 0:
-            warn_of_starts_at_rest(field, events, x)
 
 
 def motion_with_events(
@@ -322,7 +316,8 @@ def to_tolerance(
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
     moduli, is_changed = request.times, request.stops is not None
-    ascend = len(moduli) and not np.count_nonzero(moduli[1:] <= moduli[:-1])
+    count = len(moduli)
+    ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
     if ascend and (is_changed or moduli[-1] > 0.0):
         found = solve(field, x, batch, request)
         if moduli[0] == 0.0 and not is_changed:

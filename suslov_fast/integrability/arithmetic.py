@@ -1,6 +1,6 @@
 """Exact numbers, points and matrices, over the rationals and modulo random primes.
 
-Letters, such as eps, are replaced by random numbers there.
+Modulo a prime, random numbers replace letters such as eps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ODD = 1000  # above factors of denominators of fractions of floats, and of rati
 
 
 def rational(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction, a float as its binary value."""
+    """Return a number as a fraction; a float has its binary value."""
     refuse(name, value)
     return as_fraction(name, value)
 
@@ -60,10 +60,10 @@ def constant(name: str, value: Any) -> Fraction:
 
 
 def as_written(a: Any) -> Fraction:
-    """Return the number as which a float was written: a decimal, such as 0.1, or a ratio, as 8/3.
+    """Return the number that a float was written as: a decimal, such as 0.1, or a ratio, as 8/3.
 
-    A decimal has 15 digits at most, or 12 if the float is only near to it, as a sum or product of
-    floats; a ratio has a denominator of three digits. Other floats are their binary values.
+    A decimal has 15 digits at most, or 12 if the float is only near it, as after rounding errors; a
+    ratio has a denominator of at most three digits. Other floats have their binary values.
     """
     binary = Fraction(a)
     q = binary.denominator
@@ -105,7 +105,7 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
 def prime_for(numbers: Iterable[Any]) -> int:
     """Return a prime for computations with these integers, always the same one for them.
 
-    It is drawn by a generator that they seed: whatever they are multiples of, it is another prime.
+    They seed its random generator, so that they are no multiples of it, except by chance.
     """
     return random_prime(random.Random(" ".join(map(hex, numbers))))
 
@@ -117,16 +117,16 @@ def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
 
 
 def random_values(rng: random.Random, p: int) -> Values:
-    """Return random numbers modulo a prime in place of letters."""
+    """Return random numbers modulo a prime that replace letters."""
     first = rng.randrange(2, p)
     others = random.Random(first)
     return (first, *(others.randrange(2, p) for _ in EPS[1:]))
 
 
 def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
-    """Return the first result on which two primes agree, each with points or lines of its own.
+    """Return the first result that two primes agree on; each prime has its own points or lines.
 
-    The function is called with a prime and random numbers in place of letters.
+    The function is called with a prime and random numbers for letters.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
@@ -144,7 +144,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return the further arguments of a matrix: [p] for numbers modulo p, [] for rationals."""
+    """Return the extra arguments of a matrix: [p] for numbers modulo p, [] for rationals."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 
@@ -155,7 +155,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Basis of the null space: the last nonzero entry, 1 modulo a prime, is 0 in the others."""
+    """Return a null space basis: a vector's last nonzero entry, 1 modulo p, is 0 in the others."""
     columns, dimension = matrix.nullspace()
     return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 
@@ -167,7 +167,7 @@ def row_space(rows: Residues, p: int) -> Residues:
 
 
 def integer_rows(matrix: Any, count: int | None = None) -> Residues:
-    """Return the first rows of a matrix, by default all."""
+    """Return the first `count` rows of a matrix as integers, by default all rows."""
     return [[int(a) for a in row] for row in matrix.tolist()[:count]]
 
 

@@ -116,9 +116,9 @@ class RationalMap(WithLetters):
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational values of a letter without a map, or where det DPhi is 0 everywhere.
+        """The rational values of the letter for which there is no map, or det DPhi is 0 everywhere.
 
-        They are common roots of `_degeneracy` for all x: here for a few x.
+        They are the common roots of `_degeneracy` for all x, computed for a few x.
         """
         rng, common = random.Random(0), self.ring.constant(0)
         for _ in range(_POINTS):
@@ -140,7 +140,7 @@ class RationalMap(WithLetters):
     def generator(self, number: int = 0) -> random.Random:
         """Return a generator of random numbers for computations with the map.
 
-        It depends on the coefficients: one may be a multiple of primes that do not.
+        Its seed is `prime`, because coefficients may be multiples of fixed primes.
         """
         return random.Random(f"{number} {self.prime}")
 
@@ -189,7 +189,7 @@ class RationalMap(WithLetters):
             yield x
 
     def variations(self, x: Sequence[Any], length: int) -> Iterator[tuple[Sequence[Any], Any]]:
-        """Yield the points of an orbit modulo a prime, and their derivatives by the first one."""
+        """Yield the points of an orbit modulo a prime, and their derivatives by the first point."""
         p, identity = int(x[0].modulus()), np.eye(self.dimension, dtype=int)
         derivative = flint.nmod_mat(identity.tolist(), p)
         for y in self.orbit(x, length):
@@ -208,9 +208,9 @@ class RationalMap(WithLetters):
 
     @public
     def __call__(self, point: Any) -> tuple[Any, ...]:
-        """Return the image of a point, exactly; functions of eps if it is symbolic.
+        """Return the image of a point, exactly; functions of eps if eps is symbolic.
 
-        Of functions of eps, such as a first image, it is the image, too: ``map(map(x))``.
+        A point of functions of eps, such as a first image, has an image, too: ``map(map(x))``.
         """
         if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
             coordinates = over_common_denominator(map(as_function, point), self.ring)
@@ -262,7 +262,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def is_invertible(self) -> bool:
-        """True if det DPhi is not 0 at a random point modulo a prime; False without a map."""
+        """True if det DPhi is not 0 at a random point modulo a prime; False if there is no map."""
         try:
             x = arithmetic.random_point(self.dimension, self.prime)
             return bool(self.at_eps(EPS).derivative(x).det() != 0)
@@ -297,7 +297,7 @@ class RationalMap(WithLetters):
         return self.forms[-1]
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
-        """Return F_0^degree P(F / F_0), with the forms F of the map or with other ones."""
+        """Return F_0^degree P(F / F_0) for the forms F of the map, or for other forms."""
         return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
@@ -321,8 +321,8 @@ class RationalMap(WithLetters):
     def cost_of_pullback(self, P: Any, degree: int) -> float:
         """Return an estimate of the seconds that the pullback of P and its factors take.
 
-        Each term of P adds the product of a power and a form, sums of as many terms as there are
-        monomials of their degree, if the map had all of its own degree, or less if it is sparse.
+        Each term of P adds a product of powers of forms. It has as many terms as monomials of its
+        degree, or fewer if the map is sparse.
         """
         most = self.terms_of_degree(degree * self.degree) * self._fraction_of_monomials
         lengths = [len(F) for F in self.forms]
@@ -376,7 +376,7 @@ class RationalMap(WithLetters):
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none.
 
-        On a random line, all factors are divided out of P(Phi) and of P: constants are left.
+        On a random line, all factors are divided out of P(Phi) and of P; constants must remain.
         """
         degree, (line, F, factors) = degree_of(P), self._on_random_line
         numerator = self.pullback(P, degree, F)
@@ -402,7 +402,7 @@ def check_one_letter(map: RationalMap) -> None:
 
 
 def check_map(map: Any) -> None:
-    """Raise an error for anything but a map, and for equations that define none."""
+    """Raise an error unless this is a map, with equations that define one."""
     if not isinstance(map, RationalMap):
         how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")

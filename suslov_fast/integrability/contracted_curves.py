@@ -1,16 +1,16 @@
 """Curves that a birational map of the plane contracts, and the orbits of their images.
 
-A contracted curve C goes to a point q, and on to points f(q), f(f(q)), ... If one of them has no
-image, the singularity may be confined: a neighbourhood of C then goes to one of another curve. The
-degrees of iterates follow from orders in t along a germ c + t v, with a generic point c of C: of
-the common factor of the coordinates of its image, and of each contracted curve. They are computed
-modulo a prime, for two germs.
+A contracted curve C is mapped to a point q, then to f(q), f(f(q)), ... If one of these has no
+image, the singularity may be confined: then a neighbourhood of C is mapped to a neighbourhood of
+another curve. Take a germ c + t v with a generic point c of C. The degrees of iterates follow from
+orders in t along it: the order of the common factor of the coordinates of its image, and the order
+of each contracted curve. They are computed modulo a prime, for two germs.
 
 Then they are proved at the general point of the curve, with a parameter s: of a line, of one of
 several conjugate lines, or of a conic. The coordinates of the germ are polynomials in s, in eps if
-it is symbolic, and in r, an algebraic number: that of one of the lines, or of a point of the conic.
-Orders of a curve that is no line are exact, too, if the forms have them as multiplicities at the
-points of the orbit of one point.
+it is symbolic, and in an algebraic number r, which gives one of the lines or a point of the conic.
+For other curves, orders are exact, too, if they are the multiplicities of the forms at the points
+of the orbit of one point.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coeff
 class Passage(NamedTuple):
     """The orders of a germ across a contracted curve, step by step.
 
-    After k steps the germ is at a point if k < `steps`; then it crosses a curve again, or `steps`
-    is None if it does not within the steps that were computed. `common_orders[k - 1]` is the order
-    of the common factor of the next image, `curve_orders[k - 1]` those of the contracted curves, up
-    to the last point without an image. If such points come again and again, the passage is
-    `endless`, and has the orders of all steps that were computed.
+    After k steps the germ is at a point if k < `steps`; then it crosses a curve again. `steps` is
+    None if it does not within the computed steps. `common_orders[k - 1]` is the order of the common
+    factor of the next image. `curve_orders[k - 1]` are the orders of the contracted curves, up to
+    the last point without an image. If such points come again and again, the passage is `endless`,
+    with the orders of all computed steps.
     """
 
     common_orders: tuple[int, ...]
@@ -68,7 +68,7 @@ class Passage(NamedTuple):
 
     @property
     def series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
-        """Polynomials P, Q with P / Q = sum of orders z^k: of `common_orders`, and of each curve.
+        """Polynomials P, Q with P / Q = sum of orders z^k: for `common_orders`, and for each curve.
 
         None if the passage is endless and its orders show no such quotient.
         """
@@ -119,7 +119,7 @@ class Plane:
 class Step(NamedTuple):
     """The image of a germ without its common factor; orders of this factor and of curves.
 
-    The latter are at most the number of terms.
+    Orders of curves are at most the number of terms.
     """
 
     germ: list[Any]
@@ -140,7 +140,7 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor of a curve on which there are points with coordinates modulo p, if any.
+        """Return a factor of a curve that has points with coordinates modulo p, if any.
 
         Conjugate lines are one curve over the rationals; their points go to different points.
         """
@@ -199,7 +199,7 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the passage of two germs, endless if there are too few terms."""
+        """Return the passage of two germs; it is `endless` if there are too few terms."""
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps whose orders of curves are less than the number of terms
@@ -242,9 +242,9 @@ def _order(P: Any, terms: int) -> int:
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the passages across all contracted curves, which are the same for two primes.
+    """Return the passages across all contracted curves on which two primes agree.
 
-    None if no primes show them.
+    None if no primes agree.
     """
     rng, numbers = plane.map.generator(), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
@@ -262,7 +262,7 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 
 def _agree(passages: list[Passage]) -> bool:
-    """Return True if the last passage is one that another prime has shown."""
+    """Return True if the last passage equals the passage of another prime."""
     return bool(passages) and passages[-1] in passages[:-1]
 
 
@@ -275,7 +275,7 @@ _NUMBERS = range(1, 9)  # in place of s
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """Return True if the orders of a passage are exact, up to its last point without an image.
 
-    The orders modulo a prime are at least the true ones, so those that are 0 are exact.
+    Orders modulo a prime are at least the true orders, so orders that are 0 are exact.
     """
     if passage.endless:
         return False
@@ -296,7 +296,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
 
 class _Germs:
-    """Germs across a curve, at its general point: polynomials in eps, r, s, and t as the last."""
+    """Germs across a curve, at its general point: polynomials in eps, r, s and, last, t."""
 
     def __init__(self, plane: Plane, number: int) -> None:
         self._plane, self._curve = plane, plane.curves[number]
@@ -318,7 +318,7 @@ class _Germs:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return a point of the curve on a line; conjugate ones behave alike."""
+        """Return a point of the curve on a line; conjugate points behave alike."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
@@ -354,7 +354,7 @@ class _Germs:
         return [P.derivative(self._plane.symbolic + j) for j in range(3)]
 
     def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
-        """Return the values of forms, without powers of t from a number of terms on."""
+        """Return the values of forms, without the powers of t from `terms` on."""
         values = (F.compose(*self._eps, *x, ctx=self._ring) for F in forms)
         return [self._reduced(_cut(P, terms)) for P in values]
 
@@ -387,9 +387,9 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if forms have the orders of a passage with one base point as multiplicities.
+        """Return True if the orders of a passage with one base point are multiplicities of forms.
 
-        That is, if all of their derivatives below this order vanish at the points of the orbit.
+        That is, if all derivatives below this order vanish at the points of the orbit.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:
@@ -413,7 +413,7 @@ class _Germs:
         return False
 
     def _simplest(self, x: list[Any]) -> list[Any]:
-        """Return the multiple of a point with a coordinate that does not depend on r."""
+        """Return the multiple of a point that has a coordinate without r."""
         n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
         zeros = [self._ring.constant(0)] * n
 
@@ -437,7 +437,7 @@ class _Germs:
 
 
 def _cut(P: Any, terms: int) -> Any:
-    """Return a polynomial without powers of t from a number of terms on."""
+    """Return a polynomial without the powers of t from `terms` on."""
     return P.context().from_dict({e: c for e, c in P.to_dict().items() if e[-1] < terms})
 
 
@@ -466,6 +466,6 @@ def without_common_factor(x: Sequence[Any]) -> list[Any]:
 
 
 def _is_large(x: Sequence[Any]) -> bool:
-    """Return True if coordinates have too many terms, or too long ones, to go on."""
+    """Return True if coordinates have too many terms, or too large numbers, to continue."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
     return bits > LONGEST or sum(map(len, x)) > _MONOMIALS

@@ -1,6 +1,6 @@
 """Darboux polynomials, P(Phi(x)) = C(x) P(x), of a cofactor C, and cofactors that have such P.
 
-P solves linear equations at random points modulo a prime; cofactors are products of powers of the
+P solves linear equations at random points modulo a prime. Cofactors are products of powers of the
 factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
 """
 
@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of the polynomials with a cofactor, None for det DPhi, times a sign."""
+    """Return a basis of the polynomials with a cofactor times a sign; None means det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -54,7 +54,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
-    """Return the dimension of the space of `space_of`, modulo one prime."""
+    """Return the dimension, modulo one prime, of the space that `space_of` computes."""
     matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
@@ -123,7 +123,7 @@ def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield cofactors that have polynomials up to a degree.
 
-    The others are products of these and of polynomials of lower degrees.
+    Cofactors left out are products of these and of cofactors of lower degrees.
     """
     for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)
@@ -131,7 +131,7 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors of polynomials of a degree that are 0 where the map has poles.
+    """Yield cofactors of polynomials of a degree that are 0 at the poles of the map.
 
     Such a polynomial need not divide its pullback, so that its cofactor is no candidate.
     """
@@ -185,9 +185,9 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield products of powers of factors that are cofactors of polynomials up to constants.
+    """Yield products of powers of factors that may be cofactors of polynomials, up to constants.
 
-    Necessary ones, not sufficient.
+    The conditions are necessary, not sufficient.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
@@ -205,7 +205,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield the constants, times a candidate, for which there are polynomials.
+    """Yield a candidate times each constant for which there are polynomials.
 
     The constants are eigenvalues of the pullback divided by the candidate.
     """
@@ -216,7 +216,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return the matrix of the pullback divided by the candidate, by n of the points."""
+            """Return the minimal polynomial of pullback / candidate, by n of the points."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
@@ -273,7 +273,7 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Extend powers of the first factors that all divide some pullback, to the degree left."""
+        """Extend powers of the first factors that divide some pullback to the degree `left`."""
         k = len(powers)
         if k == len(divisors):
             yield powers[at_infinity:]

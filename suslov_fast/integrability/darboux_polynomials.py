@@ -1,6 +1,6 @@
 """The Darboux polynomials of a map up to a degree, of one cofactor or of all.
 
-Polynomials that are combinations of products of others of lower degree are left out.
+Combinations of products of polynomials of lower degree are left out.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
-    """Yield the degrees of iterates on a random line; end where the line has no image."""
+    """Yield the degrees of iterates on a random line; end if the line has no image."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
     while True:
         try:
@@ -164,7 +164,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
 
 
 def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
-    """Return polynomials P and Q with P / Q = sum of terms[k] z**k; None if none are evident."""
+    """Return polynomials P and Q with P / Q = sum of terms[k] z**k; None if the terms show none."""
     found = common_series([terms])
     return found[0] if found else None
 
@@ -212,9 +212,9 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 
 
 def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int] | None:
-    """Return the coefficients of a recurrence of sequences, of this order but no lower one.
+    """Return the coefficients of a recurrence of sequences, of this order but no lower order.
 
-    None without a recurrence, or with fewer equations than unknowns plus `spare`.
+    None without a recurrence, or if there are not `spare` more equations than unknowns.
     """
     steps = len(sequences[0]) - order
     if steps < _SPARE:
@@ -251,7 +251,7 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
 
 
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
-    """Return a recurrence in words, and which of a number of degrees satisfy it."""
+    """Return a recurrence as text, and which of `number` degrees satisfy it."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"
@@ -261,7 +261,7 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
 
 
 def _by_quotients(d: list[int]) -> Growth:
-    """Return a text on the last quotients of degrees without a recurrence."""
+    """Return the growth by the last quotients of degrees without a recurrence."""
     last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
     if len(last) <= _LAST or min(last) == 0:
         return Growth("unclear", math.nan, text)

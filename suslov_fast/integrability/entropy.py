@@ -1,7 +1,7 @@
 """Exact algebraic entropy of birational maps of the plane, from the curves that they contract.
 
-It is the log of the largest root of the characteristic polynomial of the action on the plane that
-is blown up at the points of confined orbits (Diller and Favre 2001).
+Blow up the plane at the points of confined orbits. The entropy is the log of the largest root of
+the characteristic polynomial of the action on it (Diller and Favre 2001).
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...])
 def proved_by_integral(
     found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
-    """Return the entropy 0 if a first integral is known by identity, else what was found.
+    """Return the entropy 0 if a first integral is known by identity, else `found`.
 
     A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
     """
@@ -199,7 +199,7 @@ def proved_by_integral(
 
 
 def _few_degrees(map: RationalMap) -> Iterator[int]:
-    """Yield the degrees of iterates on random lines as long as they take little time."""
+    """Yield the degrees of iterates on random lines while they take little time."""
     for degree in islice(agreed_degrees(map), _DEGREES):
         yield degree
         if degree > _HIGHEST:
@@ -231,11 +231,11 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 
 
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
-    """Return polynomials P and Q in z, P / Q = 1 + sum of d_n z^n, from the equations above.
+    """Return polynomials P and Q in z with P / Q = 1 + sum of d_n z^n, the degrees of iterates.
 
-    For generating functions the equations are linear; Q is their determinant, and the polynomial of
-    1 / z that of the recurrence of degrees. If a passage has no end, the generating functions of
-    its orders are quotients; None if none are seen.
+    For generating functions the equations are linear, and Q is their determinant; Q(1 / z) gives
+    the recurrence of degrees. If a passage is endless, the generating functions of its orders are
+    quotients; None if no quotients are found.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]

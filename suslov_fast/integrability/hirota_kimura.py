@@ -179,7 +179,7 @@ def hk_bases(
 
 
 def _exponents_of(monomials: Any, n: int) -> Exponents:
-    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
+    """Return the exponents of monomials in n variables; for a degree, in ascending order."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)
         check_unknowns("monomials", degree, n, _MOST)
@@ -196,7 +196,7 @@ def _exponents_of(monomials: Any, n: int) -> Exponents:
 
 
 def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
-    """Return polynomials with quotients that are first integrals, until enough are independent."""
+    """Return polynomials whose quotients are first integrals, until enough are independent."""
     search = Search(map, degree, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:

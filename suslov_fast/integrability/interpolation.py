@@ -4,11 +4,11 @@ A search modulo a prime p and at numbers in place of letters returns a matrix in
 entries are interpolated over the numbers, and reconstructed from several p. The result is accepted
 if it predicts the matrix for another p and other numbers.
 
-On lines s + z t through a point s an entry is a quotient N / D of polynomials in z, by Euclid's
-algorithm (Cuyt and Lee 2011). The coefficients of a power of z are homogeneous polynomials in t, of
-which the terms are the roots of a recurrence of values at t = (2^i, 3^i, 5^i, ...) (Ben-Or and
-Tiwari 1988). No bounds of degrees are needed, time grows with the number of terms, and all entries
-share the values.
+On a line s + z t through a point s an entry is a quotient N / D of polynomials in z, by Euclid's
+algorithm (Cuyt and Lee 2011). The coefficient of a power of z is a homogeneous polynomial in t. Its
+monomials follow from the recurrence of its values at t = (2^i, 3^i, 5^i, ...) (Ben-Or and Tiwari
+1988). No bounds of degrees are needed, time grows with the number of terms, and all entries share
+the values.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
 class Watch:
-    """Methods that are called while functions are interpolated. An exception ends the search."""
+    """Callbacks during an interpolation. An exception in a method ends the search."""
 
     def at_values(self, done: int) -> None:
-        """Called before the values at further numbers, with the count of those that are done."""
+        """Receive the number of values done, before each further value."""
 
     def gave_up(self, reason: str) -> None:
-        """Called if functions are left out."""
+        """Receive the reason why functions are left out."""
 
 
 _NOBODY = Watch()
@@ -58,9 +58,9 @@ class Unknown(ArithmeticError):
 
 
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
-    """Return the rows that a search finds by their residues: quotients of polynomials in letters.
+    """Return the rows that a search finds modulo primes, as quotients of polynomials in letters.
 
-    None if their coefficients are too long, or they have too many terms.
+    None if coefficients are too large, or there are too many terms.
     """
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their terms
     candidate: Rows | None = None
@@ -108,7 +108,7 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return the terms with the simplest fractions that have these residues."""
+    """Return terms with the simplest fractions that have these residues."""
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -121,7 +121,7 @@ def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
 
 
 def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> bool:
-    """Return True if rows at these numbers agree with the rows found, modulo a prime."""
+    """Return True if rows at these numbers agree with the rows `found`, modulo a prime."""
 
     def value(terms: Terms) -> int:
         return value_of({e: int(flint.nmod(fmpq(c), p)) for e, c in terms.items()}, values, p)
@@ -148,7 +148,7 @@ def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
 def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
     """Return numerators and denominators modulo a prime; one coefficient of a denominator is 1.
 
-    ZeroDivisionError where a point or a line is special.
+    ZeroDivisionError at a special point or line.
     """
 
     def parameters(size: int) -> list[int]:
@@ -206,7 +206,7 @@ def _terms(P: Any) -> Terms:
 
 
 def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
-    """Return multiples of N and D, the latter with a coefficient 1, in the order of exponents."""
+    """Return multiples of N and D, sorted by exponent, such that a coefficient of D is 1."""
     scale = pow(D[max(D)], -1, p)
     N, D = ({e: c * scale % p for e, c in sorted(P.items())} for P in (N, D))
     return N, D
@@ -224,9 +224,9 @@ class Line:
             self._zeros *= flint.nmod_poly([-c, 1], p)
 
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
-        """Return N and D of least degrees with these values of N / D; None with too few values.
+        """Return N and D of least degrees with these values of N / D; None if values are too few.
 
-        The search ends at N of the degree `lowest`.
+        The search ends when N has the degree `lowest`.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
@@ -245,7 +245,7 @@ def _size(N: Any, D: Any) -> int:
 
 
 class _Entry:
-    """One function: the coefficients of N and D on lines, and its terms when they are known."""
+    """One function: coefficients of N and D on lines, and its terms once they are known."""
 
     def __init__(self, degrees: Sequence[int], s: Sequence[int], p: int) -> None:
         self.degrees, self.s, self.p = degrees, s, p
@@ -253,7 +253,7 @@ class _Entry:
         self._on_lines: list[list[list[int]]] = []
 
     def add(self, pair: Any) -> None:
-        """Add the quotient on a further line; that of s is D = 1."""
+        """Add the quotient on a further line, scaled so that D is 1 at s."""
         if pair is None or pair[1][0] == 0:
             raise ZeroDivisionError
         scale = 1 / pair[1][0]
@@ -271,7 +271,7 @@ class _Entry:
             self.parts = None if None in parts else parts  # type: ignore[assignment]
 
     def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N or D; terms of the highest degree are known first."""
+        """Return the terms of N or D, from the highest degree down."""
         lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
         for k in range(self.degrees[number], -1, -1):
             top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)
@@ -330,7 +330,7 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
 def _recurrence(values: Sequence[int], p: int) -> Any:
     """Return the characteristic polynomial of the shortest linear recurrence of values.
 
-    As Euclid's algorithm of z^n and the polynomial with these coefficients shows it.
+    It comes from Euclid's algorithm for z^n and the polynomial with these coefficients.
     """
     n = len(values)
     last, R = flint.nmod_poly([0] * n + [1], p), flint.nmod_poly([*values[::-1]], p)

@@ -4,10 +4,10 @@ If P and Q have one cofactor, P / Q is a first integral; if P has the cofactor d
 the density of a measure. Products of powers have products of cofactors: relations between these,
 ``C_1**e_1 ... C_n**e_n = 1``, are vectors of a lattice.
 
-Polynomials of one cofactor span a space, and any two of them have a first integral as quotient. In
-normal form they are the reducible members of a pencil, if there are any. Where eps is symbolic, the
-limit of numerator and denominator for eps to 0 counts as well; where it is a number, the normal
-form is that with a symbolic eps, evaluated, so that the same map has the same formulas.
+The polynomials of one cofactor span a space, and quotients of any two are first integrals. A basis
+in normal form consists of the reducible members of a pencil, if there are any. If eps is symbolic,
+the limits of numerator and denominator for eps to 0 count as well. If eps is a number, the normal
+form is that of the symbolic eps, evaluated, so that the same map has the same formulas.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Invariants:
         self._point = arithmetic.random_point(map.dimension, self.p)
 
     def value(self, cofactor: Any) -> int:
-        """Return the value of a cofactor at the random point, which stands for it."""
+        """Return the value of a cofactor at the random point, which identifies the cofactor."""
         return int(cofactor.values_modulo(self.p, EPS, [self._point])[0])
 
     # Generators and their products.
@@ -110,7 +110,7 @@ class Invariants:
             self._start_with(self.generators)
 
     def add(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add a generator; return the value of the cofactor and the degree of each new product."""
+        """Add a generator; return (value of cofactor, degree) of each new product."""
         self.multiply_up_to(generator.degree)
         added = self._multiply_by(generator)
         kept = [g for g in self.generators if not self._is_combination(g)]
@@ -119,7 +119,7 @@ class Invariants:
         return added
 
     def is_known(self, P: Any, cofactor: Any) -> bool:
-        """Return True for a combination of products of generators, and for constants."""
+        """Return True if P is a constant or a combination of products of generators."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
         elements = self.elements(self.value(cofactor), degree)
@@ -131,14 +131,14 @@ class Invariants:
             self._multiply_by(g)
 
     def _is_combination(self, generator: RationalFunction) -> bool:
-        """Return True for a combination of products of generators of lower degree."""
+        """Return True if a generator is a combination of products of generators of lower degree."""
         products = self.products[self.value(generator.cofactor)]
         of_several = [product for product in products if sum(product.powers) > 1]
         lower = [self.polynomial(self.power_product(product.powers)) for product in of_several]
         return rank([*lower, self.polynomial(generator)]) == rank(lower)
 
     def _multiply_by(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add the products of all known products and powers of a new generator; as `add`."""
+        """Add the products of all known products and powers of a new generator; return as `add`."""
         cofactor: Any = generator.cofactor
         factor, new = self.value(cofactor), []
         number = len(self.generators)
@@ -159,7 +159,7 @@ class Invariants:
         return new
 
     def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace the generators of a cofactor by others of the same degrees; return these."""
+        """Replace the generators of a cofactor by new ones of the same degrees; return these."""
         numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
         numbers.sort(key=lambda k: self.generators[k].degree)
         polynomials = sorted(polynomials, key=degree_of)
@@ -206,7 +206,7 @@ class Invariants:
     def integrals(self) -> tuple[RationalFunction, ...]:
         """Independent first integrals of least degree.
 
-        They are quotients, and products of powers whose cofactors multiply to 1.
+        They are quotients, and products of powers with cofactors that multiply to 1.
         """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
@@ -214,7 +214,7 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation, if possible the formula with a symbolic eps at eps."""
+        """Return the integral of a relation, if possible its formula for a symbolic eps at eps."""
         product = self.power_product(powers)
         pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
         if pairs and all(text in self.symbolic_generators for text, _ in pairs):
@@ -249,9 +249,9 @@ class Invariants:
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
-        """Densities of invariant measures, from one cofactor or else from several.
+        """Densities of invariant measures, from one cofactor, else from several.
 
-        If there is none, one up to sign, which has the cofactor -1.
+        If there is none: a density up to sign, with the cofactor -1.
         """
         densities = [*self.densities, *self.early_densities]
         det = self.map.jacobian_cofactor if self.has_factors else None
@@ -283,18 +283,18 @@ class Invariants:
 
 
 def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the key by which functions are sorted, short ones first, as by `sort_key`."""
+    """Return the sort key of functions, which puts short ones first, as `sort_key` does."""
     keys = [(sort_key(P), e) for P, e in f.factors]
     return f.degree, sum(count for (_, count, *_), _ in keys), keys
 
 
 def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the key of densities: a zero of the denominator at 0 is of low order."""
+    """Return the sort key of densities: zeros of low order of the denominator at 0 come first."""
     return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f, such that the numerator has the higher degree, or is 0 at 0."""
+    """Return f or 1 / f: the one with a numerator of higher degree, or that is 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -304,7 +304,7 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
-    """Return a function of f with a limit for eps to 0 that is not constant."""
+    """Return a function of f that has a nonconstant limit for eps to 0."""
     if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
         return without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())
@@ -323,10 +323,10 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return short exponents with which products of cofactors are 1, a basis of all.
+    """Return a basis, of short vectors, of exponents with which products of cofactors are 1.
 
-    The vector of a cofactor has the exponents of polynomials, of coprime factors of the constant,
-    and of -1. Of the last exponent only the parity counts.
+    The vector of a cofactor has the exponents of its polynomials, of coprime factors of its
+    constant, and of -1. Of the exponent of -1 only the parity counts.
     """
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
@@ -349,7 +349,7 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
 
 
 def _coprime_factors(numbers: Iterable[Any]) -> list[int]:
-    """Return coprime numbers above 1 that have these as products of powers."""
+    """Return coprime numbers above 1; each given number is a product of their powers."""
     base: list[int] = []
     left = [*map(int, numbers)]
     while left:
@@ -384,7 +384,7 @@ class NormalForms:
         self._symbolic: Any = None  # the map with a symbolic eps
 
     def update(self, value: int) -> list[RationalFunction]:
-        """Bring the space of a cofactor into normal form; return the generators that are new."""
+        """Bring the space of a cofactor into normal form; return the new generators."""
         known = self.invariants
         elements = known.elements(value, known.highest(value))
         space = [known.polynomial(f) for f in elements]
@@ -404,7 +404,7 @@ class NormalForms:
     def _basis_and_quotients(
         self, value: int, space: list[Any]
     ) -> tuple[list[Any], list[RationalFunction]]:
-        """Return the basis in normal form of a space, and the integrals that are its quotients."""
+        """Return the basis of a space in normal form, and its quotients, which are integrals."""
         map = self.map
         if isinstance(map, KahanMap) and map.eps is not None:
             symbolic = self._symbolic_space(value, max(degree_of(P) for P in space))
@@ -419,7 +419,7 @@ class NormalForms:
         return basis, quotients(basis)
 
     def _at_number(self, P: Any) -> Any:
-        """Return a polynomial with a symbolic eps at the number eps of the map, primitive."""
+        """Return a polynomial in a symbolic eps at the number eps of the map, primitive."""
         map: Any = self.map
         f = factored(modulo(P, 0, [arithmetic.fmpq(map.eps)]))
         return replace(f, constant=Fraction(1)).as_quotient(map.ring)[0]
@@ -438,7 +438,7 @@ class NormalForms:
             return None
 
     def _symbolic_cofactor(self, cofactor: RationalFunction) -> RationalFunction | None:
-        """Return the product of factors of the map with a symbolic eps that is this cofactor."""
+        """Return the product of factors, for a symbolic eps, that is this cofactor at eps."""
         eps = self.map.eps  # type: ignore[attr-defined]
         exponents = {str(f): e for f, e in cofactor.factors}  # that are left to explain
         powers = []
@@ -470,10 +470,10 @@ def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
 
 
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[Any]:
-    """Return a basis of a space in normal form: first the denominator of its integrals.
+    """Return a basis of a space in normal form, which begins with the denominator of integrals.
 
-    The denominator is of least degree in the limit, the others make the limit of their quotients
-    independent; those that are preferred, and then polynomials with many factors, come first.
+    The denominator has the least degree in the limit. The others make the limits of quotients
+    independent; `preferred` polynomials come first, then polynomials with many factors.
     """
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
@@ -496,7 +496,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
 
 
 def _order_of_denominator(P: Any) -> tuple[Any, ...]:
-    """Return the key of denominators; of equal ones the first is taken."""
+    """Return the sort key of denominators."""
     in_limit = limit(P)
     return degree_of(in_limit), degree_of(P), not has_constant_term(in_limit), not is_definite(P)
 
@@ -516,7 +516,7 @@ def is_definite(P: Any) -> bool:
 def in_echelon_form(space: Sequence[Any]) -> list[Any]:
     """Return the basis with different first monomials, of high degree before low.
 
-    No polynomial has the last monomial of one after it: constants are in the last.
+    No polynomial contains the last monomial of a later one: constants are in the last.
     """
     monomials = {e for P in space for e in exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)
@@ -534,7 +534,7 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
 
 
 def _without(P: Any, pivot: Any, monomial: tuple[int, ...]) -> Any:
-    """Return a combination of two polynomials that lacks a monomial of the second."""
+    """Return the combination of P and `pivot` that does not contain a monomial of `pivot`."""
     if (c := coefficient_of(P, monomial)) == 0:
         return P
     return without_content(coefficient_of(pivot, monomial) * P - c * pivot)

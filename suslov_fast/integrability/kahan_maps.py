@@ -78,7 +78,7 @@ class KahanMap(RationalMap):
         return self._at(None if self.eps is None else -self.eps, -self._sign)
 
     def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
-        """Return the map for another eps; for a symbolic one with its sign."""
+        """Return the map for another eps; a symbolic eps has this sign."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
         # These take long, and do not depend on eps.
@@ -108,7 +108,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _rates(self) -> tuple[list[tuple[tuple[int, ...], Any]], Any]:
-        """The terms of the field with integers, or polynomials in letters, over a denominator."""
+        """The terms of the field as integers, or polynomials in letters, over one denominator."""
         if self.in_letters is None:
             return _integers(self.terms)
         *values, common = over_common_denominator(self.in_letters.rates.values(), self.ring)
@@ -153,7 +153,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _forms(self) -> list[Any]:
-        """Return `_equations` with entries (j, a), for terms a x_j, at eps."""
+        """The `_equations` at eps; an entry is a list of (j, a), for terms a x_j."""
         if self.eps is None:
             eps, unit = self._sign * self.ring.gens()[0], 1
         else:
@@ -229,10 +229,10 @@ class KahanMap(RationalMap):
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is symbolic.
+        """The rational eps for which there is no map, or det DPhi is 0 everywhere.
 
-        They come in pairs eps, -eps: where the image of the map is of lower dimension, so is that
-        of its inverse, or there is none.
+        They come in pairs eps, -eps: if the image of the map has a lower dimension, so has the
+        image of its inverse, or there is none.
         """
         return tuple(sorted({sign * eps for eps in super().degenerate_eps for sign in (1, -1)}))
 
@@ -301,7 +301,7 @@ class KahanMap(RationalMap):
 
 
 def _slope(P: Any, i: int) -> Any:
-    """Return the derivative of a polynomial by the variable x of a number, from 0."""
+    """Return the derivative of a polynomial by the variable x_i, counted from 0."""
     return P.derivative(i + letters_in(P))
 
 
@@ -369,7 +369,7 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
 
 
 def exact_body(body: Any) -> Any:
-    """Return a single body with its fractions, and with its floats as they were written."""
+    """Return a single body with fractions as parameters; floats count as they were written."""
 
     def read(a: Any) -> Fraction:
         return a if isinstance(a, Fraction) else as_written(a)

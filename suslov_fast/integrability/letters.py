@@ -19,9 +19,9 @@ from .rational_maps import checked_letters, rational_map
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
-    """Return a map, or the map of a system, after a check: Kahan's map of a field for any eps.
+    """Return a map after a check; for a system its map, for a field Kahan's map for any eps.
 
-    Letters are names of parameters of the system that stay symbols, too.
+    `letters` are names of parameters of the system that stay symbols, too.
     """
     is_given = letters is None and not isinstance(map, Body)
     checked: Any = map if is_given else exact_map(map, None, letters)

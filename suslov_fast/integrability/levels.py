@@ -2,7 +2,7 @@
 
 Two rules make coordinates of a level: an integral of degree 1 in a variable is solved for it, and
 one quadric in three variables is projected from one of its points. Polynomials are in the letter
-and x1, ..., xD, or x1 and x2, also if no letter occurs; points are homogeneous, (x1, ..., xD, 1)
+and x1, ..., xD, or x1 and x2, even if no letter occurs. Points are homogeneous, (x1, ..., xD, 1)
 times a polynomial in the letter.
 """
 
@@ -54,9 +54,9 @@ _WIDTH = 60  # characters of a polynomial in the text
 class Level:
     """A map on a level of its integrals, as `on_level` returns it.
 
-    `map` is the birational map of two coordinates of the level, x1 and x2. `chart` has these as
-    functions of the variables, and `embedding` the variables as functions of the coordinates. `how`
-    says which level it is, and which rule made the coordinates.
+    `map` is the birational map in two coordinates of the level, x1 and x2. `chart` are these
+    coordinates as functions of the variables, and `embedding` are the variables as functions of the
+    coordinates. `how` says which level it is, and which rule made the coordinates.
     """
 
     map: RationalMap
@@ -121,7 +121,7 @@ def on_level(
 
 
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
-    """Return the level of integrals through a point, or the generic one, as `on_level`."""
+    """Return the level of integrals through a point, or the generic level, as `on_level`."""
     D = map.dimension
     if D < 3 or not map.inverse or not map.is_invertible:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
@@ -192,7 +192,7 @@ class _Equations:
     # Which level.
 
     def by_value(self) -> Level | None:
-        """Return the level on which the integral is the letter; None if it cannot be solved so."""
+        """Return the level on which the integral equals the letter; None if it cannot be solved."""
         if self.D > 3:
             return None
         ((P, Q),) = self.parts
@@ -200,7 +200,7 @@ class _Equations:
         return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
 
     def generic_point(self) -> tuple[list[Any], str]:
-        """Return a point with the letter as a coordinate, which gives the simplest values."""
+        """Return a point with the letter as a coordinate, chosen for simple values of integrals."""
         found = []
         for j in range(self.D):
             x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]
@@ -235,7 +235,7 @@ class _Equations:
     # Coordinates.
 
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
-        """Return the level with its equations solved, by a quadric if one is left."""
+        """Return the level after its equations are solved, by a quadric if one remains."""
         names = self.map.names or labels(self.D)
         how = (
             [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []
@@ -295,7 +295,7 @@ class _Equations:
         return Level(found, *functions, how)
 
     def _without_letter(self, P: Any) -> Any:
-        """Return a polynomial in the ring of results, which has no letter if none is symbolic."""
+        """Return a polynomial in the ring of results, which may lack the letter."""
         n = variables_of(P)
         terms = {(*e,) if self.letter else (*e[1:],): c for e, c in P.terms()}
         return polynomial_ring(n, bool(self.letter)).from_dict(terms)
@@ -335,9 +335,9 @@ class _Equations:
 
 
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
-    """Return the equations after as many as possible are solved for variables.
+    """Return the equations of a level after as many as possible are solved for variables.
 
-    Of several components of a level that is left, that through the point x counts.
+    If the remaining level has several components, the component through the point x counts.
     """
     best = _Solved([], equations, variables)
     candidates = []
@@ -383,12 +383,12 @@ def _component(P: Any, x: list[Any]) -> Any:
 
 
 def _of_variables(P: Any, places: list[int]) -> Any:
-    """Return a polynomial in some of the variables as one in these alone."""
+    """Return a polynomial in some of the variables, in a ring of these variables alone."""
     terms = {(e[0], *(e[1 + k] for k in places)): c for e, c in P.terms()}
     return polynomial_ring(len(places), True).from_dict(terms)
 
 
 def _in_ring(P: Any, ring: Any) -> Any:
-    """Return a polynomial in a ring with a letter, which it may have or not."""
+    """Return a polynomial, with a letter or without, in a ring with a letter."""
     first = () if letters_in(P) else (0,)
     return ring.from_dict({(*first, *e): c for e, c in P.terms()})

@@ -1,10 +1,10 @@
-"""Linear relations ``sum_i c_i m_i(x_k) = 0`` of monomials along orbits, and integrals by them.
+"""Linear relations ``sum_i c_i m_i(x_k) = 0`` of monomials along orbits, and their integrals.
 
-Relations are the null space of the monomials at the points x_k of an orbit, which has some points
-more than there are monomials (Petrera, Pfadler and Suris, arXiv:1008.1040). The coefficients depend
-on the orbit alone. If there is no relation between fewer of its monomials, a relation is unique up
-to a factor, so each quotient c_i / c_j is a rational first integral. Its formula may have thousands
-of terms; its value at a point follows from a few points of the orbit.
+Relations are the null space of the monomials at the points x_k of an orbit, which has some more
+points than there are monomials (Petrera, Pfadler and Suris, arXiv:1008.1040). The coefficients
+depend on the orbit alone. If there is no relation between fewer of its monomials, a relation is
+unique up to a factor, so each quotient c_i / c_j is a rational first integral. Its formula may have
+thousands of terms; its value at a point follows from a few points of the orbit.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def gradients_of_coefficients(
     """Return the gradients by x of the coefficients of relations, by relation and coefficient.
 
     They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
-    the points x_k of the orbit of x. Relations must be a basis in echelon form: the coefficients
-    that can be chosen freely, as many as relations, are constant and left out.
+    the points x_k of the orbit of x. Relations must be a basis in echelon form. Its free
+    coefficients, as many as relations, are constant and left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
@@ -75,7 +75,7 @@ def gradients_of_coefficients(
 class Counted(NamedTuple):
     """The number of relations along an orbit, and of the independent integrals they show.
 
-    The latter is the rank of the gradients of their coefficients.
+    The number of integrals is the rank of the gradients of the coefficients.
     """
 
     relations: int
@@ -181,7 +181,7 @@ class ImplicitIntegral:
         return solution[others.index(self.numerator), 0]
 
     def gradient_of_logarithm(self, p: int) -> list[Any]:
-        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
+        """Return the gradient of log(integral) at `arithmetic.random_point` modulo p."""
         gradients = _gradients_of_logarithms(self.map, self.monomials, p)
         pairs = zip(gradients[self.numerator], gradients[self.denominator], strict=True)
         return [a - b for a, b in pairs]
@@ -203,7 +203,7 @@ def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return points of an orbit around x, where numbers are shorter; after x without an inverse."""
+    """Return points of an orbit around x, where numbers are shorter; from x on without inverse."""
     before = (length - 1) // 2 if map.inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
@@ -276,7 +276,7 @@ def _gradients_of_logarithms(
 ) -> dict[tuple[int, ...], Any]:
     """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
 
-    They are those at the random point modulo p of `arithmetic`. The last coefficient is 1.
+    The gradients are at `arithmetic.random_point` modulo p. The last coefficient is 1.
     """
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
@@ -288,7 +288,7 @@ def _gradients_of_logarithms(
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
     """Yield integrals from relations between few of the monomials, by ascending degree.
 
-    Most of them are functions of others: `independent_of` selects independent ones.
+    Most of them depend on earlier ones: `independent_of` selects independent integrals.
     """
     rng = random.Random(0)
     with_relation = circuits(map, monomials, rng)
@@ -312,7 +312,7 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
 
 
 def is_short(integral: ImplicitIntegral) -> bool:
-    """Return True if a formula of this degree has few enough terms to be written out."""
+    """Return True if a formula of the integral's degree has few enough terms to be written out."""
     D = integral.map.dimension
     return math.comb(D + integral.degree, D) <= _TERMS
 

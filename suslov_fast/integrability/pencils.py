@@ -33,7 +33,7 @@ _HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
 
 
 class _Equations:
-    """Equations for the pairs (g, h) of polynomials f in x of a degree, on a random plane."""
+    """Equations for the pairs (g, h) of polynomials f of a degree in x, on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)
@@ -46,8 +46,8 @@ class _Equations:
     def equations(self, P: Any) -> Any:
         """Return the matrix of the equations for f = P modulo p, without its first column.
 
-        The columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for g, then h, a monomial.
-        Without the first one, the gradient of f, which always solves the equations, does not.
+        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for a monomial g, then h. Without
+        the first column, the gradient of f, which is always a solution, is none.
         """
         f = P.compose(*self._points, ctx=self._ring)
         columns = []
@@ -60,7 +60,7 @@ class _Equations:
 
 
 def count_factors(P: Any) -> int:
-    """Return the number of irreducible factors over the complex numbers, if all are single."""
+    """Return the number of irreducible factors over the complex numbers, if none is repeated."""
     degree, n = degree_of(P), variables_of(P)
     if degree < 1 or n < 2:
         return degree
@@ -100,10 +100,10 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
-    """Return the polynomial with the roots t where first + t second loses rank.
+    """Return the polynomial with the roots t at which first + t second loses rank.
 
-    The matrices have more rows than columns; random combinations of rows make them square, and
-    roots that depend on these are left out.
+    The matrices have more rows than columns; random combinations of rows make them square. Roots
+    that depend on the combinations are left out.
     """
     columns, rows = first.ncols(), first.nrows()
     common = flint.nmod_poly([0], p)

@@ -1,7 +1,7 @@
-"""Polynomials with integer coefficients in x1, ..., xD, with a letter before them if there is one.
+"""Polynomials of python-flint with integer coefficients in x1, ..., xD, and maybe a letter.
 
-The letter is `eps` in computations, and has its own name in results. They are those of
-python-flint; modulo a prime and at a number eps their variables are x1, ..., xD.
+The letter comes first. It is `eps` in computations, and has its own name in results. Modulo a prime
+and at a number eps, the variables are x1, ..., xD.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
 
 
 def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
-    """Return a polynomial in x1, ..., xD as one in variables with other names, and its letter.
+    """Return a polynomial in x1, ..., xD with other names of variables, and of its letter.
 
     python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
     """
@@ -78,7 +78,7 @@ def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
 
 
 def with_plain_letters(P: Any) -> Any:
-    """Return a polynomial in which letters are variables as all others."""
+    """Return a polynomial in which letters are ordinary variables."""
     names = tuple(name.removeprefix(_LETTER) for name in P.context().names())
     return _from_terms(names, P.to_dict())
 
@@ -88,7 +88,7 @@ def _encoded(name: str) -> str:
 
 
 def decoded(text: str) -> str:
-    """Return a text of polynomials with the names of their variables as the user wrote them."""
+    """Return a text of polynomials with variable names as the user wrote them."""
     text = text.replace(_LETTER, "")
     return re.sub(r"_u([89a-f][0-9a-f]|[0-9a-f]{3,6})_", lambda code: chr(int(code[1], 16)), text)
 
@@ -99,7 +99,7 @@ def letters_in(P: Any) -> int:
 
 
 def letters_of(ring: Any) -> tuple[str, ...]:
-    """Return the letters of a ring, by their names in it."""
+    """Return the letters of a ring, by their names in the ring."""
     return (*takewhile(lambda name: name == "eps" or name.startswith(_LETTER), ring.names()),)
 
 
@@ -137,17 +137,17 @@ def has_constant_term(P: Any) -> bool:
 
 
 def sort_key(P: Any) -> tuple[Any, ...]:
-    """Return the key by which polynomials are sorted, short ones first.
+    """Return the sort key of polynomials, which puts short ones first.
 
-    The monomials in x come before the coefficients, so that the order is the same if eps is
-    symbolic and if it is a number.
+    Monomials in x come before coefficients, so that the order is the same for a symbolic eps and
+    for a number.
     """
     monomials = sorted({(-sum(e), *(-k for k in e)) for e in exponents_in_x(P)})
     return degree_of(P), len(monomials), monomials, str(P)
 
 
 def coefficients_in(P: Any, place: int) -> list[Any]:
-    """Return the coefficients of the powers of the variable at a place, the constant one first."""
+    """Return the coefficients of the powers of the variable at a place, the constant first."""
     terms: list[dict[Any, Any]] = []
     for e, c in P.to_dict().items():
         others = [*e]
@@ -161,10 +161,10 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 
 
 def primitive(P: Any) -> Any:
-    """Return the multiple with coprime coefficients, the first of which is positive.
+    """Return the multiple with coprime coefficients, of which the first is positive.
 
-    If eps is symbolic, it is the first of the terms of lowest order in eps, so that the limit for
-    eps to 0 decides: a polynomial then has one sign wherever it stands.
+    If eps is symbolic, the first coefficient is taken from the terms of lowest order in eps. So the
+    limit for eps to 0 decides, and a polynomial has the same sign everywhere.
     """
     P = P.primitive()[1]
     return -P if _first_coefficient(P) < 0 else P
@@ -181,8 +181,8 @@ def _first_coefficient(P: Any) -> Any:
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     """Return the primitive irreducible factors of a polynomial, and their powers.
 
-    They are sorted here, because results depend on their order, and python-flint 0.7 has another
-    one than 0.9, which sorts those over the integers, but fails if a coefficient is large.
+    They are sorted here, because results depend on their order, which python-flint 0.9 changed. It
+    sorts factors over the integers, but fails if a coefficient is large.
     """
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
@@ -223,7 +223,7 @@ def divided_out(P: Any, divisor: Any) -> tuple[Any, int]:
 
 
 def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
-    """Return P(x), or with a degree ``t^degree P(x / t)``, where t is the last coordinate."""
+    """Return P(x), or given a degree ``t^degree P(x / t)``, where t is the last coordinate."""
     exponents = P.monoms()
     if degree is not None:
         exponents = [(*e, degree - sum(e)) for e in exponents]
@@ -232,7 +232,7 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
 
 
 def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
-    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with its letters."""
+    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with P's letters."""
     count = letters_in(P)
     terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
     homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
@@ -251,7 +251,7 @@ def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> l
 
 @lru_cache(maxsize=256)
 def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return how monomials are products of earlier ones and a variable, and where they stand."""
+    """Return steps, each an earlier monomial times a variable, and the places of the results."""
     steps: list[tuple[int, int]] = []
     places = {(0,) * len(e): 0 for e in exponents}
 
@@ -268,7 +268,7 @@ def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
 def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
     """Return a polynomial in x, at values of its letters, modulo a prime p.
 
-    For p = 0 it is one over the rationals.
+    For p = 0 the result is over the rationals.
     """
     context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     letters, variables = letters_of(P.context()), labels(variables_of(P))
@@ -284,7 +284,7 @@ def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
 
 
 def with_values(P: Any, values: Mapping[str, Any]) -> Any:
-    """Return a polynomial with numbers in place of letters, over the rationals, without them."""
+    """Return a polynomial over the rationals, with numbers in place of letters."""
     names = P.context().names()
     given = {
         name: values[decoded(name)] for name in names[: letters_in(P)] if decoded(name) in values
@@ -297,7 +297,7 @@ def with_values(P: Any, values: Mapping[str, Any]) -> Any:
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
-    """Return a line modulo a prime: homogeneous coordinates a + b t, and as the last one t."""
+    """Return a line modulo a prime: homogeneous coordinates a + b t, the last of which is t."""
     pairs = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
     return [flint.nmod_poly(pair, p) for pair in (*pairs, [0, 1])]
 
@@ -365,9 +365,9 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
-    """Return primitive polynomials with the same span; without letters they are short.
+    """Return primitive polynomials with the same span as rows; without letters they are short.
 
-    The rows have the coefficients of monomials, as `over_rationals` returns them.
+    A row contains the coefficients of monomials, as `over_rationals` returns them.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:
@@ -383,7 +383,7 @@ def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = 
 
 
 def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
-    """Return the polynomial with quotients of polynomials in letters as coefficients."""
+    """Return the polynomial of a row of coefficients, which are quotients in letters."""
     over_q = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
     zeros = (0,) * len(exponents[0])
 
@@ -413,7 +413,7 @@ def limit(P: Any) -> Any:
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
     """Return a basis with independent limits for eps to 0.
 
-    A combination of the basis whose limit is 0 is divided by eps, until no such one is left.
+    A combination of the basis with the limit 0 is divided by eps, until there is none.
     """
     basis = list(space)
     while letters_in(basis[0]) and rank([*map(limit, basis)]) < len(basis):

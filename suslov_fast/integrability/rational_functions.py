@@ -1,7 +1,7 @@
 """Rational functions, ``c P_1**e_1 ... P_n**e_n`` with irreducible polynomials P_i.
 
-Their arithmetic and their text; they are independent if the gradients of their logarithms,
-``sum_i e_i grad P_i / P_i``, at a random point modulo a prime are.
+They have arithmetic and text. Functions are independent if the gradients of their logarithms,
+``sum_i e_i grad P_i / P_i``, are independent at a random point modulo a prime.
 """
 
 from __future__ import annotations
@@ -181,9 +181,9 @@ class RationalFunction(WithLetters):
         return self.constant != 0
 
     def _sympy_(self) -> Any:
-        """Return the formula in SymPy, which asks for it, with symbols of the names in it.
+        """Return the formula in SymPy, which calls this, with symbols for all names in it.
 
-        Without them SymPy takes names such as S, I, E, N and beta for objects of its own.
+        Without symbols SymPy reads names such as S, I, E, N and beta as its own objects.
         """
         sympy, names = extra("sympy", "test"), self._ring.names() if self.factors else ()
         symbols = {name: sympy.Symbol(name) for name in map(decoded, names)}
@@ -197,7 +197,7 @@ class RationalFunction(WithLetters):
 
     @property
     def special(self) -> tuple[Fraction, ...]:
-        """The rational eps at which a factor is 0 for all x."""
+        """The rational eps for which a factor is 0 for all x."""
         values = set()
         for P, _ in self.factors:
             if (
@@ -257,7 +257,7 @@ class RationalFunction(WithLetters):
         return with_plain_letters(self.as_quotient()[1])
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
-        """Return numerator and denominator as polynomials; a constant needs their ring."""
+        """Return numerator and denominator as polynomials; for a constant, pass `ring`."""
         ring = ring or self._ring or polynomial_ring(0, False)
         numerator = ring.constant(self.constant.numerator)
         denominator = ring.constant(self.constant.denominator)
@@ -270,7 +270,7 @@ class RationalFunction(WithLetters):
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
-        """Return the powers in the numerator, or with the sign -1 in the denominator."""
+        """Return the powers in the numerator, or in the denominator if the sign is -1."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property
@@ -288,7 +288,7 @@ class RationalFunction(WithLetters):
         return values
 
     def gradient_of_logarithm(self, p: int) -> list[Any]:
-        """Return the gradient of its logarithm at the random point modulo p of `arithmetic`."""
+        """Return the gradient of log(f) at `arithmetic.random_point` modulo p."""
         n = variables_of(self.factors[0][0])
         x = arithmetic.random_point(n, p)
         powers = [(modulo(P, p, EPS), e) for P, e in self.factors]
@@ -302,7 +302,7 @@ class RationalFunction(WithLetters):
         return self.text()
 
     def text(self, longest: int | None = None) -> str:
-        """Return the formula; polynomials of more characters are described in brackets."""
+        """Return the formula; polynomials of more characters than `longest` are described."""
         is_one_polynomial = self.constant == 1 and [e for _, e in self.factors] == [1]
 
         def texts(number: int, sign: int) -> list[str]:
@@ -351,7 +351,7 @@ def as_function(value: Any) -> RationalFunction:
 
 
 def check_letter(letter: Any, names: Sequence[str]) -> None:
-    """Raise an error for a letter that is no name, or the name of a variable."""
+    """Raise an error unless a letter is an identifier that no variable has."""
     if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
         raise wrong("letter", "a name that no variable has, such as h", short(letter))
 
@@ -377,7 +377,7 @@ def factored(P: Any) -> RationalFunction:
 
 
 def without_constant(f: RationalFunction) -> RationalFunction:
-    """Return the multiple without a constant: all factors are primitive, with one sign each."""
+    """Return the multiple with the constant 1: all factors are primitive, with fixed signs."""
     return RationalFunction(f.factors, basis=f.basis)
 
 
@@ -387,7 +387,7 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
 
 
 def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) -> list[Any]:
-    """Return numerators over a common denominator, and this one, as polynomials in a ring."""
+    """Return numerators over a common denominator, and this denominator, in a ring."""
     pairs = [f.as_quotient(ring) for f in functions]
     common = reduce(lambda P, Q: P * Q // P.gcd(Q), (Q for _, Q in pairs), ring.constant(1))
     return [*(P * (common // Q) for P, Q in pairs), common]
@@ -431,14 +431,14 @@ def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
 def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
     """Return functions of least degree, independent modulo p, on which all others depend.
 
-    Of functions of one degree the first ones are taken.
+    Among functions of one degree the first are taken.
     """
     by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
     return tuple(independent_of((), by_degree, p))
 
 
 def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> Iterator[Any]:
-    """Yield the candidates that are independent, modulo p, of known ones and of earlier ones."""
+    """Yield the candidates that are independent, modulo p, of known and of earlier ones."""
     gradients = [f.gradient_of_logarithm(p) for f in known]
     for f in candidates:
         more = [*gradients, f.gradient_of_logarithm(p)]

@@ -1,4 +1,4 @@
-"""Rational maps of one's own: a `Map` as quotients of polynomials, with an inverse and letters."""
+"""Rational maps of users: a `Map` as quotients of polynomials, with an inverse and letters."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
-    """Return names of parameters of a system that are letters."""
+    """Return the checked names of parameters of a system that are to be letters."""
     if not isinstance(system, Body):
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:
@@ -106,9 +106,9 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
 
 
 def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
-    """Return the polynomials F_1, ..., F_D, F_0 of a map, from its list of operations.
+    """Return the polynomials F_1, ..., F_D, F_0 of a map, from its expression program.
 
-    A float stands for the written number.
+    A float means the number it was written as.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"

@@ -88,8 +88,9 @@ class Report:
     def proved_entropy(self) -> float | None:
         """The algebraic entropy of the map if it is proved, else None.
 
-        In the plane by the contracted curves or an integral; with D - 1 integrals or more, because
-        their levels are curves or points; in three dimensions also on the generic level of one.
+        Proofs are, in the plane, the contracted curves or an integral; D - 1 integrals or more, as
+        their levels are curves or points; in three dimensions, also the generic level of one
+        integral.
         """
         if self._levels_are_curves:
             return 0.0
@@ -103,7 +104,7 @@ class Report:
 
     @property
     def independent(self) -> int:
-        """The number of independent integrals, also without a formula."""
+        """The number of independent integrals, including those without a formula."""
         return max(len(self.integrals) + len(self.implicit), self.relations or 0)
 
     @property
@@ -139,7 +140,7 @@ class Report:
         return "\n".join(lines)
 
     def _repr_latex_(self) -> str | None:
-        """Return the formulas for notebooks; without one these show the text."""
+        """Return the formulas for notebooks; a report without formulas is shown as text."""
         kinds = {
             "First integrals": self.integrals,
             "Densities of measures": self.measures,
@@ -194,7 +195,7 @@ class Report:
         return [f"{entropy}; on {self.level.how}" if self.level else f"{entropy}{orbits}"]
 
     def _lines_of_implicit_integrals(self) -> list[str]:
-        """Return how many integrals are written, and the degrees of the others."""
+        """Return a line on integrals: how many have formulas, and the degrees of the others."""
         if not self.implicit:
             return []
         *degrees, last = (str(integral.degree) for integral in self.implicit)
@@ -230,7 +231,7 @@ def _attributes(instance: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return the form in JSON of a value that JSON does not know."""
+    """Return the JSON form of a value that JSON does not support."""
     if isinstance(value, Field):
         return value.to_dict()
     if isinstance(value, PlanarEntropy):
@@ -245,7 +246,7 @@ def _plain(value: Any) -> Any:
 
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return the line of a kind of functions, with a bounded number of formulas."""
+    """Return the line of a kind of functions, with at most `most` formulas."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
@@ -362,7 +363,7 @@ def report(
 
 
 class _Watched(Watch):
-    """Calls `progress`, or prints a line for each kind of task; collects what is left out."""
+    """Calls `progress`, or prints a line for each kind of task; collects notes on omissions."""
 
     def __init__(self, facts: Search, progress: Any) -> None:
         self._facts, self._progress, self._start = facts, progress, perf_counter()

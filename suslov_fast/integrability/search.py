@@ -87,15 +87,15 @@ class Task:
 
     @property
     def place(self) -> tuple[int, int, int]:
-        """The place of the task in the order."""
+        """The sort key of the task in the queue."""
         return _ORDER[self.kind], self.degree, self.turn
 
 
 class Queue:
     """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True. `at_start` is called with
-    each task before it runs.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True. Before a task runs,
+    `at_start` is called with it.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
@@ -144,7 +144,7 @@ class Written(tuple[RationalFunction, ...]):
 
 
 class Known(NamedTuple):
-    """The facts of a search that follow from others."""
+    """The facts of a search that follow from other facts."""
 
     integrals: tuple[RationalFunction, ...] = ()  # independent
     implicit: tuple[ImplicitIntegral, ...] = ()  # independent of those that are written out
@@ -202,16 +202,16 @@ class Search:
 
     @property
     def is_complete(self) -> bool:
-        """True if as many integrals as the relations show are known, and a measure."""
+        """True if a measure is known, and as many integrals as the relations show."""
         enough = self.relations or self.map.dimension
         return bool(self.known.measures) and len(self.known.integrals) >= enough
 
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
-        When as many integrals are known as relations show, polynomials of lower degree than these
-        can still replace them. Degrees above that of the report are searched for norms: products
-        of conjugate polynomials with irrational coefficients, which have rational ones.
+        Even when enough integrals are known, polynomials of lower degree can replace them. Above
+        the degree of the report, the search is for norms: products of conjugate polynomials with
+        irrational coefficients, which have rational coefficients.
         """
         is_small = self._unknowns(degree) <= _FEW
         if degree > self.degree:
@@ -253,7 +253,7 @@ class Search:
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return the task that finds the next degree: as a recurrence needs it, or it is cheap."""
+        """Return the task that finds the next degree, if a recurrence needs it or it is cheap."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
@@ -270,7 +270,7 @@ class Search:
 
     @property
     def _next_degree_is_too_long(self) -> bool:
-        """True if the next degree, found as a degree before common factors, would take long."""
+        """True if the next degree, including common factors, would take long."""
         is_long = self.degrees[-1] * self.map.length > _TOO_LONG
         return is_long or self._expected_degree() > _TOO_COSTLY
 
@@ -289,7 +289,7 @@ class Search:
             raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
 
     def _find_planar_entropy(self) -> Tasks:
-        """Follow the contracted curves, unless that takes long and a proved integral says more."""
+        """Follow the contracted curves, unless that takes long and a proved integral suffices."""
         is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
         is_long = self.map.length > 1
         known = PlanarEntropy(reason="not followed, since a proved integral gives the entropy")
@@ -374,9 +374,9 @@ class Search:
     def _next_candidate(
         self, candidates: Iterator[RationalFunction], k: int, steps: int = 1
     ) -> Task:
-        """Return the task that takes the next candidate cofactor, and returns the task after it.
+        """Return the task that tries the next candidate cofactor, and adds the task after it.
 
-        There may be many candidates, so each has a turn of its own: this leaves time to others.
+        There may be many candidates, so each has its own turn: this leaves time to other tasks.
         """
 
         def run() -> Tasks:
@@ -396,7 +396,7 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return the task for polynomials of a cofactor up to degree k, later up to `last`."""
+        """Return the task for polynomials of a cofactor up to degree k, then up to `last`."""
 
         def run() -> Tasks:
             yield from self._find_polynomials(cofactor, sign, k)
@@ -435,7 +435,7 @@ class Search:
     # Polynomials that were found.
 
     def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add polynomials of one cofactor, which is unknown by default."""
+        """Add polynomials that share a cofactor, which is unknown by default."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=sort_key))
@@ -511,7 +511,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield the task that checks quotients of unknown cofactor as identities."""
+        """Yield the task that checks, as identities, quotients with unknown cofactors."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 
@@ -531,7 +531,7 @@ class Search:
         yield Task(run, kind)
 
     def _searched(self) -> Iterator[str]:
-        """Yield the parts of the search, in words."""
+        """Yield descriptions of the parts of the search."""
         degrees = self.queue.finished()
         if self.degrees:
             is_unclear = math.isnan(growth(self.degrees, planar=self.map.is_planar).entropy)

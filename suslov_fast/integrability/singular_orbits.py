@@ -1,8 +1,8 @@
 """Orbits of the points to which curves are contracted, and proofs that they never end.
 
-An orbit never comes to another point without an image if it is periodic modulo a small prime, and
-all of its points there have images; if it is periodic; or if it is on a line on which the map is a
-Moebius transformation, no power of which takes its first point to one without an image.
+An orbit ends at a point without an image. It never ends if it is periodic; if it is periodic modulo
+a small prime, where all its points have images; or if it is on a line on which the map is a Moebius
+transformation, and no power of that maps its first point to one without an image.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
 def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
     """Return True if the orbit modulo a prime is periodic, and all its points have images.
 
-    A point of the curve modulo p at which the curve is smooth is that of one over p-adic numbers;
-    if images do not vanish modulo p, they are those of the true orbit.
+    A smooth point of the curve modulo p is the residue of a point over the p-adic numbers. If
+    images do not vanish modulo p, they are residues of the true orbit.
     """
     if any(P == 0 for P in (*residues.forms, residues.curves[number])):
         return False
@@ -83,7 +83,7 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 
 
 def points_of_line(plane: Plane, number: int, most: int = POINTS) -> list[tuple[int, ...]]:
-    """Return the points to which a line with rational coefficients goes, one after the other.
+    """Return the successive points to which a line with rational coefficients is mapped.
 
     There are at most `most` points, and points may be equal. The result is empty for other curves,
     and for a symbolic eps.
@@ -141,9 +141,9 @@ def _never_ends_on_a_line(plane: Plane, points: Sequence[Sequence[int]]) -> bool
 
 
 def has_no_zero(first: int, second: int, q: int, s: int) -> bool:
-    """Return True if w_0, w_1, ... with w_(k + 1) = q w_k + s w_(k - 1) is never 0; w_0 is not.
+    """Return True if w_(k + 1) = q w_k + s w_(k - 1), from w_0 != 0 and w_1, is never 0.
 
-    With the roots x and y of z^2 = q z + s, w_k = 0 where the power k of l = x / y is a number m.
+    With the roots x and y of z^2 = q z + s, w_k = 0 if the power k of l = x / y is a number m.
     Heights of l and m allow one k only. If l is a root of unity, the result is False.
     """
     norm = second * second - q * first * second - s * first * first

@@ -1,9 +1,9 @@
 """Affine reversing symmetries of Kahan maps.
 
-R(x) = S x + b takes the Kahan map of a field f to that of S f(R^-1 x). So R takes the map to its
-inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S and b.
-With those of an involution, S S = 1 and S b = -b, they are solved by linear algebra modulo a prime:
-products of equations and monomials up to some degree are linear in the monomials.
+R(x) = S x + b transforms the Kahan map of a field f to the Kahan map of S f(R^-1 x). So R takes the
+map to its inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S
+and b. An involution adds the equations S S = 1 and S b = -b. Linear algebra modulo a prime solves
+them: products of equations and monomials up to some degree are linear in the monomials.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
 
 
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
-    """Return the solutions of equations modulo a prime, if products up to a degree show them."""
+    """Return the solutions of equations modulo a prime; none if products up to `most` hide them."""
     for degree in range(2, most + 1):
         if (solutions := _solutions(equations, unknowns, degree)) is not None:
             return [*solutions]
@@ -162,8 +162,8 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
 def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
     """Yield the solutions from the values modulo p of monomials in a basis of their combinations.
 
-    Multiplication by a random linear form takes the first `low` monomials to monomials; solutions
-    are its eigenvectors.
+    Multiplication by a random linear form acts on the first `low` monomials; solutions are its
+    eigenvectors.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}
@@ -190,7 +190,7 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> It
 
 
 def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
-    """Yield the eigenvectors of a matrix modulo a prime, where they span a line."""
+    """Yield the eigenvectors of a matrix modulo a prime, one for each simple eigenspace."""
     identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
     for factor, _ in matrix.charpoly().factor()[1]:
         if factor.degree() == 1:

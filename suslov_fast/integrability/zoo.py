@@ -17,22 +17,22 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return the field of a function or Hamiltonian f of n variables, by default its arguments."""
+    """Return `make` of a function f of n variables; by default n is how many arguments f has."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 
 def _chain(*x: Any) -> Any:
-    """The Volterra chain: each species eats the next, and the last one the first."""
+    """Return the Volterra chain: each species eats the next, and the last eats the first."""
     return [x[k] * (x[(k + 1) % len(x)] - x[k - 1]) for k in range(len(x))]
 
 
 def _rotors(*beta: int) -> Any:
-    """The gyrostat of Zhukovsky and Volterra."""
+    """Return the gyrostat of Zhukovsky and Volterra."""
     return of(lambda x, y, z: np.array((y * z, 2 * z * x, -3 * x * y)) + np.cross((x, y, z), beta))
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> Field:
-    """A body with m' = m x (w m) + p x v(p), p' = p x (w m).
+    """Return a body with m' = m x (w m) + p x v(p), p' = p x (w m).
 
     With v(p) = b p these are Kirchhoff's equations for 2 H = sum w_i m_i^2 + b_i p_i^2.
     """
@@ -69,7 +69,7 @@ def _on_so4(*moments: int) -> Field:
 
 
 def _nambu(x: Any, y: Any, z: Any) -> Any:
-    """Cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
+    """Return the cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
     return np.cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
 
 

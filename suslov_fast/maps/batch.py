@@ -47,9 +47,9 @@ _SILENT = nullcontext()  # made once, for speed in small calls
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check `progress`; return a context manager that gives the function to call with steps done.
+    """Check `progress`; return a context manager, which gives a function to call with steps done.
 
-    The context opens and closes a bar; it gives None without progress.
+    The context opens and closes a bar; without progress it gives None.
     """
     if progress is None or progress is False:
         return _SILENT
@@ -90,7 +90,7 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class StepMethod(NamedTuple):
-    """The steps of a method: a kernel, and data to call it, see `maps.Discretization`."""
+    """The steps of a method: a kernel, and the data for its calls, see `maps.Discretization`."""
 
     kernel: Kernel
     # Returns the arguments of the kernel for (body, eps, batch).
@@ -111,7 +111,7 @@ class StepMethod(NamedTuple):
 
 
 class BatchRun:
-    """A run of B trajectories from the states of a problem, which have taken `n` steps."""
+    """A run of B trajectories from the states of a problem; they have taken `n` steps."""
 
     def __init__(self, problem: Problem, method: str | None = None) -> None:
         self.steps = problem.map.methods[method or problem.method]
@@ -162,8 +162,8 @@ class BatchRun:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Take the steps to state `stop`; return saved states (rows, ..., D), and orientations.
 
-        Saved are the states whose numbers are multiples of `every`; if `every` is 0, the last state
-        alone. `report` takes the number of steps; if it returns False, the run ends there.
+        Saved are the states with numbers that are multiples of `every`, or the last state alone if
+        `every` is 0. `report` takes the number of steps; if it returns False, the run ends there.
         Orientations are None without an attitude.
         """
         if report is None and (saved := self._at_once(stop, every)) is not None:
@@ -189,7 +189,7 @@ class BatchRun:
     def _at_once(self, stop: int, every: int) -> FloatArray | None:
         """Continue to state `stop` by one call of the kernel, and return the saved states.
 
-        Return None unless the run is short: then what `to` looks after takes longer than its steps.
+        Return None unless the run is short: then the overhead of `to` takes longer than its steps.
         """
         (size, D), n = self.omega0.shape, self.n
         cost = max(self.steps.cost(D, self.arguments), 0.1)
@@ -253,10 +253,10 @@ class BatchRun:
     def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
         """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
 
-        The batch is divided first, so that the data of a chunk stay in the caches, and time only
-        if few trajectories take long. Chunks grow while they are short, because the estimated
-        cost is the cost of the slowest steps; usual steps may take a thousandth of it. A batch of
-        one block is serial: a block of lanes takes as long however many of them are in use.
+        The batch is divided first, so that the data of a chunk stay in the caches. Time is divided
+        only if few trajectories take long. Chunks grow while they are short: the estimated cost is
+        that of the slowest steps, and usual steps may take a thousandth of it. A batch of one block
+        is serial, because a block of lanes takes as long however few of them are used.
         """
         kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads
@@ -336,7 +336,7 @@ def states_after(problem: Problem) -> FloatArray:
 def few_after(problem: Problem, method: str) -> FloatArray | None:
     """Return the states (..., D) after one step of a few trajectories, or None: see `Kernel.few`.
 
-    It takes a fourth of the time of a batch run, which `step` in a loop of a user consists of.
+    It takes a fourth of the time of a batch run, which matters if users call `step` in a loop.
     """
     body, x, batch, steps = problem.body, problem.omega, problem.batch, problem.map.methods[method]
     if steps.kernel.few is None or body.shape or x.shape[:-1] != batch:

@@ -1,6 +1,6 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-These are the calls of `core.maps.growth`.
+They call `core.maps.growth`.
 """
 
 import math
@@ -38,8 +38,8 @@ def _at_states(
 ) -> FloatArray:
     """Return the values (..., *shape) that compute(scheme, values, eps, states, out) writes.
 
-    Parameters have the last axes of the batch, `own`; along those before them are more states of
-    the same fields. Each call is for states (rows, fields, D).
+    `own`, the last axes of the batch, are the axes of parameters; the axes before them are more
+    states of the same fields. A call gets states (rows, fields, D).
     """
     D, batch = problem.body.dimension, problem.batch
     rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
@@ -114,7 +114,7 @@ class TangentGrowth(NamedTuple):
 
 
 class _Part:
-    """Trajectories with the same operations of a step, their columns and sums."""
+    """Trajectories with the same step operations, and their columns and sums."""
 
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
@@ -125,11 +125,11 @@ class _Part:
         self.x = tangents.begun(x)
 
     def begin(self) -> None:
-        """Forget the sums."""
+        """Set the sums to 0."""
         self.x[:, -self.D :] = 0.0
 
     def take(self, stop: int) -> None:
-        """Go on to a step."""
+        """Take the steps up to state `stop`."""
         if self.arguments is not None:
             self.x = _take(self.arguments, self.x, self.notes, self.n, stop)
         else:
@@ -166,8 +166,8 @@ def growth(
 ) -> TangentGrowth:
     """Return the sums of Kahan's map over `steps` steps after a transient.
 
-    Tangent vectors go through the transient, too. With `report` all trajectories stand at the same
-    step whenever it is called with this number; if it returns False, the sums end there.
+    Tangent vectors follow the transient, too. When `report` is called with a number of steps, all
+    trajectories have taken these steps; if it returns False, the sums end there.
     """
     start = flat_arrays(problem.omega, problem.batch)
     B, D = start.shape
@@ -203,7 +203,7 @@ def growth(
 
 
 def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return statuses without positive ones of maps in three dimensions, which tell of no pole."""
+    """Return statuses; in three dimensions positive ones become 0, because they mean no pole."""
     if any(steps.notes_poles for steps in problem.map.methods.values()):
         return status
     return np.minimum(status, 0)

@@ -58,9 +58,9 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
 
 
 def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
-    """Return values with NaN where the state is NaN; one warning counts other missing values.
+    """Return values, NaN where the state is NaN; warn once of the other missing values.
 
-    With `poles`, infinite values are results, else they are missing. Formulas return no finite
+    If `poles`, infinite values are results; otherwise they are missing. Formulas return no finite
     value for a state that is not finite, so a finite sum shows that nothing is missing.
     """
     if values.size <= _FEW:  # a sum of few is faster in Python

@@ -69,9 +69,9 @@ ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def in_stages(stages: Stages) -> Callable[..., Any]:
-    """Return the function of arguments of the kernel of fields, for steps made of these stages.
+    """Return a function that makes arguments of the kernel of fields for steps of these stages.
 
-    These are the operations of a step, values and eps; a single field keeps the last values.
+    The arguments are the operations of a step, values and eps; a single field keeps its last ones.
     """
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
@@ -94,8 +94,8 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories by the zeros of their fields; yield their indices and arguments.
 
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
-    groups, the bits of a trajectory would depend on the fields of others. Arguments are what
-    `by_scheme` returns.
+    groups, the bits of a trajectory would depend on the fields of others. `arguments` are the
+    result of `by_scheme`.
     """
     (step, stages), values, eps = arguments
     if len(values) == 1 or (nonzero := values != 0.0).all():

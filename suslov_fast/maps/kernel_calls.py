@@ -23,7 +23,7 @@ _one_at_a_time = threading.RLock()
 
 
 def thread_count(threads: int | None) -> int | None:
-    """Return the checked number of threads of a call; None stands for all that Numba has."""
+    """Return the checked number of threads of a call; None means all threads of Numba."""
     if threads is None:
         return None
     limit = int(numba.config.NUMBA_NUM_THREADS)
@@ -39,9 +39,9 @@ def available() -> int:
 def call_kernel(
     kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float = math.inf
 ) -> None:
-    """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it.
+    """Call a kernel; in parallel if `work`, in steps of single trajectories, is large enough.
 
-    As Python the call would take about so many seconds.
+    In Python the call would take about this many seconds.
     """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     try:

@@ -99,7 +99,7 @@ def map_of(body: Any, method: str = "auto") -> Discretization:
 
 
 def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, int]:
-    """Return the arguments of steps: of a `Map` the step size is 1, and `steps` may come first."""
+    """Return eps and steps of a call; a `Map` has the step size 1, and `steps` may come first."""
     if isinstance(system, Map) and steps is None and isinstance(eps, (int, np.integer)):
         eps, steps = None, eps
     eps = eps_of(name, system, eps, "x0, steps=N")
@@ -110,7 +110,7 @@ def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, in
 
 
 def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
-    """Return the step size, which a `Map` has not: its steps count as the time 1."""
+    """Return the step size; 1 for a `Map`, which has no eps."""
     if isinstance(system, Map):
         if eps is not None:
             raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")

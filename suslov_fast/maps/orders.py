@@ -22,18 +22,18 @@ from .kernel_arguments import (
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a usual step; a call with much pivoting ends early by itself."""
+    """Return the relative time of a usual step; a call with much pivoting ends early by itself."""
     step, stages = arguments[0]
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
 
 def _cost_in_3d(D: int, arguments: Any) -> float:
-    """Return 1, or 2 with a rotor."""
+    """Return the relative time of a step: 1, or 2 with a rotor."""
     return 2.0 if arguments[4].any() else 1.0
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return a time between a usual step, O(n), and a step by elimination, O(n**3)."""
+    """Return a relative time between a usual step, O(n), and a step by elimination, O(n**3)."""
     return 16.0 * D + D**3 / 30.0
 
 
@@ -88,7 +88,7 @@ COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDD
 
 
 def field_in(stages: Stages) -> StepMethod:
-    """Return the steps of fields that consist of these stages."""
+    """Return the step method of fields with these stages."""
     system = partial(field_system, stages=stages)
     return FIELD._replace(
         arguments=in_stages(stages),

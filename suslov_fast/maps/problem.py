@@ -62,10 +62,10 @@ def check(
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, and a step size.
 
-    States may be NaN. They have the components of the body, unless `components` has other names.
+    States may be NaN. They have the components of the body, unless `components` are other names.
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
-    the identity, or rotations. `later` is passed to `checks.states`. The method is by default the
-    first one of the map.
+    the identity, or rotations. `later` is passed to `checks.states`. The default method is the
+    first method of the map.
     """
     labels, turns = components or body._labels, None
     if body._variable == "x":

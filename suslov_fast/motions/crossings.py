@@ -144,7 +144,7 @@ def crossings(
 
 
 def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Event, ...]:
-    """Return the events that record crossings of surfaces."""
+    """Return events that record the crossings of these surfaces."""
     return tuple(Event(each, direction=direction) for each in surfaces)
 
 
@@ -152,7 +152,7 @@ _of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
 
 
 def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
-    """Return the first `limit` crossings of each trajectory, and what became of trajectories."""
+    """Return the first `limit` crossings of each trajectory, and how trajectories ended."""
     trajectory, which, time, _, states = found.records[:5]
     states = states[:, : x.shape[1]]
     count = np.bincount(trajectory, minlength=len(x))

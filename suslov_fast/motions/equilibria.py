@@ -1,12 +1,12 @@
 """Equilibria of fields near given states, and fixed points of maps, by Newton's method.
 
-Those of SciPy follow where it is not enough.
+SciPy's methods follow if Newton's method is not enough.
 
-Linear integrals c . x of f keep their values: each takes the place of an equation that follows from
-the others. Steps of least norm solve the linear equations, with rows scaled to 1, so that neither
-the units of rates nor a curve of equilibria matter, and in units of the given states where the
-matrix is not singular then. They are accepted as long as each is much shorter than the one before,
-as near a regular equilibrium; at a multiple root each is half as long.
+Linear integrals c . x of f keep their values: each replaces an equation that follows from the
+others. Steps of least norm solve the linear equations. Rows are scaled to 1, so that neither the
+units of rates nor a curve of equilibria matter; unless the matrix then is singular, unknowns are in
+units of the given states. Steps are accepted while each is much shorter than the step before, as
+near a regular equilibrium; at a multiple root each step is half as long.
 """
 
 from __future__ import annotations
@@ -197,9 +197,9 @@ def _warn_of_clocks(field: Any) -> None:
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the nearest states on lines through 0, of steady states.
+    """Return the nearest states on a line of steady states through 0.
 
-    Newton's method halves states there, because f is homogeneous.
+    Newton's method would halve states there, because f is homogeneous.
     """
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
@@ -207,19 +207,19 @@ def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _named(field: Any, member: Any) -> str:
-    """Return the member of a family for messages."""
+    """Return the name of a member of a family, for messages."""
     index = tuple(map(int, np.unravel_index(member, field.shape))) if field.shape else ()
     return str(field._of_member(index if len(index) > 1 else index[0])) if index else ""
 
 
 class _Equations:
-    """The equations of a field for its k variables without those of constant rates.
+    """The equations of a field for its k variables that do not have constant rates.
 
     own      True for these variables (D,)
     start    their given values (..., k)
     totals   (..., k, k): a row c in place of each equation that follows from others; else 0
     is_total True for these rows (..., k)
-    sizes    of the components (..., k), no one far smaller than the largest
+    sizes    of the components (..., k), none far smaller than the largest
     units    sizes of the components (..., k), however small
     """
 
@@ -237,7 +237,7 @@ class _Equations:
         self.units = np.where(moduli == 0.0, self.sizes, moduli)
 
     def _all_totals(self) -> FloatArray:
-        """Return the rows of totals of all members; one matrix if they have the same."""
+        """Return the totals of all members; a single matrix if all members have the same totals."""
         k, shape = int(self.own.sum()), self.field.shape
         found, known = np.zeros((int(np.prod(shape)), k, k)), {}
         for members, f, table in self.field._listed_right_hand_sides:
@@ -258,13 +258,13 @@ class _Equations:
         return _Equations(own, self.x[index], totals)
 
     def whole(self, y: FloatArray) -> FloatArray:
-        """Return states (..., D)."""
+        """Return states (..., D) with the variables y."""
         x = self.x.copy()
         x[..., self.own] = y
         return x
 
     def value(self, y: FloatArray) -> FloatArray:
-        """Return what is to be 0 (..., k)."""
+        """Return the residual (..., k), which is 0 at equilibria."""
         away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
         return np.where(self.is_total, away, self.field(self.whole(y))[..., self.own])
 
@@ -274,7 +274,7 @@ class _Equations:
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray) -> FloatArray:
-        """Return f' with negative eigenvalues in place of the zeros that belong to totals."""
+        """Return f' with negative eigenvalues in place of the zero eigenvalues of totals."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -288,14 +288,14 @@ class _Equations:
         return terms
 
     def is_zero(self, y: FloatArray) -> Any:
-        """Return whether f is 0 but for rounding, as near multiple roots."""
+        """Return True if f is 0 up to rounding, as near multiple roots."""
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
-        """Return the step (..., k) of Newton's method, f by its scale, and the step's matrix.
+        """Return a step (..., k) of Newton's method, the scaled f, and the matrix of the step.
 
-        The matrix (..., k, k) times f is the step. The last result is the smallest singular value
-        beside the largest, in units of the components.
+        The matrix (..., k, k) times f is the step. The last result is the ratio of the smallest
+        singular value to the largest, in units of the components.
         """
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)
@@ -318,9 +318,9 @@ class _Equations:
         return step, f / sizes, inverse, least
 
     def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
-        """Return states to which Newton's method converges at once, and where it does.
+        """Return the states to which Newton's method converges, and True where it does.
 
-        Steps are measured beside the sizes of components.
+        The length of a step is relative to the sizes of components.
         """
         sizes, y = self.sizes if sizes is None else sizes, y.copy()
         before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
@@ -342,7 +342,7 @@ class _Equations:
         return y, is_found
 
     def damped(self, y: FloatArray) -> FloatArray:
-        """Return states after parts of Newton's steps that make the next one shorter."""
+        """Return states after fractions of Newton steps that make the next step shorter."""
         part = np.ones(y.shape[:-1])
         for _ in range(_MOST_DAMPED):
             step, _, inverse, _ = self.step(y)
@@ -358,7 +358,7 @@ class _Equations:
         return y
 
     def by_scipy(self) -> tuple[FloatArray, bool]:
-        """Return the equilibrium that SciPy finds of a single field, and whether it is one."""
+        """Return the state that SciPy finds for a single field; True if it is an equilibrium."""
         from scipy.optimize import root  # here, because the import takes time
 
         for method in ("hybr", "lm"):
@@ -370,10 +370,10 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return whether Newton's method leads back from beside each state, and not to a family.
+        """Return, for states near y, whether Newton's method leads back to y, and not to a family.
 
-        A component far smaller than others may be one of digits, or rounding: then none of them
-        lead.
+        A component far smaller than others may be a true value or rounding: so small displacements
+        of each component are tried, too.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))
@@ -386,7 +386,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
-    """Return states, where they are equilibria, and which of these are degenerate, or a family."""
+    """Return states, where they are equilibria, and where these are degenerate or in a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
@@ -407,7 +407,7 @@ def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return linear integrals as rows (k, k), each in a row that its equation follows from others.
+    """Return linear integrals as rows (k, k); each replaces an equation that follows from others.
 
     `C` (k, terms) are the coefficients of the terms of f.
     """
@@ -433,7 +433,7 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
-    """Return the eigenvalues by decreasing real part; 1 more of a map f(x) + x, by modulus."""
+    """Return the eigenvalues by decreasing real part; for a map f(x) + x plus 1, by modulus."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

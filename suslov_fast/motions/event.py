@@ -1,4 +1,4 @@
-"""`Event`, which acts on the states of motions: what it is given, traced, and written as text."""
+"""`Event`, which acts on the states of motions: its arguments, its traced functions, its text."""
 
 from __future__ import annotations
 
@@ -234,13 +234,13 @@ class Event:
 
 
 def field_of(system: Any) -> Any:
-    """Return the field whose equations, and names of components, are those of a system."""
+    """Return the field that has the equations and the component names of a system."""
     instance("system", system, Body)
     return system._field
 
 
 def traced(event: Event, system: Any) -> TracedEvent:
-    """Return what an event is for a field, which has names and parameters."""
+    """Return an event traced for the names of components and parameters of a field."""
     key, known = (tuple(system.names), tuple(system._arrays)), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
@@ -250,9 +250,9 @@ def traced(event: Event, system: Any) -> TracedEvent:
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
-    """Return a function with the values that its names have now; what is none is returned as is.
+    """Return a function that keeps the present values of its names; any other object as it is.
 
-    Functions of the same file that it calls are among these; `known` are those done.
+    Functions of the same file that it calls keep theirs, too; `known` are those done already.
     """
     f = getattr(f, "py_func", f)  # if Numba compiled f
     if not isinstance(f, FunctionType):
@@ -286,7 +286,7 @@ def _names_in(code: CodeType) -> set[str]:
 
 
 def _shown(function: Any) -> str:
-    """Return a function or texts in short."""
+    """Return a function or texts in short, for messages."""
     return (
         getattr(function, "__name__", type(function).__name__)
         if callable(function)
@@ -301,7 +301,7 @@ def checked_direction(value: Any) -> int:
 
 
 def _check_surface(surface: Any) -> None:
-    """Raise TypeError unless a surface is a text, or a function that is no event of `solve_ivp`."""
+    """Raise TypeError unless a surface is a text, or a function without attributes of SciPy."""
     if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
         how = "pass terminal=True to end there, direction=-1 for downwards"
@@ -314,7 +314,7 @@ def _check_surface(surface: Any) -> None:
 
 
 class TracedEvent:
-    """An event for a field with these variables and parameters, all names."""
+    """An event traced for a field with these names of variables and parameters."""
 
     def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
         self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
@@ -334,7 +334,7 @@ class TracedEvent:
         return EventAction.list_of(self.tracer.values, results)
 
     def _surface(self, surface: Any) -> Any:
-        """Return the operand of a surface, which depends on the state."""
+        """Return the operand of a surface; raise ValueError unless it depends on the state."""
         if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
             expected = f"a function of the state, or the name of a component, {either(self.names)}"
             raise wrong("surface", expected, short(surface))
@@ -351,7 +351,7 @@ class TracedEvent:
         return operand
 
     def _results(self, argument: str, f: Any) -> list[Any]:
-        """Return the operands that a function returns, or that texts are."""
+        """Return the operands of the results of a function, or of formulas as text."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
         needed, known = arguments_of(f), taken(f, self.tracer.parameters)
@@ -367,7 +367,7 @@ class TracedEvent:
         return operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
-        """Return the operands that texts are."""
+        """Return the operands of formulas as text."""
         tracer = self.tracer
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
         each = [*self.event._definitions.items(), *enumerate(texts)]

@@ -1,4 +1,4 @@
-"""`Events`, what happened along motions; checks of lists of events, and what the engine takes."""
+"""`Events`, the record of events along motions; checks of lists of events; inputs of the engine."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _EVEN = 2.0**-8  # the odd part of a surface near x0, divided by the even one, i
 
 
 class Derivatives(dict[str, Any]):
-    """Derivatives by the name of what they are with respect to."""
+    """Derivatives by the names of the variables of differentiation, "x0" or parameters."""
 
     def __missing__(self, name: str) -> Any:
         raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},)")
 
     @classmethod
     def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
-        """Return ``part(index)`` of each name; columns by x0 are the first D of the last axis."""
+        """Return ``part(index)`` for each name; columns by x0 are the first D of the last axis."""
         others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
@@ -133,7 +133,7 @@ class Events(Result):
 
     @property
     def derivatives(self) -> dict[str, EventDerivatives]:
-        """The derivatives of times and states, by what they are with respect to."""
+        """The derivatives of times and states, by "x0" or by name of the parameter."""
         columns = self._time_by, self._before_by, self._states_by
         D = self.body.dimension
         return Derivatives.of(
@@ -173,7 +173,7 @@ class Events(Result):
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
     def _at_events(self, values: Any, axes: int = 0) -> Any:
-        """Return for each event the value (...) of its trajectory, an array of `axes` axes."""
+        """Return the values (...) of the trajectories of all events; a value has `axes` axes."""
         inner = values.shape[values.ndim - axes :]
         by_trajectory = np.broadcast_to(values, (*self._batch, *inner)).reshape(-1, *inner)
         return by_trajectory[self.trajectory]
@@ -235,7 +235,7 @@ def checked_events(events: Any) -> tuple[Event, ...]:
 
 
 def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
-    """Return the acts of events, in the order of code."""
+    """Return the actions of events, in the order of code."""
     actions = [traced(event, field).action for event in events]
     return tuple(actions[k] for k in in_order_of_code(actions))
 
@@ -253,7 +253,7 @@ _latest: list[tuple[Any, Any, EventTimes]] = [(None, None, NO_EVENT_TIMES)]
 
 
 def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the times of events; calls one after the other for the same objects share them."""
+    """Return the given times of events; later calls with the same objects share the result."""
     key, known = ([*map(id, events)], sign, batch), _latest[0]
     if known[0] != key:
         known = _latest[0] = key, events, _new_stops(events, sign, batch)
@@ -300,8 +300,8 @@ def warn_of_times_that_never_come(
 def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> None:
     """Warn of states x0 (..., D) at rest on a surface that acts, which they leave without an event.
 
-    The surface is looked at near x0 along f, to both sides, and after a midpoint step. Events at
-    time 0 may change x0, which then rests no more.
+    The surface function is evaluated near x0 along f, on both sides, and after a midpoint step. If
+    events at time 0 may change x0, there is no warning.
     """
     if any(event.times is not None and (event.times == 0.0).any() for event in events):
         return
@@ -330,7 +330,7 @@ def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray)
 
 
 def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
-    """Return the function of a surface at states (..., D) of a field, or of a family."""
+    """Return the values of a surface function at states (..., D) of a field, or of a family."""
     values = dict(enumerate([*(x[..., i] for i in range(x.shape[-1])), *field._inputs]))
     evaluate(surface.operations, values)
     return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
@@ -350,14 +350,14 @@ def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> E
 
 
 def derivatives_of(records: Any) -> dict[str, Any]:
-    """Return the derivatives in `Records` by the names of columns, None where there are none."""
+    """Return the derivatives in `Records` by names of columns, None if there are none."""
     return dict(zip(_DERIVATIVES, records.derivatives or (None,) * 3, strict=True))
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the events of a motion with these columns.
+    """Return the events of a motion from these columns.
 
-    ValueError if a number of a trajectory or of an event is none of the motion's.
+    Raise ValueError if a number of a trajectory or of an event does not exist in the motion.
     """
     status, C = motion.status, len(events)
     numbers = columns["trajectory"] * C + columns["which"]

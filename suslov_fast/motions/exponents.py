@@ -1,4 +1,4 @@
-"""Lyapunov exponents of the map and of the motion."""
+"""Lyapunov exponents of maps and of motions."""
 
 from __future__ import annotations
 

@@ -224,7 +224,7 @@ def motion_with_events(
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
-    """Return the names of derivatives, and the field whose equations have them."""
+    """Return the names of derivatives, and the field that provides them."""
     if type(derivatives) is tuple and not derivatives:  # as in most calls
         return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives
@@ -249,7 +249,7 @@ def with_derivatives(
     request: SolverRequest,
     actions: tuple[EventAction, ...] = (),
 ) -> tuple[SolverResult, FloatArray]:
-    """Return the motion, and its derivatives (n, ..., D, C), those by x0 first."""
+    """Return the motion, and its derivatives (n, ..., D, C); the columns by x0 come first."""
     parameters = tuple(name for name in names if name != "x0")
     groups = with_events(field, actions, parameters, True) if actions else None
     columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
@@ -287,7 +287,7 @@ def motion_of(
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
-    """Return the members (K,) of a body that trajectories `where` of the batch have."""
+    """Return the members (K,) of a body that belong to the trajectories `where` of the batch."""
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)
@@ -312,7 +312,7 @@ def _exact(
 def to_tolerance(
     field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
-    """Return the motion of a field at times in any order."""
+    """Return the motion of a field, to a tolerance, at times in any order."""
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
     moduli, is_changed = request.times, request.stops is not None

@@ -56,7 +56,7 @@ class SolverResult(NamedTuple):
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
-    """Return what is found of trajectories at `count` times before the first step."""
+    """Return the result of trajectories at `count` times before their first step."""
     B = len(starts)
     states = np.full((count, *starts.shape), np.nan)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
@@ -67,9 +67,9 @@ def empty_result(starts: FloatArray, count: int) -> SolverResult:
 def right_hand_sides(
     groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
 ) -> list[tuple[Any, Any, FloatArray]]:
-    """Return groups of trajectories of a batch: indices, or ALL, the right-hand side, its table.
+    """Return groups of trajectories of a batch: indices, or ALL, a right-hand side, and its table.
 
-    `groups` are those of the members of a field of this shape.
+    `groups` are the right-hand sides of the members of a field of this shape.
     """
     if math.prod(shape) == 1:
         return [(ALL, groups[0].f, groups[0].table[0])]
@@ -90,9 +90,9 @@ def right_hand_sides(
 def solve(
     field: Any, starts: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
-    """Return what is found of the motion from `starts` (B, D) at ascending moduli of times.
+    """Return the `SolverResult` of the motion from `starts` (B, D); moduli of times ascend.
 
-    If `report` returns False, states that are not done stay NaN.
+    If `report` returns False, states that are not yet computed stay NaN.
     """
     B, count = len(starts), len(request.times)
     if not B:
@@ -114,7 +114,7 @@ def solve(
 def _of_group(
     f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
 ) -> SolverResult:
-    """Return what is found of trajectories that share f; `records` are those of the engine."""
+    """Return the `SolverResult` of trajectories that share f, with the records of the engine."""
     B, threads, begun = len(starts), threads_for(len(starts), request.threads), None
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, steps, records, begun = solve_small_batch(f, table, starts, request)
@@ -133,7 +133,7 @@ def _of_group(
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
-    """Return what is found of groups of trajectories, as of one."""
+    """Return the `SolverResult` of groups of trajectories, joined."""
     whole, report, stops = empty_result(starts, len(request.times)), request.report, request.stops
     B, done, records = len(starts), 0, []
     causes, grown = np.zeros(B, np.int64), np.full(B, -1)
@@ -156,7 +156,7 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
-    """Return records in order, from those of the engine."""
+    """Return the `Records`, in order, from the records of the engine."""
     D = starts.shape[1]
     rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
     if len(starts) > 1:
@@ -179,5 +179,5 @@ def status_of(state: Any) -> NDArray[np.int8]:
 
 
 def threads_for(B: int, threads: int | None) -> int:
-    """Return how many threads take B trajectories."""
+    """Return how many threads to use for B trajectories."""
     return threads or (available() if B > _IN_THREADS else 1)

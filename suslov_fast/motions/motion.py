@@ -1,4 +1,4 @@
-"""`Motion`, the result of `flow`: states at the times that were asked for, and how motions end."""
+"""`Motion`, the result of `flow`: states at the requested times, and how motions end."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Motion(States):
 
     @property
     def derivatives(self) -> dict[str, FloatArray]:
-        """The derivatives of the states, by what they are with respect to."""
+        """The derivatives of the states, by "x0" or by name of the parameter."""
         of_columns, D = self._derivatives, self.body.dimension
         return Derivatives.of(self._by, D, lambda at: np.ascontiguousarray(of_columns[..., at]))
 

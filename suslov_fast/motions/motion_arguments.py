@@ -51,9 +51,9 @@ _CAUSES = {
 
 
 def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: Any) -> bool:
-    """Return whether a call is one of a motion, with `time`, or of a map, with `eps` and `steps`.
+    """Return True for a call along a motion, with `time`; False for a map, with `eps` and `steps`.
 
-    `others` are arguments of one of them alone; TypeError if the call has some of the other one.
+    `others` are arguments that only one of them accepts; TypeError if the call mixes both.
     """
     is_motion = time is not None
     if not is_motion and (eps is None or steps is None):
@@ -69,7 +69,7 @@ def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: A
 
 
 def checked_times(value: Any) -> tuple[FloatArray, int]:
-    """Return the times (n,), and whether they are forward, 1, or backward, -1."""
+    """Return the times (n,), and 1 if they are forward or -1 if they are backward."""
     time = checks.real_number("time", value)
     if isinstance(time, float):
         return np.array([time]), -1 if time < 0.0 else 1
@@ -86,7 +86,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 def checked_settings(
     system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
 ) -> Settings:
-    """Return what the engine takes, and results keep; TypeError for a `Map`, without motions."""
+    """Return the settings that the engine uses, and results keep; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # which raises
     number = checks.real_number("rtol", rtol)
     if not isinstance(number, float) or not _LEAST <= number <= _MOST:
@@ -116,7 +116,7 @@ def checked_starts(
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
-    """Warn if times begin where a clock does, as if they were its values: they count from x0."""
+    """Warn if times begin at the value of a clock: they count from x0, and are not its values."""
     if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])
@@ -144,7 +144,7 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
 
 
 def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
-    """Warn once of all solutions that stop before the last time, but for starts of NaN."""
+    """Warn once of all solutions that stop before the last time, except starts at NaN."""
     others = found.t, found.is_stopped, x, batch, found.causes
     if message := ends_in_words(found.status, *others):
         checks.warn(message, IntegrationWarning)
@@ -171,7 +171,7 @@ def ends_in_words(
     batch: tuple[int, ...],
     causes: NDArray[np.int64] | None = None,
 ) -> str:
-    """Return why solutions stop, and when the first ones do; "" if there are none to tell of."""
+    """Return why solutions stop, and when the first ones do; "" if none stop early."""
     if not np.count_nonzero(statuses):  # all but OK are negative
         return ""
     # The closed form has told why it has no state, and then there is no time.

@@ -188,7 +188,7 @@ def _checked_start(system: Any, x0: Any) -> FloatArray:
 def _checked_period(
     field: Any, motion: OfMotion, x: FloatArray, period: Any, events: tuple[Event, ...]
 ) -> float:
-    """Return the period that is given, or the time of a near return."""
+    """Return the given period, or the time of a near return."""
     if period is not None:
         T = checks.positive("period", period)
         if motion.is_forced and not _is_of_force(field, motion, x, T):
@@ -226,7 +226,7 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
 
 
 def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
-    """Return whether f and events are the same a period later, at states of the motion."""
+    """Return True if f and events are the same a period later, at states of the motion."""
     with np.errstate(all="ignore"):
         states = motion.states(x, period * _FRACTIONS)
     later = states + np.where(motion.drifts, period * motion.rate, 0.0)
@@ -238,7 +238,7 @@ def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> 
 
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
-    """Return what was found, if that is no periodic orbit."""
+    """Return a text on the state that was found, if that is no periodic orbit."""
     x, own, T = search.nodes[0], ~search.drifts, search.T
     state, least = short(x.tolist()), _AT_REST * search.largest
     rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
@@ -274,7 +274,7 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
 
 
 def _integrals(system: Any) -> int | None:
-    """Return the number of integrals that are known of a field; None for a body, which has some."""
+    """Return the number of known integrals of a field; None for a body, which has others."""
     if not isinstance(system, Field):
         return None
     [(_, f, table)] = system._listed_right_hand_sides
@@ -285,7 +285,7 @@ def _integrals(system: Any) -> int | None:
 
 
 def _warn_of_families(search: Shooting, known: int | None) -> None:
-    """Warn if orbits near by are periodic, too, though no known integral tells them apart."""
+    """Warn if nearby orbits are periodic, too, though no known integral explains that."""
     phase = 0 if search.flow.is_forced else 1
     if known is None or search.freedom <= phase + known:
         return

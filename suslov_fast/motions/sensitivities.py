@@ -1,7 +1,7 @@
-"""Derivatives of motions by starts and parameters, as columns beside the states.
+"""Derivatives of motions by initial states and parameters, as columns beside the states.
 
-Columns are scaled by powers of 2 to the size of the states, with which they share an error: those
-by starts with the size of the start, those by a parameter with the size of its value.
+Columns are scaled by powers of 2 to the size of the states, because they share an error estimate.
+Columns by the initial state get its size, and a column by a parameter gets the size of its value.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class WithColumns:
 class Columns:
     """The columns of a batch of trajectories x (B, D) of a field.
 
-    field, settings  to compute the motion with, in place of the field and its settings
+    field, settings  for the motion with columns, in place of the field and its settings
     starts           (B, D + D C) for C columns
 
-    `groups` are the right-hand sides of members, if they are not those of the field itself.
+    `groups` are the right-hand sides of members, if they differ from those of the field.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Columns:
             self.settings = settings._replace(atol=settings.atol * (1 + self.count))
 
     def parted(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return states (n, B, D), and derivatives (n, B, D, C) by all that columns stand for."""
+        """Return states (n, B, D), and derivatives (n, B, D, C), from states with columns."""
         n, B, _ = states.shape
         columns = states[..., self.D :].reshape(n, B, self.count, self.D)
         columns = columns.swapaxes(2, 3) / self.scales[:, np.newaxis]
@@ -83,8 +83,8 @@ class Columns:
     def of_records(self, records: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return derivatives of the times of events (K, C), and of states before and after.
 
-        An event of a solution dx away comes tau earlier, dt = -tau, and the state at it moves by
-        v - f tau for the column v; states have the shape (K, D, C).
+        If a solution starts dx away, its event comes tau earlier, dt = -tau, and the state there
+        moves by v - f tau for the column v. States have the shape (K, D, C).
         """
         D, C, K = self.D, self.count, len(records.time)
         scales = self.scales[records.trajectory]
@@ -98,7 +98,7 @@ class Columns:
 
 
 def _power_of_2(values: FloatArray) -> FloatArray:
-    """Return powers of 2 near values, 1 for 0 and NaN."""
+    """Return the powers of 2 nearest to values; 1 for 0 and NaN."""
     moduli = abs(np.asarray(values, np.float64))
     with np.errstate(divide="ignore"):
         return np.where(moduli > 0.0, np.exp2(np.round(np.log2(moduli))), 1.0)

@@ -1,12 +1,12 @@
-"""Newton's method for periodic orbits: arcs that must join.
+"""Newton's method for periodic orbits: arcs that must join (multiple shooting).
 
 M arcs of equal duration T / M start at nodes x_k. The unknowns are the nodes and log T, the
 equations
 
 Phi(x_k) - x_k+1 = 0,    where x_M = x_0,
 
-for all components but those of constant rates. They are fewer than the unknowns, and have families
-of solutions where the system has integrals; a step is the shortest one that solves the linear
+for all components except those of constant rates. There are fewer equations than unknowns, and
+families of solutions if the system has integrals. A step is the shortest one that solves the linear
 equations.
 """
 
@@ -63,11 +63,11 @@ class Arcs:
 
 
 class OfMotion:
-    """Arcs of the motion of a field, to a tolerance, with events at surfaces.
+    """Arcs of the motion of a field, to a tolerance, with events on surfaces.
 
     drifts       components of constant rates
-    is_forced    whether T is fixed, because others depend on one of them
-    keeps_phase  whether the fastest component of the first node stays, as with events
+    is_forced    True if T is fixed, because other components depend on one of `drifts`
+    keeps_phase  True if steps keep the fastest component of the first node, as with events
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class OfMotion:
         return self._solved(moving, x[np.newaxis], times, self.settings).states[:, 0]
 
     def of_changes(self, states: FloatArray) -> FloatArray:
-        """Return the surfaces of events, and the new components that do not drift, (-, n)."""
+        """Return, for events, the surfaces and the new components that do not drift, (-, n)."""
         found = [np.empty((0, len(states)))]
         for action in self._actions:
             for list_ in filter(None, (action.surface, action.to)):
@@ -128,7 +128,7 @@ class OfMotion:
     def between_changes(self, x: FloatArray, T: float) -> FloatArray:
         """Return the state in the middle of the longest time without an event, in two periods.
 
-        An orbit from a state at a surface would end before the event or after it.
+        An orbit from a state on a surface would end before the event or after it.
         """
         if self._moving is None:
             return x
@@ -144,9 +144,9 @@ class OfMotion:
         return middle if np.isfinite(middle).all() else x
 
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield times and states (n, D) at the ends of steps; the first are the last of before.
+        """Yield times and states (n, D) at the ends of steps; each part begins with the last state.
 
-        With events they are those at equal times, between times that double.
+        With events the times are equally spaced, in parts that double in length.
         """
         if self._moving is not None:
             ends = [0.0, *(last * 2.0 ** np.arange(-_DOUBLINGS, 1.0))]
@@ -191,7 +191,7 @@ class Shooting:
 
     @property
     def growth(self) -> float:
-        """By how much differences of states, in units of their sizes, grow along an arc."""
+        """The factor by which differences of states, in units of their sizes, grow along an arc."""
         scaled = self.arcs.slopes * self.sizes / self.sizes[:, np.newaxis]
         scaled = scaled[:, ~self.drifts][:, :, ~self.drifts]
         norm = np.sqrt((scaled**2).sum(axis=(1, 2))).max()
@@ -199,7 +199,7 @@ class Shooting:
 
     @property
     def allowed(self) -> float:
-        """The residual that a solution has."""
+        """The largest residual of a solution."""
         most = max(_MOST_RESIDUAL, _NOISE * self.rtol)
         rates = self.arcs.rates[:, ~self.drifts] * len(self.nodes)
         of_T = float(abs(rates).max() / self.largest)
@@ -226,9 +226,9 @@ class Shooting:
 
     @property
     def freedom(self) -> int:
-        """The number of directions of nodes and T that keep gaps closed, the phase among them.
+        """The number of directions of nodes and T that keep gaps closed, including the phase.
 
-        T is no direction where it is given.
+        If T is given, it is no direction.
         """
         matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
         values = np.linalg.svd(matrix, compute_uv=False)
@@ -258,7 +258,7 @@ class Shooting:
         return event, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improve(self) -> bool:
-        """Take a step, or a part of it; return whether the ends came nearer."""
+        """Take a step, or a fraction of it; return True if the gaps became smaller."""
         before, distance = self.arcs, self.distance
         event, of_T = self._step()
         for k in range(_HALVINGS):
@@ -271,10 +271,10 @@ class Shooting:
         return False
 
     def correct_period(self) -> None:
-        """Go to the T at which the orbit of the start passes nearest to it.
+        """Change T to the time at which the orbit of the start passes nearest to the start.
 
-        A system with several integrals has orbits of all periods near by, turned against each
-        other, and Newton's steps would rather turn a Kepler ellipse than correct a period.
+        A system with several integrals has nearby orbits of all periods, turned against each other.
+        Newton's steps would rather turn a Kepler ellipse than correct a period.
         """
         for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
             before, distance = self.arcs, self.distance
@@ -288,7 +288,7 @@ class Shooting:
                 break
 
     def search(self) -> bool:
-        """Take steps as long as the ends come nearer; return whether it is that of a solution."""
+        """Take steps while the gaps become smaller; return True if they are those of a solution."""
         for _ in range(_ROUNDS):
             was_found, last = self.is_found, self.distance
             if not self._improve() or (was_found and self.distance > last / 2):
@@ -297,11 +297,11 @@ class Shooting:
 
 
 def found(flow: OfMotion, start: FloatArray, T: float, rtol: float, most: int) -> Shooting:
-    """Return the search that found an orbit with at most so many arcs, or came nearest.
+    """Return a search with at most `most` arcs that found an orbit, or came nearest.
 
-    Where states event fast, the rounding of T alone is a residual, and Newton's steps turn the
-    phase. So a search begins at the slowest state of the motion if that is far slower, and at the
-    start itself if nothing is found so, or an orbit elsewhere.
+    If states change fast, the rounding of T alone is a residual, and Newton's steps change the
+    phase. So a search begins at the slowest state of the motion, if that is far slower. If it finds
+    nothing, or an orbit elsewhere, a search begins at the start itself.
     """
     sizes, slowest = _sizes_and_slowest(flow, start, T)
     if slowest is None:
@@ -346,10 +346,9 @@ def _found(
 def _sizes_and_slowest(
     flow: OfMotion, start: FloatArray, T: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return by how much components vary, for the units in which steps are short.
+    """Return the ranges of components, as units of the lengths of steps, and the slowest state.
 
-    The other array is the state around which the motion is slowest, None if the start is nearly as
-    slow, or the phase is given.
+    The slowest state is None if the start is nearly as slow, or the phase is given.
     """
     parts = [*flow.steps(start, T)]
     times = np.concatenate([each for each, _ in parts])
@@ -375,7 +374,7 @@ def _sizes_and_slowest(
 
 
 def passes(search: Shooting, start: FloatArray) -> bool:
-    """Return whether the orbit that was found passes near to a state."""
+    """Return True if the orbit of a search passes near a state."""
     own = ~search.drifts
     states = np.vstack([each for _, each in search.flow.steps(search.nodes[0], search.T)])
     way = ((states - start) / search.sizes)[:, own]
@@ -399,10 +398,10 @@ _LATEST = 4.0  # times of the first near return until which the nearest one is l
 
 
 def near_return(flow: OfMotion, start: FloatArray) -> tuple[float | None, float]:
-    """Return the time after which the motion of the start returns near to it, or None.
+    """Return the time after which the motion of the start returns near it, or None.
 
-    The other number is the time until which it was looked for. A return is a state that is nearer
-    to the start than those before and after it, after the motion was far away. (The plane through
+    The other result is the time up to which it was sought. A return is a state that is nearer to
+    the start than the states before and after it, once the motion was far away. (The plane through
     the start that is normal to f need not be crossed: a start may lie beyond the orbit.)
     """
     own = ~flow.drifts

@@ -1,16 +1,16 @@
-"""Growth of tangent vectors along motions: variational equations, decomposed from time to time.
+"""Growth of tangent vectors along motions: variational equations with repeated decomposition.
 
 Columns of V grow, or turn to the direction that grows fastest. A segment of time ends before they
-lose their digits; then V = Q R, logarithms of the diagonal of R are added up, and Q goes on. Each
-trajectory has lengths of its own, T / 2**m, so that its bits do not depend on others.
+lose their digits; then V = Q R, the logarithms of the diagonal of R are added up, and the next
+segment starts with Q. Each trajectory has segment lengths T / 2**m of its own, so that its bits do
+not depend on others.
 
-Where rates of decay are far apart, as of stiff equations, segments would be a few e-folds of the
-second fastest one. There an orthonormal frame takes the place of the columns (`orthonormal_frame`):
-its segments end before it loses its angles.
+If rates of decay are far apart, as in stiff equations, segments would be a few e-folds of the
+second fastest rate. Then an orthonormal frame replaces the columns (`orthonormal_frame`): its
+segments end before it loses its angles.
 
-A change of the state may take a direction away, as one that sets a component to a number: then a
-column has no digits left even after the shortest segment with it, and is dead, with the exponent
--inf.
+An event may take a direction away, such as one that sets a component to a number. Then a column has
+no digits left even after the shortest segment with it. It is dead, with the exponent -inf.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return exponents (B, n) over the time that is asked, the largest first, and ends.
+    """Return exponents (B, n) over the requested time, the largest first, and the final result.
 
-    n counts the components whose rate is not constant in some member, or that a change sets.
-    `actions` are events, in the order of code.
+    n counts the components that an action sets, or that have no constant rate in some member.
+    `actions` are actions of events, in the order of code.
     """
     (time,), report, stops = request.times.tolist(), request.report, request.stops
     found = empty_result(starts, 0)
@@ -107,8 +107,8 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
     A column in a fast direction that no other mode reaches would stay there, and every segment
-    would be a few of its e-folds. So would a column in a direction that is the slowest at the start
-    alone, for a long time: each column has a small part of all directions.
+    would be a few of its e-folds. The same holds, for a long time, for the direction that is
+    slowest only at the start. So each column has a small part of all directions.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
@@ -119,7 +119,7 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
 
 
 class _Run:
-    """Trajectories with tangent vectors; `over` goes on by a phase of time."""
+    """Trajectories with tangent vectors; `over` advances them by a phase of time."""
 
     def __init__(
         self,
@@ -146,20 +146,20 @@ class _Run:
         self.begin()
 
     def begin(self) -> None:
-        """Forget the sums."""
+        """Set the sums to 0."""
         B = len(self.x)
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
 
     def over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Take a phase; return False if `told`, which takes the time that is done, ended it."""
+        """Advance by `time`; return False if `told`, which takes the time done, ended it."""
         if self.stops is None:
             return self._over(time, told)
         first = _FIRST * time
         return self._over(first, told) and self._over(time - first, lambda done: told(first + done))
 
     def _over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Take a phase, or a part of it, in segments of this time by powers of 2."""
+        """Advance by `time`, in segments of this time divided by powers of 2."""
         at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
         self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
@@ -178,16 +178,16 @@ class _Run:
         return True
 
     def _first_levels(self, time: float) -> NDArray[np.int64]:
-        """Return m for the first segments."""
+        """Return m of the first segment, of length T / 2**m, for each trajectory."""
         slopes = self.f.jacobian(self.x.T, self.table.T)
         size = abs(slopes).sum(axis=1).max(axis=0) * np.ones(len(self.x))
         size = np.where(np.isfinite(size), np.maximum(time * size / _ROOM, 1.0), 1.0)
         return np.minimum(np.ceil(np.log2(size)), _MOST).astype(np.int64)
 
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
-        """Take a segment; return where it was not too long, and where it may be longer.
+        """Take a segment; return where it was not too long, and where the next may be longer.
 
-        With `is_last` there is no shorter one.
+        If `is_last`, there are no shorter segments.
         """
         D, n, K = self.f.D, self.n, len(which)
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
@@ -241,9 +241,9 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with frames; return as `_segment`.
+        """Take a segment with frames; return the same as `_segment`.
 
-        Where it does not reach its end there are no frames any more.
+        A trajectory that does not reach the end of the segment has no frames from then on.
         """
         D, n, K = self.f.D, self.n, len(which)
         frame = with_frame(self.f, tuple(self.moving.tolist()))
@@ -273,7 +273,7 @@ class _Run:
         return is_good, is_good & (4.0 * off <= most)
 
     def _stops_of(self, which: NDArray[np.int64]) -> EventTimes | None:
-        """Return the times of events that are left, counted from here."""
+        """Return the remaining times of events, counted from the present time."""
         if self.stops is None or not self.stops.times.size:
             return self.stops
         both = self.stops.times, self.stops.which
@@ -292,7 +292,7 @@ class _Run:
     def _changes_of(
         self, engine: BatchSolver, K: int
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Return where events have acted, and how many at given times, of all."""
+        """Return where events have acted, and how many of these events were at given times."""
         if self.stops is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
@@ -301,7 +301,7 @@ class _Run:
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
-        """Let columns of trajectory k be dead, and the last ones, which others do not depend on."""
+        """Mark columns of trajectory k as dead; move them last, where no others depend on them."""
         self.dead[k] |= dies
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]

@@ -84,7 +84,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """How a value depends on the state."""
+    """The dependence of a value on the state."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False

@@ -19,13 +19,13 @@ from .memory import BEGINS, EndCause, LaneState
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 
-# Parts of the time: within which f has no value where a solution ends, and in which one that goes
-# to infinity doubles.
+# Parts of the time: within these f has no value if a solution ends, or a solution that escapes to
+# infinity doubles.
 _AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
-NO_TIMES = inf, inf  # after the last time: of no step are these the next and the second one
+NO_TIMES = inf, inf  # after the last time: no step reaches these
 
 integrator_of = functools.lru_cache(64)(Integrator)
 
@@ -34,13 +34,13 @@ class Settings(NamedTuple):
     """Settings of all trajectories: keywords of `flow`, under their names."""
 
     rtol: float
-    atol: float | tuple | None = None  # one for all components, or one for each
+    atol: float | tuple | None = None  # one number for all components, or one for each
     max_step: float | None = None
-    stiff: bool | None = None  # whether all steps are implicit, None to choose
+    stiff: bool | None = None  # True if all steps are implicit, None to choose
 
 
 class SolverRequest(NamedTuple):
-    """All that trajectories of a call share, except f and its table."""
+    """The data of a call that all trajectories share, except f and its table."""
 
     times: Any  # (n,), moduli, ascending; `flow` also has them in any order
     sign: int  # -1 backwards in time, else 1
@@ -48,7 +48,7 @@ class SolverRequest(NamedTuple):
     threads: int | None = None
     report: Any = None  # takes the number of states that are done; it may return False to stop
     stops: Any = None  # `EventTimes`, if f has events
-    most: float = inf  # crossings that are recorded, before a trajectory stops
+    most: float = inf  # recorded crossings after which a trajectory stops
     since: float = -1.0  # modulus of the time after which they count
 
 
@@ -68,7 +68,7 @@ def components_of(f, atol):
 
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
-    """Return an array of `SharedNumbers` whose times are not set."""
+    """Return an array of `SharedNumbers` in which the times are not set yet."""
     return array("d", SharedNumbers(
         settings.rtol,
         inf,
@@ -85,14 +85,14 @@ def numbers_of(settings, sign):
 
 
 def set_times(numbers, integrator, settings, times):
-    """Set the first two times, the last one, and the longest step; NO_TIMES follow the times."""
+    """Set the first two times, the last time, and the longest step; NO_TIMES follow the times."""
     numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
     numbers[NUMBER.last], longest = last, settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
 
 
 def set_limits(numbers, request):
-    """Set the crossings after which a trajectory stops, and the time since which they count."""
+    """Set how many crossings end a trajectory, and the time from which they count."""
     numbers[NUMBER.enough], numbers[NUMBER.since] = request.most, request.since
 
 
@@ -109,7 +109,7 @@ def code_of(integrator, W, for_each):
 def prepare(f, settings, B, for_each):
     """Compile the integrators that B trajectories may need.
 
-    `for_each` says whether each trajectory has numbers of its own.
+    `for_each` is True if each trajectory has its own table.
     """
     for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
         integrator = integrator_of(f, is_implicit, settings.atol is not None)
@@ -117,7 +117,7 @@ def prepare(f, settings, B, for_each):
 
 
 class EventTimes:
-    """The times of events, ascending, in a row for all trajectories or for each.
+    """The given times of events, ascending, in one row for all trajectories or one row for each.
 
     times   moduli (1 or B, n), infinity for none
     which   numbers of the events (1 or B, n)
@@ -134,7 +134,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """`CodeArguments.stops` (1 or B, n + 1, 2), and how many times at most are equal."""
+        """`CodeArguments.stops` (1 or B, n + 1, 2), and the largest number of equal times."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -149,7 +149,7 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Return the table, states x0 (B, D) with clocks at 0, and their starts, None if they are 0."""
+    """Return table and states x0 (B, D) for clocks from 0, and their starts, None if they are 0."""
     if not f.offsets:
         return table, x0, None
     starts = x0[:, [*f.offsets]]
@@ -168,7 +168,7 @@ def counted_from_start(f, table, x0):
 
 
 def add_starts(f, starts, states, records):
-    """Add the starts (B, clocks) of clocks to states (count, B, D), and to those in records."""
+    """Add the starts (B, clocks) of clocks to states (count, B, D), and to states in records."""
     clocks = np.array([*f.offsets])
     states[..., clocks] += starts
     for rows in records:
@@ -181,7 +181,7 @@ class BatchSolver:
     """Trajectories x0 (B, D) of x' = f(x) at the times of a `SolverRequest`.
 
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
-    states   (count, B, D), to which the states are written; where a solution has ended they stay
+    states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `LaneState`
     grown    (B,), a component that fell and grew, see `growing_components.LOW`, or -1
@@ -215,9 +215,9 @@ class BatchSolver:
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
 
     def run(self, threads=1, begun=None):
-        """Take all steps of all trajectories, or those left by `solve_small_batch` in `begun`.
+        """Take all steps of all trajectories; `begun` are those that `solve_small_batch` has begun.
 
-        `report` is called in this thread, now and then; if it returns False, the steps end.
+        `report` is called in this thread from time to time; if it returns False, the steps end.
         """
         B = len(self.x0)
         self.caller = get_ident()
@@ -247,7 +247,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take all steps of a block of trajectories, with these rows if they have begun."""
+        """Take all steps of a block of trajectories; `flat` are their rows, if they have begun."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
@@ -258,7 +258,7 @@ class BatchSolver:
                 self._steps(self.integrator(mode), own, numbers[which], W, abandoned)
                 if own is not flat:
                     flat[which] = own
-            mode = 1 - mode  # of those that turned to the other integrator
+            mode = 1 - mode  # for trajectories that turned to the other integrator
         state, t = flat[:, rows.state], flat[:, rows.t]
         self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
         low = flat[:, rows.low : rows.far] >= 3.0
@@ -274,7 +274,7 @@ class BatchSolver:
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
     def _causes_of_end(self, flat, which):
-        """Return a `EndCause` for each of these rows of trajectories `which`."""
+        """Return an `EndCause` for each of these rows, which belong to trajectories `which`."""
         rows, whole = self.rows, self.f.D
         f = self.f.of
         table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
@@ -295,13 +295,13 @@ class BatchSolver:
         return np.where(np.isnan(x).any(axis=0), EndCause.NO_STATE, of_f)
 
     def _table(self, which):
-        """Return the numbers that functions read: for all trajectories, or for each (K, n)."""
+        """Return the table: one for all trajectories, or one for each of `which` (K, n)."""
         if self.table.ndim == 1:
             return self.table.copy()
         return np.ascontiguousarray(self.table[which])
 
     def _steps(self, integrator, rows, which, W, abandoned):
-        """Take steps of trajectories (K, rows) with one integrator, until none is in it.
+        """Take steps of trajectories (K, rows) with one integrator, until none of them uses it.
 
         `which` are their numbers; `places` count the times that they have reached.
         """
@@ -325,7 +325,7 @@ class BatchSolver:
             self.table[which] = table
 
     def _taker(self, integrator, rows, table, W):
-        """Return the function that takes steps of trajectories, and returns whether it is done."""
+        """Return a function that takes steps of trajectories; it returns True once none is left."""
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.stops is not None:
@@ -334,9 +334,9 @@ class BatchSolver:
 
 
 class StepRunner:
-    """The arguments of the code of an integrator, and the memory in which it takes trajectories.
+    """The arguments of the code of an integrator, and its memory.
 
-    They have these `rows`, and a table for all or one for each.
+    It takes trajectories with these `rows`, and a table for all or one for each.
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):
@@ -353,12 +353,12 @@ class StepRunner:
         self.code = code_of(integrator, W, self.for_each)
 
     def point_to(self, times, states, state_bytes):
-        """Let the arguments point to times and states at these addresses."""
+        """Set the addresses of times and states in the arguments."""
         self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, stops, equal, records):
-        """Let the arguments point to the times of events; records go to the list `records`."""
+        """Set the addresses of the times of events; records are appended to the list `records`."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W
@@ -370,7 +370,7 @@ class StepRunner:
         arguments[SLOT.full] = len(self.buffer) - at_once
 
     def take(self):
-        """Take steps until the budget is spent; return whether none is left."""
+        """Take steps until the budget is spent; return whether all trajectories are done."""
         arguments = self.arguments
         arguments[SLOT.budget] = self.budget
         is_done = self.code.call(self.at)

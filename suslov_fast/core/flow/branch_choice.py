@@ -6,11 +6,11 @@ branches are chosen, and f is evaluated with them. Columns v of derivatives beco
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
 
 because a solution that starts dx away reaches the surface s = 0 earlier, and continues with the
-other f. The logarithm of the determinant of this matrix is that of (grad s . f_after) /
-(grad s . f_before).
+other f. The determinant of this matrix is (grad s . f_after) / (grad s . f_before); its logarithm
+enters exponents.
 
-A solution that comes back to surfaces at once, again and again, slides along them, and ends. A
-solution that ends just before a surface, because f has no value beyond it, continues beyond it with
+A solution that comes back to surfaces at once, again and again, slides along them, and ends. If a
+solution ends just before a surface, because f has no value beyond it, it continues beyond it with
 the other branches.
 """
 
@@ -26,18 +26,18 @@ from .growing_components import GROWN
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, scalar_kernel
 
-_BEFORE = 2  # results of `choices` before the choices
+_BEFORE = 2  # results of `branches` before the branches
 
-# A solution slides if it changes its branches so often at once. Parts of the time: a surface before
-# which a solution ends lies within them, at first within NEAREST; a solution that ends so again
-# within AGAIN slides.
+# A solution slides if it changes its branches this often at once. Parts of the time: if a solution
+# ends before a surface, the surface lies within these, NEAREST first; if it ends so again within
+# AGAIN, it slides.
 BACK_AND_FORTH = 12.0
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Count changes of branches at once; after the action of an event they do not count."""
+    """Count immediate changes of branches; changes right after an event do not count."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -52,14 +52,14 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return a part of the time, without and with the sign of time."""
+    """Return a fraction of the time, without and with the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Let the next steps of a solution that crosses a surface again at once end on it."""
+    """Make a solution that crosses a surface again at once end its next steps on the surface."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -68,7 +68,7 @@ def SEEK(wanted, ahead):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
-    """Let a solution that ends just before a surface continue beyond it."""
+    """Continue a solution that ends just before a surface beyond the surface."""
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
     state = slides.select(float(LaneState.SLIDING), first_state)
@@ -86,14 +86,14 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return the jump of the integral of u trace f', from grad s . f at both sides."""
+    """Return the jump of the integral of u trace f', from grad s . f on both sides."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return whether a component is low; not where the jump of f is an inflow of its own."""
+    """Return whether a component is low; it is not if the jump of f is an inflow into it."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
@@ -101,7 +101,7 @@ def INFLOW(low, f_old, f_new):
 def add_branches(text, integrator, name, for_each):
     """Add the function void choose(arguments), which chooses all branches.
 
-    It does so at the state `new`, in lanes with `chooses` 1.
+    It uses the state `new`, in lanes in which `chooses` is 1.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -116,9 +116,9 @@ def update_branches(code, truth):
 
 
 def choose(code):
-    """Choose the branches of kinks where the step ends on a surface, and evaluate f with them.
+    """Choose the branches of kinks in lanes whose step ends on a surface; evaluate f with them.
 
-    A table may be so steep that f changes much where it is continuous.
+    f may change much even if it is continuous, for example along a steep line of a table.
     """
     work, conditions = code.work, code.f.conditions
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
@@ -129,7 +129,7 @@ def choose(code):
 
 
 def renew(code):
-    """Choose branches where f jumps, and continue solutions that end before a jump."""
+    """Choose branches at which f jumps, and continue solutions that end before a jump."""
     text, line, work = code.text, code.line, code.work
     if code.f.conditions.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
@@ -165,7 +165,7 @@ def _jump(code, jumped):
 
 
 def _put_ahead(code, x, f, signed):
-    """Write the state a time after x, along its rate, to `start`."""
+    """Write the state a signed time after x, along f, to `start`."""
     for i in code.text.each(code.D):
         code.work.start[i] = x[i] + signed * f[i]
 
@@ -180,7 +180,7 @@ def _choose(code, truth, acted):
     update_branches(code, truth)
     code.call("f", work.new, code.table, work.f_new)
     if has_columns:
-        own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # changes take care of columns
+        own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # events update columns
         with text.when(own.any()):
             for i in text.each(f.D):
                 code.keep_largest(own, i, work.new[i])
@@ -191,7 +191,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Change the columns of a `Variational` where f jumps."""
+    """Update the columns of a `Variational` in lanes where f jumps."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -229,9 +229,9 @@ def _change_columns(code, truth):
 
 
 def _go_on(code, ended):
-    """Let solutions go on in lanes that end just before a surface.
+    """Continue solutions in lanes that end just before a surface.
 
-    Their next state lies beyond it; times that they pass are saved there.
+    Their next state lies beyond it; it is saved at the times in between.
     """
     text, line, work = code.text, code.line, code.work
     accepted, none = work.accepted[0] > 0.0, text.value(0.0)
@@ -268,7 +268,7 @@ def _go_on(code, ended):
 
 
 def _put_all(code, truth):
-    """Write all branches to the table of lanes, with the numbers that depend on them."""
+    """Write all branches to the table of lanes, and the numbers that depend on them."""
     text, work, conditions = code.text, code.work, code.f.conditions
     _put_choices(code, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
     derived = code.f.of.derived.results
@@ -281,7 +281,7 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write branches, from rows, or intervals at arguments of tables, to the table of lanes."""
+    """Write branches to the table of lanes: numbers from rows, intervals of tables by argument."""
     text, f = code.text, code.f.of
     first = len(f.conditions.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
@@ -299,7 +299,7 @@ def _put_choices(code, truth, kinds, found, place):
 
 
 def shift_of(f, number):
-    """Return the place of the shift of a table, see `Intervals.holding`, None without one."""
+    """Return the place of the shift of a table, see `Intervals.holding`; None if there is none."""
     conditions = f.conditions
     if number not in conditions.shifts:
         return None
@@ -308,7 +308,7 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a table that holds an argument to the table of lanes with bits."""
+    """Write the interval of a table that contains an argument to the tables of lanes with bits."""
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 
 class CodeArguments(NamedTuple):
-    """The integers of an array that the code takes."""
+    """The integers of the array that is the argument of the code."""
 
     rows: int  # address of the rows of trajectories (count, rows)
     count: int
@@ -29,11 +29,11 @@ class CodeArguments(NamedTuple):
 class ComponentNumbers(NamedTuple):
     """Numbers of a component that all lanes share."""
 
-    extra: float  # what is added to the allowed error: atol, infinity for clocks
+    extra: float  # added to the allowed error: atol, infinity for clocks
     counts: float  # 1, for clocks 0
     steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
-    seeds: float  # what is added to the vector of the power iteration
+    seeds: float  # added to the vector of the power iteration
 
 
 class SharedNumbers(NamedTuple):

@@ -1,6 +1,6 @@
-"""What the functions in an integrator's text share: arrays, scalar kernels, calls of functions.
+"""Shared parts of functions in an integrator's text: arrays, scalar kernels, calls.
 
-`FunctionCode` is a function with rows of `WorkRows`; `StepCode` takes steps of lines of lanes.
+`FunctionCode` is a function with rows of `WorkRows`; `StepCode` takes steps of SIMD packs.
 """
 
 from ..llvm.text import Carried, Integers, Shared, Truth
@@ -10,7 +10,7 @@ from .memory import LaneState
 
 
 class FunctionCode:
-    """A function in the text of an integrator: `work` has an array for each part of `WorkRows`."""
+    """A function in the text of an integrator; `work` has an array for each part of `WorkRows`."""
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
         self.text, self.integrator, self.name, self.for_each = text, integrator, name, for_each
@@ -19,16 +19,16 @@ class FunctionCode:
         self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call one of the functions of the integrator, see `vector_functions`: from, table, to."""
+        """Call a function of the integrator, see `vector_functions`, with from, table and to."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
 class StepCode(FunctionCode):
-    """The function that takes steps of lines of lanes.
+    """The function that takes steps of lines, which are SIMD packs of W lanes.
 
     of        the arguments of the code, see `CodeArguments`
     line      an array for each part of `TrajectoryRows`
-    work      one for each part of `WorkRows`
+    work      an array for each part of `WorkRows`
     table     the address of the table
     """
 
@@ -40,13 +40,13 @@ class StepCode(FunctionCode):
         self.table = self.work.table.at() if for_each else self.of.table
 
     def has_trajectories(self):
-        """Return whether some lane has a trajectory: `own` is its number plus 1, or 0."""
+        """Return the truth value that a lane has a trajectory: `own` is its number + 1, or 0."""
         text = self.text
         own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
 
     def columns(self, x, f, count):
-        """Write the ends of the first columns of a step, less x, to `work.ends`."""
+        """Write the end of each of the first `count` columns of a step, minus x, to `work.ends`."""
         self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
 
     @property
@@ -56,17 +56,17 @@ class StepCode(FunctionCode):
         return self.text.value(float(mode))
 
     def number(self, name):
-        """Return one of `SharedNumbers`."""
+        """Return the entry of `SharedNumbers` with this name."""
         return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
 
     def component(self, name, i):
-        """Return one of `ComponentNumbers`."""
+        """Return the entry of `ComponentNumbers` with this name for component i."""
         return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
 
     def apply(self, kernel, i=0, **inputs):
-        """Carry out a scalar kernel for component i; return its results by name.
+        """Apply a scalar kernel to component i; return its results by name.
 
-        Inputs that are not given are found by name: in `SharedNumbers`, in `ComponentNumbers`, and
+        Inputs that are not given are found by name in `SharedNumbers`, in `ComponentNumbers`, and
         in the rows of `line` or `work`.
         """
         for name in [name for name in kernel.inputs if name not in inputs]:
@@ -80,10 +80,10 @@ class StepCode(FunctionCode):
         return self.text.apply(kernel, **inputs)
 
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
-        """Return the results, a `Carried`, that a kernel passes on from component to component.
+        """Return a `Carried` with the results that a kernel passes from component to component.
 
-        The kernel gets `inputs(i)` of component i of `count`, D by default, and its results so far,
-        which are `start` at first.
+        For each of `count` components (default D) the kernel gets `inputs(i)` and its results so
+        far, which are `start` at first.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):
@@ -91,7 +91,7 @@ class StepCode(FunctionCode):
         return found
 
     def near(self):
-        """Return the results of `NEAR`, which are constants where no surface ends steps."""
+        """Return the results of `NEAR`, which are constants if no surface ends steps."""
         if self.integrator.watched:
             return self.apply(step_length.NEAR)
         return {"reach": step_length.REACH, "shortest": step_length.SHORTEST}
@@ -101,29 +101,29 @@ class StepCode(FunctionCode):
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return what kernels take for the last time: that of the next event, if it is earlier."""
+        """Return the `last` input of kernels: the time of the next event, if that is earlier."""
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
-        """Let the largest modulus of component i include that of a value in these lanes."""
+        """Update the largest modulus of component i by the value x in these lanes."""
         modulus, largest = abs(x), self.line.largest[i]
         self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
 
     def lanes_with(self, bits):
-        """Add a loop over lanes; the body is carried out for those with bits, at their offsets."""
+        """Add a loop over lanes; the body runs for lanes with bits, and gets their offsets."""
         for lane in self.text.each(self.text.W):
             bit = (bits >> lane) & 1
             with self.text.when(bit.equals(1)):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write results of a kernel to the rows of their names, in these lanes."""
+        """Write results of a kernel to the rows with their names, in these lanes."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))
 
 
 def weighted(factors, values):
-    """Return the sum of factors times values, in their order."""
+    """Return the sum of factors times values, added in order."""
     products = (factor * value for factor, value in zip(factors, values, strict=True))
     return sum(products, next(products))

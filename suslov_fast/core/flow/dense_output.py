@@ -1,15 +1,15 @@
-"""States inside a step, at times that were asked for.
+"""Dense output: states inside a step, at the requested times.
 
-A step aside has reached its time: its end is the state (`step_length.LENGTH`). An explicit step
-that has passed several times is taken once more as three quarters with few columns, which end at
-x_1, x_2, x_3, and x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the
+A step aside ends at its time, so that its end is the state (`step_length.LENGTH`). If an explicit
+step has passed several times, its first three quarters are taken once more with few columns. They
+end at x_1, x_2 and x_3; x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the
 polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
 
 p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
 
-where L_j are Lagrange's polynomials. Its error is C prod_j (v - j)**2 at first order, and the
-defect p' - h / 4 f(p) shows C and the errors of the nodes. If it is too large the step is taken
-again, to the next time.
+where L_j are Lagrange polynomials. Its error is C prod_j (v - j)**2 at first order. The defect p' -
+h / 4 f(p) shows C and the errors of the nodes. If the defect is too large, the step is taken again,
+to the next time.
 """
 
 from math import inf, prod
@@ -38,13 +38,13 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 @scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
-    """The length of a quarter of a step that has passed a time, else 0."""
+    """Return the signed length of a quarter if a step has passed a time, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
 
 def weights_at(v):
-    """Return the weights of states less x, and of rates times the length of a quarter, by name."""
+    """Return, by name, weights of states minus x, and of rates times the length of a quarter."""
     of_states, of_rates = {}, {}
     for j in _NODES:
         product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
@@ -57,12 +57,12 @@ def weights_at(v):
 
 @scalar_kernel
 def BETWEEN(t, taken, next):
-    """The weights at the next time."""
+    """Return the weights at the next time."""
     return weights_at(4.0 * ((next - t) / taken))
 
 
 def weights_of_test(v):
-    """Return the weights of the polynomial at v quarters, and those of its derivative by v."""
+    """Return the weights of the polynomial at v quarters, and of its derivative by v."""
     weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},
@@ -75,7 +75,7 @@ def INTERPOLATED(
     x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
     rate0, rate1, rate2, rate3, rate4,
 ):  # fmt: skip
-    """A component of the polynomial, or of its derivative, less x."""
+    """Return a component of the polynomial minus x, or of its derivative, for these weights."""
     rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
     states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
     return {"value": states + signed * rates}
@@ -83,16 +83,16 @@ def INTERPOLATED(
 
 @scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """The largest error of the polynomial by what is allowed, as far as f tells."""
+    """Return the largest estimated error of the polynomial relative to the allowed error."""
     ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
     return {"ratio": ratio, "total": total + abs(f)}
 
 
 @scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return whether a step is taken again, to the next time, because its inside is not known.
+    """Return whether a step is taken again, to the next time, because its interior is not accurate.
 
-    Where that is a long step, which goes on to the last time, a step aside reaches the next time.
+    If that step is a long one that goes on to the last time, a step aside reaches the next time.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
@@ -110,7 +110,7 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
 
 @scalar_kernel
 def WITH_SIGN(value, x, keeps):
-    """A component inside a step: 0 may lie within its error, but it keeps the sign of x."""
+    """Return a component inside a step with the sign of x, even if its error allows 0."""
     signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
     return {"value": (keeps > 0.0).select(signed, value)}
 
@@ -118,7 +118,7 @@ def WITH_SIGN(value, x, keeps):
 def add_between(text, integrator, name, for_each):
     """Add the function void between(arguments), which saves states at times within a step.
 
-    It is a function of its own, because LLVM's time grows faster than the length of a function.
+    It is a separate function, because LLVM's time grows faster than the length of a function.
     """
     with text.function(f"{name}_between", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -130,7 +130,7 @@ def add_between(text, integrator, name, for_each):
 
 
 def save_states(code):
-    """Save the states at times that the step has passed, or reached aside."""
+    """Save the states at times that the step has passed, or that a step aside has reached."""
     text, work = code.text, code.work
     served = work.served[0] > 0.0
     with text.when((served | _passed(code, Value.__ge__)).any(), likely=False):
@@ -143,7 +143,7 @@ def save_states(code):
 
 
 def save_at_end(code):
-    """Save the states at times at which the step ends, or NEARLY, after actions there."""
+    """Save the states at times at which the step ends, or NEARLY ends, after actions there."""
     text = code.text
     with text.when(_reached(code).any(), likely=False):
         for now in text.rounds(Carried()):
@@ -162,7 +162,7 @@ def _reached(code):
 
 
 def _until(code):
-    """Return the time before which states are inside the step, not after actions."""
+    """Return the time up to which states are inside the step, before any action."""
     t = code.line.t[0]
     if not code.integrator.events:
         return t
@@ -170,7 +170,7 @@ def _until(code):
 
 
 def _find_nodes(code):
-    """Find states and rates at the ends of quarters; refuse steps whose inside is not known."""
+    """Find states and rates at the ends of quarters; reject steps with an inaccurate interior."""
     text, line, work, D = code.text, code.line, code.work, code.D
     code.keep(work, code.apply(QUARTER, t=work.t[0], after=_until(code)))
     few, more = WEIGHTS
@@ -214,7 +214,7 @@ def _find_nodes(code):
 
 
 def _between(code, weights, i):
-    """Return a component of the polynomial with these weights, less x."""
+    """Return a component of the polynomial with these weights, minus x."""
     work, inputs = code.work, {}
     for k in range(3):
         node = work.nodes.after(2 * k * code.D)
@@ -234,7 +234,7 @@ def _put_between(code, weights):
 
 
 def save(code, bits, states):
-    """Save the states in rows of `WorkRows` of the lanes with these bits; go to their next time."""
+    """Save rows of `WorkRows` as states of the lanes with these bits; go to their next time."""
     text, of, rows = code.text, code.of, code.integrator.rows
     one = text.lanes(1)
     for offset in code.lanes_with(bits):

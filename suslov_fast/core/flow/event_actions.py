@@ -1,8 +1,9 @@
 """Actions of events at the end of a step, at given times and on surfaces.
 
-At an instant events at times act first, in the order of their list. Then the events act whose
-surfaces the state has crossed, by the motion or by another action. A trajectory stores its side of
-each surface. The code is a function of its own, because events at time 0 act before the first step.
+At one instant events with given times act first, in the order of their list. Then events act if the
+state has crossed their surfaces, by the motion or by another action. A trajectory stores its side
+of each surface. The code is a separate function, because events at time 0 act before the first
+step.
 """
 
 from math import inf
@@ -19,21 +20,21 @@ from .memory import LaneState
 from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 
-# A trajectory ends where an event acts again at once so often in a row, or where so many act at
-# one instant in addition to one at each surface.
+# A trajectory ends if an event acts again at once this often in a row, or if this many events act
+# at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
 SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
-MOMENT = 2.0**-16  # part of the last step, after which rates tell how they change
+MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
 STAYS = 0.25  # in place of a side
-FASTER = 4.0  # rate after actions, by the rate where the step before them began
+FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the step before
 
 
 def _side(value, rate, size, rate_size, near, sign):
-    """Return the side of a state, and a level, of which it is on that side within this instant.
+    """Return the side of a state, and the level from which it is on that side within this instant.
 
-    A state as `near` the surface as that, or within rounding, is on it: its side is that to which
-    the rate leads. One whose rate is rounding stays on the surface, which it cannot cross.
+    A state nearer the surface than `near`, or than rounding, is on it: its side is where the rate
+    leads. If the rate is rounding, the state stays on the surface, which it cannot cross.
     """
     rounding = ROUNDING * size + TINY
     is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
@@ -52,9 +53,9 @@ SIDE = scalar_kernel(_side)
 
 @scalar_kernel
 def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
-    """The side of a state that stays where s is 0 all around it, as min(x, 0): it is above.
+    """Return side and level; a state in a region where s = 0, as for min(x, 0), counts as above.
 
-    It `may` if s has branches: slopes that are 0 do not tell of others, as cos(x) - 1 touches 0.
+    `may` is 1 if s has branches. Without them slopes of 0 show no region: cos(x) - 1 touches 0.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (may > 0.5)
@@ -62,7 +63,7 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
 
 
 def _is_on(value, rate, last, jumps):
-    """Return whether a value may be that of a state on the surface: not where the surface jumps."""
+    """Return whether a state with this value may be on the surface, and not where that jumps."""
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
@@ -73,12 +74,12 @@ def CROSSED(
 ):  # fmt: skip
     """Return whether a state is on another side of a surface, up or down.
 
-    So is one at which the step arrives, see `event_location.CUT`. An action may leave the state
-    beyond the surface by rounding, on its way back. A step ends there, too, but a crossing by the
-    motion whose rate contradicts it is none: then the surface lies just beyond the state, until
-    its next action. Nor is it one where a state leaves a surface on which it has stayed, or a
-    gap without values begins or ends. After its action a state counts as on the surface if it is
-    `near`, twice as far as the crossing was.
+    A state at which the step arrives counts, too, see `event_location.CUT`. An action may leave the
+    state beyond the surface by rounding, on its way back, and a step ends there. If the rate
+    contradicts a crossing by the motion, it is none: the surface lies just beyond the state, until
+    its next action. It is no crossing if a state leaves a surface on which it has stayed, or a gap
+    without values begins or ends. After its action a state counts as on the surface if it is
+    `near`: within twice the distance of the crossing.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -108,12 +109,12 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Return whether an event acts again at once, how often that counts, and when such times end.
+    """Return whether an event acts again at once, the weight of that, and the limit of its times.
 
-    A state that an action turns back, and that comes back along a parabola, is away for 2 |r / a|
-    with the rate r and its derivative a, and rises by r**2 / (2 |a|). If that is at once, or LOW,
-    and the action has made r smaller by the factor q, it is at rest after 2 |r / a| / (1 - q). For
-    others the time since the action before counts, and the limit is Aitken's.
+    A state that an action turns back returns along a parabola: it is away for 2 |r / a| with the
+    rate r and its derivative a, and rises by r**2 / (2 |a|). If it returns at once, or stays LOW,
+    and the action has reduced r by the factor q, it is at rest after 2 |r / a| / (1 - q). For other
+    states the time since the last action counts, and the limit is Aitken's.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -144,11 +145,11 @@ def AFTER_EVENT(
 ):  # fmt: skip
     """Return the next length after actions.
 
-    It is that of a first step if that is more. Where the rate is FASTER times that at which the
-    last step began, as after a dose, it is at most that of a first step of a state as large as the
-    largest so far.
+    It is the length of a first step, if that is longer. If the rate is FASTER times the rate at the
+    beginning of the last step, as after a dose, it is at most the length of a first step for a
+    state as large as the largest so far.
 
-    Events accumulate where one acts again at once, see `AGAIN`, so often in a row.
+    Events accumulate if one acts again at once, see `AGAIN`, ACTIONS_AT_ONCE times in a row.
     """
     is_changed = number > 0.0
     guess = first_length(size, rate, part, last)
@@ -177,7 +178,7 @@ def AFTER_EVENT(
 def add_actions(text, integrator, name, for_each):
     """Add the function void change(arguments), which writes `new` and `f_new` after actions.
 
-    It acts in lanes with `accepted` 1 that are at the time of an event.
+    It acts in lanes in which `accepted` is 1 that are at the time of an event.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -195,7 +196,7 @@ def act(code):
 
 
 def find_sides(code, begins):
-    """Find on which sides of surfaces the trajectories of these lanes begin."""
+    """Find on which sides of the surfaces the trajectories of these lanes begin."""
     if not code.integrator.events.surfaces:
         return
     side, resting = code.line.side, Carried(resting=0.0)
@@ -212,7 +213,7 @@ def find_sides(code, begins):
 
 
 def _is_at_stop(code):
-    """Return which lanes have reached the next time of an event."""
+    """Return which lanes have reached the next given time of an event."""
     accepted = code.work.accepted[0] > 0.0
     return accepted & (code.line.t[0] >= code.line.stop[0])
 
@@ -239,7 +240,7 @@ def _look_at(code, x, f, to):
 
 
 def _at_surface(code, k):
-    """Return `value`, `rate`, `size` and `rate_size` of surface k, as found by `_look`."""
+    """Return `value`, `rate`, `size` and `rate_size` of surface k, which `_look` has found."""
     names = enumerate(("value", "rate", "size", "rate_size"))
     return {name: code.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
 
@@ -263,7 +264,7 @@ def _act_of_lanes(code):
 
 
 def _act_at_times(code):
-    """Let events act whose times have come, in the order of the list."""
+    """Let events act at their given times, in the order of the list."""
     text, events = code.text, code.integrator.events
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
@@ -276,15 +277,15 @@ def _act_at_times(code):
 
 
 def _most(events):
-    """Return how many events at surfaces may act at one instant."""
+    """Return how many events on surfaces may act at one instant."""
     return MOST_AT_ONCE + events.surfaces
 
 
 def _act_at_surfaces(code, is_there, by_motion, again):
-    """Let events act at the surfaces that a state has crossed, again and again until none does.
+    """Let events act on the surfaces that a state has crossed, until no event acts.
 
-    `by_motion` are the lanes whose step has crossed one; another action may have crossed others.
-    `again` is what `AGAIN` finds.
+    `by_motion` marks lanes whose step has crossed a surface; other crossings are due to actions.
+    `again` receives the results of `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     for k in text.each(events.surfaces):
@@ -327,7 +328,7 @@ def _with_flat_side(code, k, side, level):
 
 
 def _look_a_moment_later(code):
-    """Find `OF_SURFACE` of surfaces MOMENT after the new state, in `ahead`."""
+    """Find `OF_SURFACE` of surfaces a MOMENT after the new state; write it to `ahead`."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -337,7 +338,7 @@ def _look_a_moment_later(code):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let the event at surface k act in lanes whose state is on another side of it now."""
+    """Let the event on surface k act in lanes whose state is now on another side of it."""
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
@@ -366,7 +367,7 @@ def _cross(code, k, is_there, by_motion):
 
 
 def _note(code, k, truth, crosses, by_motion):
-    """Record a crossing without an action; a trajectory with enough of them stops."""
+    """Record a crossing without an action; a trajectory with enough crossings stops."""
     line, work = code.line, code.work
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
@@ -381,7 +382,7 @@ def _note(code, k, truth, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let event k act in these lanes, in some because of the motion."""
+    """Let event k act in the lanes `truth`; in the lanes `by_motion`, because of the motion."""
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
@@ -411,7 +412,7 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _of_columns(code, f_before):
-    """Return the parts of a record of a `Variational`: tau of each column, f before and after."""
+    """Return the parts of a record for a `Variational`: tau of each column, f before and after."""
     if not code.f.columns:
         return ()
     work, D = code.work, code.f.of.D
@@ -419,7 +420,7 @@ def _of_columns(code, f_before):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
-    """Find tau of the columns of a `Variational`, and move them if the action moves the state."""
+    """Find tau of the columns of a `Variational`; update them if the action moves the state."""
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     if not f.columns:
         return
@@ -439,7 +440,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
 
 
 def _next_stop(code, bits):
-    """Go to the next time of an event in lanes with these bits."""
+    """Go to the next given time of an event in lanes with these bits."""
     text, of = code.text, code.of
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
@@ -453,7 +454,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Let the largest moduli of components include those before an action; forget which are low."""
+    """Update the largest moduli by the components before an action; forget which are low."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))

@@ -1,23 +1,23 @@
-"""The event cut: a step that crosses a surface is taken again, until one ends just beyond it.
+"""The event cut: a step that crosses a surface is taken again, until a step ends just beyond it.
 
-A step looks for surfaces at POINTS of its length, where the state is (`POINT`)
+A step evaluates surfaces at POINTS of its length, at the states (`POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
-and `watch` of the integrator compares both ends of each part. A step that may hide two
-crossings between points, see `double_crossings`, is taken again, shorter. Then states there are
-better known, by f at one of them. In an implicit step they lie on the polynomial of degree 4
-through the states at its quarters.
+and `watch` of the integrator compares both ends of each part. A step that may hide two crossings
+between points, see `double_crossings`, is taken again, shorter. Then states there are more
+accurate, by f at one of them. In an implicit step they lie on the polynomial of degree 4 through
+the states at its quarters.
 
-A step that crosses a surface is taken again and again from the same state, with lengths between
-`inner`, at whose end none is crossed, and `outer` (`CUT`). To the surface Newton's method leads, by
-values and rates at the ends of these steps (`step_to_surface`). Where it does not, the next length
-is where a straight line between states at both sides crosses the surface. If it is always the same
-side that comes nearer, the other one counts half, a quarter, ... (the rule of Illinois); after
-ROUNDS it is the middle. Once both lengths differ by less than PLACE of the time, or a surface has
-been crossed for less, the step of length `outer` is taken. Points inside an implicit step are
-rough, so there the first length is that of the part. To a surface on which the step begins, as that
-of a ball after a bounce, Newton's method leads from its end (`BACK`).
+A step that crosses a surface is taken again and again from the same state (`CUT`). Its lengths lie
+between `inner`, at which no surface is crossed, and `outer`, at which one is. Newton's method uses
+values and rates at the ends of these steps (`step_to_surface`). If it fails, the next length is
+where a straight line between the states at `inner` and `outer` crosses the surface. If always the
+same end moves, the other end gets half the weight, a quarter, ... (the Illinois rule); after ROUNDS
+the length is the midpoint. Once both lengths differ by less than PLACE of the time, or a surface
+was crossed less than that ago, the step of length `outer` is accepted. Points inside an implicit
+step are inaccurate, so there the first length is that of the part. If a step begins on a surface,
+as a ball after a bounce, Newton's method starts from its end (`BACK`).
 """
 
 import itertools
@@ -35,24 +35,24 @@ PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of
 HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
-# The longest step after one to a surface, beside that step and beside the one that crossed it: the
-# next surface may be as near. With 64 x" = -sign(x) to 1e5 takes 9 tries a jump, and 12 without;
+# The longest step after one to a surface, relative to that step and to the step that crossed it:
+# the next surface may be as near. With 64 x" = -sign(x) to 1e5 takes 9 tries a jump, 12 without;
 # 6,000 random knots take 1 % more, with 8 as much as 8 %.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
 OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
-BESIDE = 2.0**-12  # part of a step, over which the change of a state tells its rate
+BESIDE = 2.0**-12  # part of a step, over which a difference of states gives their rate
 ON = 2.0**-8  # part of a step in which a straight line crosses the surface on which it begins
 
 
 def _bend(change, f, f_new, signed, u):
-    """The difference of the cubic through both ends from a straight line, by u (u - 1)."""
+    """Return the difference between the cubic and the straight line, divided by u (u - 1)."""
     return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
 
 
 def _point(x, new, f, f_new, signed, u, quartic=0.0):
-    """A component at a part u of an explicit step: the cubic with values and rates at the ends.
+    """Return a component at u in an explicit step: the cubic by values and rates at the ends.
 
-    The rate at another point, see `QUARTIC`, makes it a polynomial of degree 4.
+    `quartic`, from the rate at another point, makes it a polynomial of degree 4.
     """
     change, product = new - x, u * (u - 1.0)
     bend = _bend(change, f, f_new, signed, u)
@@ -64,9 +64,9 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """The part to add to the cubic, times u**2 (1 - u)**2, so that its rate at POINTS[0] is f's.
+    """Return the coefficient of u**2 (1 - u)**2 with which the rate at POINTS[0] equals f there.
 
-    It is 0 where f has no value there.
+    It is 0 if f has no value there.
     """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
@@ -80,10 +80,9 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """A component at a part u of an implicit step, by states at its quarters.
+    """Return a component at u in an implicit step, from states at its quarters minus x.
 
-    The polynomial of degree 4 through them, which are given less x, has no rates, because these
-    tell of fast modes.
+    The polynomial of degree 4 through them does not use rates, because these contain fast modes.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
@@ -94,7 +93,7 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """The place in a step where a surface is crossed first, as `watch` finds it up to u."""
+    """Return the place of the first crossing in a step, by results of `watch` up to u."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
@@ -105,12 +104,12 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 
 
 def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
-    """Return the next length between two, and the weights of the inner and the outer one.
+    """Return the next length between two, and the weights of the inner and the outer length.
 
     `part` is where a straight line between them crosses the surface.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
-    starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: no line tells
+    starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
     part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
     part, width = starts_on.select(0.5, part), outer - inner
     of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
@@ -129,18 +128,18 @@ def CUT(
     crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
     rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
 ):  # fmt: skip
-    """A step that crosses a surface: is it taken, and how long is the next one?
+    """Return whether a step that crosses a surface is accepted, and the next length.
 
-    One that may hide two crossings (`hidden`, see `double_crossings`) is taken again with half of
-    its length or more. Where points tell of two, `twice` is 1. A search starts by `starts`, and
-    after it a step has at most the length `known`, within which values were told, if that is long:
-    a time may be just before a surface. At a `goal` steps end.
+    A step that may hide two crossings (`hidden`, see `double_crossings`) is taken again with half
+    its length or more. If points show two, `twice` is 1. A search starts if `starts` is 1. After a
+    search a step is at most `known` long, the length in which values were decisive, if that is
+    long: a time may lie just before a surface. Steps end at a `goal`.
 
-    A straight line to the end of this step crosses the surface at `whole_part`, one from there to
-    the state at `outer` at `part`. A step aside on the way to a surface counts as all others, and
-    so does one that ends on it, or NEARLY, except for the time `left` to the surface of an event.
-    Once a step has ended near a surface, `aim` is the length of the step that ends there. `since`
-    is the longest time since which a surface is crossed, see `step_to_surface`.
+    A straight line crosses the surface at `whole_part` if it ends at the end of this step, and at
+    `part` from there to the state at `outer`. A step aside on the way to a surface counts as any
+    other step. So does one that ends on the surface, or NEARLY, except for the time `left` to the
+    surface of an event. Once a step has ended near a surface, `aim` is the length of the step that
+    ends there. `since` is the longest time since a surface was crossed, see `step_to_surface`.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -201,13 +200,13 @@ def CUT(
 
 @scalar_kernel
 def BACK(found, taken, end):
-    """The part of a step where a motion comes back to a surface, see `step_to_surface`."""
+    """Return the fraction of the step where a motion comes back to a surface, `step_to_surface`."""
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 
 
 def cut(code, before, total):
-    """Take a step again that crosses a surface, or is on the way to one, with a better length."""
+    """Repeat a step that crosses a surface, or is on the way to one, with a better length."""
     text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
     taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
     far = line.far
@@ -236,7 +235,7 @@ def cut(code, before, total):
         inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
         if of.of_clocks:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
-        if of.of_states:  # points that differ by their errors are not crossings
+        if of.of_states:  # differences within the errors of points are no crossings
             inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
     found = code.apply(CUT, **inputs | _aim(code, inputs, is_far, from_start))
     _keep_far(code, found.pop("beyond") > 0.0, work.new)
@@ -246,7 +245,7 @@ def cut(code, before, total):
 
 
 def _look_at_points(code, taken, from_start):
-    """Return the place where a surface is crossed first, and the row of the state at the middle."""
+    """Return the place of the first crossing in a step, and the row of the state in the middle."""
     text, line, work, of = code.text, code.line, code.work, code.integrator.hidden
     count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
@@ -275,7 +274,7 @@ def _look_at_points(code, taken, from_start):
 
 
 def _watch(code, *names):
-    """Return the first results of `watch` for the pair of points in `between`, by these names."""
+    """Return the first results of `watch`, by name, for the pair of points in `between`."""
     code.call("watch", code.work.between, code.table, code.work.seen)
     return {name: code.work.seen[k] for k, name in enumerate(names)}
 
@@ -288,7 +287,7 @@ def _keep_far(code, truth, state):
 
 
 def _look_inside(code, u, x, phases, rates, quartic):
-    """Find phases of waves, and rates of surfaces, at the state x at a part u of the step."""
+    """Find phases of waves, and rates of surfaces, at the state x at the fraction u of the step."""
     work, moving, D = code.work, code.work.moving, code.integrator.watched
     if code.integrator.hidden.phases:
         code.call("phases", x, code.table, phases)
@@ -303,10 +302,10 @@ def _look_inside(code, u, x, phases, rates, quartic):
 
 
 def _aim(code, inputs, is_far, from_start):
-    """Return `aim`, `since` and `left` of `CUT`, and `place`, also that of `BACK`.
+    """Return `aim`, `since` and `left` of `CUT`, and `place`, including that of `BACK`.
 
-    `is_far` is true in lanes that were not looking for a surface before this step, and
-    `from_start` in those that know of no part of it that crosses none.
+    `is_far` marks lanes that were not searching for a surface before this step. `from_start` marks
+    lanes that know no first part of it without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)
@@ -339,9 +338,9 @@ def _aim(code, inputs, is_far, from_start):
 
 
 def put_point(code, u, to, quartic=None):
-    """Write the components that surfaces read at a part u of the step to a state.
+    """Write the components that surfaces read, at a fraction u of the step, to the state `to`.
 
-    `quartic` of them may be known.
+    `quartic`, if given, are the results of `find_quartic`.
     """
     of_point = POINT if quartic is None else POINT_WITH_QUARTIC
     is_implicit, inputs = code.integrator.is_implicit, {}
@@ -360,7 +359,7 @@ def _read(code):
 
 
 def find_quartic(code):
-    """Find what polynomials of degree 4 have in an explicit step beside cubics."""
+    """Find the coefficients of degree 4 of the polynomials of an explicit step."""
     text, work = code.text, code.work
     u = text.value(POINTS[0])
     for i in text.each(code.D):

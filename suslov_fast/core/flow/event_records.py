@@ -1,4 +1,4 @@
-"""Records of the actions of events, in a buffer of which Python makes arrays."""
+"""Records of the actions of events, in a buffer that Python copies into arrays."""
 
 from ..llvm.text import Integers, Shared
 from .code_arguments import SLOT
@@ -13,7 +13,7 @@ def size_of(f):
 def record(code, truth, k, time, before, after, *of_columns):
     """Write a record in these lanes: trajectory, number of the event, time, and both states.
 
-    `time`, `before` and `after` are rows; `of_columns` are pairs of rows and their number.
+    `time`, `before` and `after` are rows; `of_columns` are pairs (row, how many rows).
     """
     text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)

@@ -4,21 +4,22 @@ A column takes N sub-steps of the length s = h / N:
 
 y_1 = x + s f(x),     y_m+1 = y_m-1 + 2 s f(y_m),     end (y_N-1 + y_N + s f(y_N)) / 2.
 
-Without the smoothing at the end, jumps of f give errors of 15 % at every tolerance. Two states take
-turns: a is y_m for even m, and b for odd m. A pair of sub-steps is
+Without the smoothing at the end, jumps of f give errors of 15 % at every tolerance. Two states
+alternate: a is y_m for even m, and b for odd m. A pair of sub-steps is
 
 a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f(a),
 
-so that a column ends at (a + b) / 2. What a and b lie apart has an expansion as the end has, and is
-0 in the limit. But f alone joins both: where it has a layer thinner than a sub-step, they may stay
-at its two sides, and all columns agree on a false end. The weighted sum of a - b shows that.
+so that a column ends at (a + b) / 2. The difference a - b has an expansion like that of the end,
+and is 0 in the limit. But only f connects a and b: if it has a layer thinner than a sub-step, they
+may stay on its two sides, and all columns agree on a false end. The weighted sum of a - b shows
+that.
 
-The forms have the same bits. Columns are carried out
+Both forms have the same bits. Columns are computed
 
 - in turn: a loop over pairs of sub-steps, one column after the other;
-- side by side: straight-line code of all columns, where f is short.
+- side by side: straight-line code of all columns, if f is short.
 
-Ends less x stand in the row `ends` of `WorkRows`, a - b in `apart`, y_N of the last column and f
+Ends minus x are in the row `ends` of `WorkRows`, a - b in `apart`, y_N of the last column and f
 there in `a` and `f_last`. `stormer` has half of this rule.
 """
 
@@ -31,8 +32,8 @@ from .vector_functions import INLINED
 from .weights import EXPLICIT
 
 ARGUMENTS = "x", "f", "table", "work", "count"
-# Operations of f, and three for each component, up to which all sub-steps are written out: that
-# spares branches, but more of them would leave the cache for code.
+# Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
+# saves branches, but longer code would not fit its cache.
 SHORT = 25
 OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
@@ -40,8 +41,8 @@ OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 class ExplicitColumns(FunctionCode):
     """The function void columns(x, f, table, work, count): the ends y_c - x of first columns.
 
-    `x` and `f` are the addresses of the rows of a state and of f there. The length of the step is
-    in the row `signed` of `work`.
+    `x` and `f` are the addresses of the rows of a state and of f there. The row `signed` of `work`
+    is the length of the step.
     """
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold
@@ -55,7 +56,6 @@ class ExplicitColumns(FunctionCode):
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
-        """Add the function."""
         inner = self.narrower()
         with self.body():
             self.leave_to_others()
@@ -74,20 +74,19 @@ class ExplicitColumns(FunctionCode):
             yield
 
     def leave_to_others(self):
-        """Leave the function where another one has the columns."""
+        """Return from the function if another function computes the columns."""
 
     def work_of_pair(self):
-        """Return about how many operations half a pair of sub-steps takes."""
+        """Return an estimate of the operations in half a pair of sub-steps."""
         return self.length + 3 * self.D
 
     def _have(self, name):
         return any(getattr(function, name) for function in self.functions.values())
 
     def narrower(self):
-        """Return the code of sub-steps.
+        """Return the text in which sub-steps are written.
 
-        Where f is within the code and calls no function, lanes of one register take turns, because
-        registers are few.
+        If f is inlined and calls no function, it has the lanes of one register at a time.
         """
         W = numbers_in_register()
         if self.is_inlined and W < self.text.W and not self._have("calls"):
@@ -105,7 +104,7 @@ class ExplicitColumns(FunctionCode):
 
     # ------------------------------------------------------------------------------------- in turn
     def in_turn(self, inner):
-        """Add the first `count` columns, pair by pair of sub-steps."""
+        """Add the first `count` columns as a loop over pairs of sub-steps."""
         text, work, D = self.text, self.integrator.work, self.D
         pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
@@ -141,18 +140,18 @@ class ExplicitColumns(FunctionCode):
                         of_work.f_last[i] = value
 
     def caller(self, table, f):
-        """Return the function that writes rates at a state to rows."""
+        """Return a function that writes rates at a state to rows."""
         return lambda name, of: self.call(name, of, table, f)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return rates that are still missing at the end of the last column.
+        """Return the rates that are missing at the end of the last column.
 
-        Those that are not within the code are written to their rows by `call`.
+        If f is not inlined, `call` writes them to their rows.
         """
         return {}
 
     def loops(self):
-        """Return loops over the components that `a` and `b` hold."""
+        """Return loops over the components in `a` and in `b`."""
         return self.of_a(), self.of_b()
 
     def begin(self, a, b, x, f, s, of_a, of_b):
@@ -163,7 +162,7 @@ class ExplicitColumns(FunctionCode):
             b[i] = x[i] + s * f[i]
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, less x, and how far its two halves lie apart."""
+        """Write the end of a column, minus x, and the difference of its two states."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
@@ -176,7 +175,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_by_calls(self, call, rows, f, double, factor):
-        """Add two sub-steps, where `call` writes f at a state to its rows."""
+        """Add two sub-steps; `call` writes f at a state to its rows."""
         a, b = rows
         for name, of, to, length, own in zip(
             self.names, (b, a), (a, b), (double, factor), (self.of_a, self.of_b), strict=True
@@ -187,7 +186,7 @@ class ExplicitColumns(FunctionCode):
                 to[i] = to[i] + product
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add two sub-steps with f within the code; return f at the state after the first."""
+        """Add two sub-steps with inlined f; return f at the state after the first."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)
@@ -200,7 +199,7 @@ class ExplicitColumns(FunctionCode):
         return f
 
     def value(self, name, x, table):
-        """Return the rates by components at a state, with f within the code."""
+        """Return the rates at a state by component, with inlined f."""
         text = x.text if isinstance(x, Array) else next(iter(x.values())).text
         for_each = self.for_each and self.text.W > 1
         values = self.integrator.functions[name].values(text, lambda k: x[k], table, for_each)

@@ -1,22 +1,23 @@
-"""Components below their allowed errors: implicit steps do not damp their growth, and one warning.
+"""Components below their allowed errors: implicit steps must not damp growth; one warning.
 
-Linearly implicit Euler steps multiply exp(a t) by (1 - a h / n)**-n, which is no growth where a h
-is large. The error estimate refuses such a step where the component counts, but nothing does below
-its allowed error. The states may then follow an unstable equilibrium of a fed component, which is
-as small. Let L be the components below NEAR allowed errors that are not 0, and not fed by others
-or growing by themselves. The equations grow there at a rate above 1 / h if 1 - h J, with rows and
-columns of J for L alone, has a negative determinant; or a negative pivot, where no component of L
-takes from another. Such a step is refused: h / (1 - pivot), at both ends of it, is the longest
-length.
+Linearly implicit Euler steps multiply exp(a t) by (1 - a h / n)**-n, which is no growth if a h is
+large. The error estimate rejects such a step if the component counts, but not if it is below its
+allowed error. The states may then follow an unstable equilibrium of a fed component, which is as
+small. Let L be the components that are below NEAR allowed errors and not 0, and either not fed by
+others or growing by themselves. The equations grow there at a rate above 1 / h if 1 - h J,
+restricted to L, has a negative determinant; or a negative pivot, if no component of L takes from
+another. Such a step is rejected: h / (1 - pivot), at both ends of it, is the longest length.
 
-Where none takes from another, growth shows as h f_i / x_i > 1 as long as none changes its sign. So
-those that decay keep it in an implicit step, which costs less than the allowed error.
+If none takes from another, growth shows as h f_i / x_i > 1 as long as no component changes its
+sign. So components that decay keep their sign in an implicit step, which costs less than the
+allowed error.
 
-A component that has been large, remembers below FEW allowed errors in two steps in a row, and grows
-to GROWN of them again, or a tenth of its size, may have no digits, and is warned of (`LOW`). It
-remembers what it was if nothing else feeds it: let g be f in the state where all components below
-their allowed errors are 0; then h |g_i| is below the allowed error, and |g_i| <= |f_i| / 2. Where
-f_i contains the factor x_i nothing feeds it, and FEW_ALONE allowed errors in a step count.
+A warning (`LOW`) is for a component that was large, falls below FEW allowed errors in two steps in
+a row while it remembers, and then grows to GROWN allowed errors, or a tenth of its size: it may
+have no digits. It remembers its former value if nothing else feeds it: let g be f in the state
+where all components below their allowed errors are 0; then h |g_i| is below the allowed error, and
+|g_i| <= |f_i| / 2. If f_i contains the factor x_i, nothing feeds it, and one step below FEW_ALONE
+allowed errors counts.
 """
 
 from math import inf
@@ -27,17 +28,17 @@ from .scalar_kernels import scalar_kernel
 
 GROWN, STAYS = 1000.0, 0.125
 FEW = 8.0  # allowed errors, below which a component has few digits
-# The same of one with the factor x_i in f_i, and over rtol at most. Measured on 720 runs of foxes
-# and rabbits, rtol 1e-3 to 1e-9: 9 errors above 1e-3 (or 100 rtol) without a warning.
+# The same for a component with the factor x_i in f_i, and at most OF_RTOL / rtol. Measured on 720
+# runs of foxes and rabbits, rtol 1e-3 to 1e-9: 9 errors above 1e-3 (or 100 rtol) without a warning.
 FEW_ALONE, OF_RTOL = 200.0, 0.02
-# Allowed errors, below which components may belong to L. Measured on 31 lasers that start from
+# Allowed errors below which components may belong to L. Measured on 31 lasers that start from
 # noise, with rtol and atol 1e-9: 1 stays dark without a warning with 8, none with 64.
 NEAR = 64.0
 NEXT = 0.25  # of the growth in a step that is looked at: the next step is four times as long
 
 
 def _is_below(x, inverse, times=NEAR):
-    """Return whether a component is below so many allowed errors; clocks have none."""
+    """Return whether a component is below this many allowed errors; clocks have none."""
     return (abs(x) * inverse < times) & (inverse > 0.0)
 
 
@@ -48,7 +49,7 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """1 where a component below its allowed error grows at an end of the step, or changes sign."""
+    """Return 1 if a component below its allowed error grows at an end of the step, or flips."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -56,14 +57,14 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
 
 @scalar_kernel
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
-    """A component of L that decays keeps its sign where none takes from another."""
+    """Return a component of L; it keeps its sign if it decays and none takes from another."""
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
 
 
 @scalar_kernel
 def LARGE_ALONE(x, inverse, times):
-    """The state without components below so many allowed errors."""
+    """Return a component, or 0 if it is below this many allowed errors."""
     return {"alone": _is_below(x, inverse, times).select(0.0, x)}
 
 
@@ -73,7 +74,7 @@ def _is_fed(fed, inverse, taken):
 
 @scalar_kernel
 def REMEMBERS(x, f, fed, inverse, taken, signed):
-    """1 for components of L, else 0."""
+    """Return 1 for a component of L, else 0."""
     grows = signed * (f - fed) / x > NEXT
     is_free = ~_is_fed(fed, inverse, taken) | grows
     is_in = _is_below(x, inverse) & (abs(x) > 0.0) & is_free
@@ -82,9 +83,9 @@ def REMEMBERS(x, f, fed, inverse, taken, signed):
 
 @scalar_kernel
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
-    """An entry of J for two components of L, else 0.
+    """Return an entry of J if both components are in L, else 0.
 
-    `feeds` is 0 where one takes from another; the row has 2 where its component decays in a step.
+    `feeds` becomes 0 if one takes from the other, `of_row` 2 if its component decays in a step.
     """
     own, is_own = ((of_row > 0.0) & (of_column > 0.0)).select(entry, 0.0), is_diagonal > 0.5
     takes = (signed * own < 0.0) & ~is_own
@@ -97,7 +98,7 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """The longest step by the inverse of a pivot, and the sign of the determinant so far."""
+    """Return the longest step by the inverse of a pivot, and the sign of the determinant so far."""
     growth = 1.0 - 1.0 / pivot
     return {
         "length": (growth > NEXT).select(smaller(taken / growth, length), length),
@@ -107,24 +108,24 @@ def PIVOT(pivot, taken, length, sign):
 
 @scalar_kernel
 def LONGEST(length, sign, feeds, least):
-    """The longest step of both ends."""
+    """Return the longest step, the smaller one of both ends."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
 def _grown(rtol):
-    """Return the part of its allowed error to which a component has grown again."""
+    """Return the number of allowed errors to which a component has grown again."""
     return smaller(GROWN, 0.1 / rtol)
 
 
 def _bounds(rtol, keeps):
-    """Return the allowed errors below which a component is low, and from which on it has grown."""
+    """Return the allowed errors below which a component is low, and above which it has grown."""
     few = (keeps > 0.0).select(smaller(FEW_ALONE, OF_RTOL / rtol), FEW)
     return few, (keeps > 0.0).select(4.0 * few, _grown(rtol))
 
 
 @scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
-    """1 where a component may be low."""
+    """Return 1 if a component may be low."""
     few, grown = _bounds(rtol, keeps)
     has_fallen = (abs(new) * inverse < few) & (largest * inverse > grown)
     return {"fallen": has_fallen.select(1.0, fallen)}
@@ -132,7 +133,7 @@ def FALLEN(new, largest, inverse, rtol, keeps, fallen):
 
 @scalar_kernel
 def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watches):
-    """In how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
+    """Return for how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
     few, grown = _bounds(rtol, keeps)
     since = (low >= 2.0).select((abs(new) * inverse > grown).select(3.0, low), 0.0)
     stays = abs(f_new) * inverse * (last * rtol) < STAYS  # it does not just cross 0
@@ -177,7 +178,7 @@ def _growth(code, x, f, least):
 
 
 def _factor_alone(code, x, rates):
-    """Factorise 1 - h J for components that remember; return 1 where none takes from another."""
+    """Factorise 1 - h J for components that remember; return 1 if none takes from another."""
     text, work, f = code.text, code.work, code.f
     _find_fed(code, x, NEAR)
     text.fill(work.start, code.D, lambda: 0.0)
@@ -201,7 +202,7 @@ def _factor_alone(code, x, rates):
 
 
 def _find_fed(code, x, times):
-    """Write f at a state without components below so many allowed errors to the row `f`."""
+    """Write f at the state without components below this many allowed errors to the row `f`."""
     text, work = code.text, code.work
     text.copy(x, work.start, code.D)
     for i in text.each(code.f.of.D):
@@ -211,9 +212,9 @@ def _find_fed(code, x, times):
 
 
 def watch_small(code, fallen):
-    """Note which components have fallen below what is allowed, and grown again.
+    """Record which components have fallen below their allowed errors, and grown again.
 
-    `fallen` is 1 in lanes where one has.
+    `fallen` is 1 in lanes in which one has fallen.
     """
     text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))

@@ -22,18 +22,18 @@ class Integrator:
                  end on surfaces; in the implicit integrator also `j`, the entries of f'; `factor`,
                  from these and s; and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
-                 then `f_a` and `f_b` are the rates of each
+                 then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     largest      the kernel for the size of all components
-    allowed      the kernel for the error that one may have
-    parts        the first components and the numbers of those that have a size together: what
-                 columns are large by must not loosen the tolerance of x
-    watched      how many components surfaces are functions of, `surfaces` how many there are
+    allowed      the kernel for the allowed error of a component
+    parts        (first component, how many) of components that share a size: large columns must
+                 not loosen the tolerance of x
+    watched      how many components surfaces depend on, `surfaces` how many there are
     read         the components that `surfaces` read
     hidden       `DoubleCrossings`, which find whether a step hides crossings
     events       `EventPrograms`, or None
-    kinks        the kinds of the surfaces where f has a kink, see `Conditions`
-    pivots       how many of the factors of 1 - s f', the first ones, are inverses of pivots
+    kinks        the kinds of the surfaces at which f has a kink, see `Conditions`
+    pivots       how many factors of 1 - s f', from the first on, are inverse pivots
     rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`; `scalars` are parts of one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
     codes        addresses of its machine code, see `batch_solver.code_of`
@@ -71,7 +71,7 @@ class Integrator:
         self._set_rows(factors)
 
     def _set_rows(self, factors):
-        """Set `rows` and `work`, for so many factors of 1 - s f'."""
+        """Set `rows` and `work`; `factors` is how many factors 1 - s f' has."""
         f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
         extended, chooses, events = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
@@ -171,7 +171,7 @@ class Integrator:
 
     @functools.cached_property
     def key(self):
-        """A tuple that tells the code of this integrator from others."""
+        """A tuple that identifies the code of this integrator."""
         return self.f.key, self.is_implicit, self.has_atol, self.sets is None
 
 

@@ -1,7 +1,7 @@
-"""The trajectories in lanes: which takes the next one, where it begins, and the budget of steps.
+"""The trajectories in lanes: which lane takes the next, where it begins, and the budget of steps.
 
-A lane whose trajectory ends writes it back, and takes the next one that waits. In memory the rows
-of a trajectory follow each other; those of a lane are W numbers apart.
+When the trajectory of a lane ends, the lane writes it back, and takes the next one that waits. In
+memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
 """
 
 from ..llvm.text import Carried, Integers
@@ -12,7 +12,7 @@ from .next_state import move
 
 
 def take_next(code, free):
-    """Write back the trajectories of lanes with these bits, and let them take the next ones."""
+    """Write back the trajectories of lanes with these bits; give them the next trajectories."""
     text, of = code.text, code.of
     for offset in code.lanes_with(free):
         line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
@@ -34,7 +34,7 @@ def take_next(code, free):
 
 
 def _write_back(code, offset, own):
-    """Write the rows of a lane, and its table, to those of its trajectory, if it has one."""
+    """Write the rows of a lane, and its table, back to its trajectory, if it has one."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.conditions:  # whose branches stand in the table
@@ -47,7 +47,7 @@ def _write_back(code, offset, own):
 
 
 def pause_if_spent(code):
-    """Return 0 where the budget is spent."""
+    """Return 0 from the code if the budget is spent."""
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.is_at_most(0)
     if code.integrator.events:  # whose records may have no place any more
@@ -61,7 +61,7 @@ def pause_if_spent(code):
 
 
 def _begin(code, begins):
-    """Begin the trajectories of some lanes: f, the largest moduli, the first length."""
+    """Begin the trajectories of these lanes: f, the largest moduli, the first length."""
     text, line, f_new = code.text, code.line, code.work.f_new
     if code.f.conditions:
         text.copy(line.x, code.work.new, code.D)

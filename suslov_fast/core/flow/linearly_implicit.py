@@ -4,21 +4,22 @@ With s = h / N and A = 1 - s J, where J is f' at x, a column is
 
 c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
 
-and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends holds for
-every J. With J at x alone, a column does not see a layer of f that its first or its last sub-step
-crosses. Of the second and of the last increment, c_2 and c_N,
+and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends is valid
+for every J. With J at x alone, a column does not notice a layer of f that its first or last
+sub-step crosses. With the increments c_2 and c_N after the first and last sub-steps, two quantities
+notice it:
 
-N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next)
+N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 
-tell, because they vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is
-tested by A**-1, of the last column, times the first and half of the second, so that layers at both
-of its ends do not cancel.
+They vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is tested by A**-1,
+of the last column, times the first and half of the second, so that layers at both ends do not
+cancel.
 
-Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated as those at the
-end, are of order 4, and as stable: they tell where surfaces are crossed.
+Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated like the end, are
+of order 4, and as stable. They locate the crossings of surfaces.
 
-The power iteration on f' shows the largest rate |mu| of the motion: with
-components z_i measured by their largest moduli S_i,
+The power iteration on f' gives the largest rate |mu| of the motion: with components z_i relative to
+their largest moduli S_i,
 
 w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 """
@@ -37,7 +38,7 @@ SMALLEST_SCALE = 2.0**-60
 
 @scalar_kernel
 def FINITE(entry):
-    """An entry of f' that is not finite counts as 0: J may be any matrix."""
+    """Return an entry of f', or 0 if it is not finite: J may be any matrix."""
     return {"entry": (abs(entry) < inf).select(entry, 0.0)}
 
 
@@ -60,18 +61,17 @@ def RATE(product, scale, size):
 
 @scalar_kernel
 def MODE(product, size, seeds, mode):
-    """The next vector; `seeds` keep it from staying in a part of the space."""
+    """Return the next vector of the iteration; `seeds` keep it out of invariant subspaces."""
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
 class ImplicitColumns(FunctionCode):
     """The function void columns(x, f, table, work, count), see `gragg.ExplicitColumns`.
 
-    The entries of J stand in the row `jacobian` of `WorkRows`, as those of f' come from `derive`.
+    The row `jacobian` of `WorkRows` contains the entries of J, as `derive` has written them.
     """
 
     def add(self):
-        """Add the function."""
         text, work = self.text, self.work
         with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             lengths = text.constants(IMPLICIT)
@@ -87,7 +87,7 @@ class ImplicitColumns(FunctionCode):
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
     def column(self, c, N, s, weight, ends):
-        """Add column c, of N sub-steps; its increments c are added up in `ends`."""
+        """Add column c, of N sub-steps; write the sum of its increments to `ends`."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -109,7 +109,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Begin the sums of columns at the quarters of the step; 3 is the number of no quarter."""
+        """Begin the sums of columns at the quarters of the step; the number 3 means no quarter."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -123,7 +123,7 @@ class ImplicitColumns(FunctionCode):
         self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
 
     def add_to_quarter(self, c, m, ends):
-        """Add column c to the sums of a quarter if one ends after m + 1 sub-steps."""
+        """Add column c to the sums of a quarter if a quarter ends after m + 1 sub-steps."""
         number = self.numbers[self.firsts[c] + m]
         with self.text.when(number < 3, likely=False):
             sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
@@ -139,7 +139,7 @@ def _plus_change(a, part, after, before):
 
 
 def find_apart(code):
-    """Write what shows false steps to `right`, after f at the next state."""
+    """Write the quantity that shows false steps to `right`, after f at the next state."""
     text, work = code.text, code.work
     half = work.signed[0] * -0.5
     text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)
@@ -147,7 +147,7 @@ def find_apart(code):
 
 
 def derive(code):
-    """Write the entries of f'; return its rate by a step of the power iteration."""
+    """Write the entries of f'; return its largest rate by a step of the power iteration."""
     text, line, work = code.text, code.line, code.work
     entries = code.f.entries
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a

@@ -1,7 +1,7 @@
 """The rows of a line of lanes along a motion, by name.
 
-A row has one number of each lane: in memory a line is (rows, W). What a step needs for a moment
-stands in rows of its own, which all lines share (`WorkRows`).
+A row has one number of each lane: in memory a line is (rows, W). Temporary results of a step have
+rows of their own, which all lines share (`WorkRows`).
 """
 
 from enum import IntEnum
@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 
 class LaneState:
-    """The next action of a lane; the numbers stand in `TrajectoryRows.state`.
+    """The state of a lane, in `TrajectoryRows.state`, which decides its next action.
 
-    They are plain numbers, because NumPy compares with those of an enum ten times as slowly.
+    The states are plain numbers: NumPy compares with enum members ten times as slowly.
     """
 
     EXPLICIT = 0
@@ -20,7 +20,7 @@ class LaneState:
     DONE = 2  # it has reached the last time
     ENDED = 3  # steps become too short
     TOO_MANY = 4  # steps from one time to the next
-    NO_VALUE = 5  # f has none at the start
+    NO_VALUE = 5  # f has no value at the start
     SLIDING = 6  # a branch of f changes back and forth
     STOPPED = 7  # an event ends it
     ACCUMULATES = 8  # actions follow one another at once, without end
@@ -32,7 +32,7 @@ class EndCause(IntEnum):
     UNKNOWN = 0
     ESCAPE = 1  # a component would double at once, and again
     POLE = 2  # f becomes infinite
-    NO_VALUE = 3  # f has none ahead
+    NO_VALUE = 3  # f has no value ahead
     NO_STATE = 4  # the new state of an action has none
 
 
@@ -40,7 +40,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
 class TrajectoryRows(NamedTuple):
-    """The first rows of the parts of a trajectory; a part has one row unless a comment tells."""
+    """The first rows of the parts of a trajectory; a part has one row unless noted otherwise."""
 
     x: int  # the state (D)
     f: int  # f(x), and its denominators of clocks (D + denominators)
@@ -64,12 +64,12 @@ class TrajectoryRows(NamedTuple):
     recorded: int  # crossings of surfaces where nothing acts
     often: int  # how often in a row an event has acted again at once
     resting: int  # number of surfaces on which the state stays
-    actions: int  # since the last time that was asked for
+    actions: int  # since the last requested time
 
     t: int  # modulus of the time
     wanted: int  # length of the next step
     longer: int  # the largest factor between this length and the one after it
-    next: int  # modulus of the next time that is asked for, infinity after the last
+    next: int  # modulus of the next requested time, infinity after the last
     second: int  # of the one after it
     state: int  # a `LaneState`
     rough: int  # see `stormer`; refusals, less a part of the steps since then
@@ -107,7 +107,7 @@ def scalars_of(firsts):
 
 
 class WorkRows(NamedTuple):
-    """The rows of a line of lanes, and those that a step needs for a moment."""
+    """The first rows of a line of lanes, and of the temporary results of a step."""
 
     line: int  # `TrajectoryRows` of the trajectories
     own: int  # their numbers, integers

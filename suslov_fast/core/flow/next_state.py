@@ -1,6 +1,6 @@
 """The next state from the ends of columns: x_next, f there, and the error estimate e (`step`).
 
-Components whose rate contains them as a factor keep their sign, and so do denominators of time.
+A component whose rate contains it as a factor keeps its sign, and so do denominators of time.
 """
 
 from ..llvm.text import Carried
@@ -11,7 +11,7 @@ from .scalar_kernels import scalar_kernel
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return whether all components have their sign that have one to keep; `new` gets it back.
+    """Return whether components that must keep their sign do; `new` gets the sign back.
 
     A component that has decayed below its tolerance may have any sign after a long step.
     """
@@ -23,7 +23,7 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 @scalar_kernel
 def CLOCK(x, new, f, signed, steady):
-    """A component at the end of a step; of a constant rate x + h x', which columns round more."""
+    """Return a component at the end of a step; x + h x' if its rate is constant, to round less."""
     return {"new": (steady > 0.0).select(x + signed * f, new)}
 
 
@@ -35,7 +35,7 @@ def SAME_SIGN(x, new, kept):
 
 
 def find_next_state(code):
-    """Write the next state, f there, and e; return which lanes keep signs, and sizes of parts."""
+    """Write x_next, f there, and e; return which lanes keep signs, and the sizes of parts."""
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
     sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []
@@ -66,7 +66,7 @@ def find_next_state(code):
 
 
 def move(code):
-    """Move the lanes whose step is taken to their next state."""
+    """Move the lanes that accept their step to their next state."""
     text, line, work = code.text, code.line, code.work
     accepted = work.accepted[0] > 0.0
     for i in text.each(code.D):

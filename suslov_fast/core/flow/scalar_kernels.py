@@ -1,6 +1,6 @@
-"""Scalar kernels: expression programs on the numbers of one lane, which decide on a step.
+"""Scalar kernels: expression programs on the numbers of one lane, which decide about a step.
 
-A kernel stands in the file of its subject.
+A kernel is in the file of its subject.
 """
 
 import inspect
@@ -23,7 +23,7 @@ class ScalarKernel(NamedTuple):
 
 
 def scalar_kernel(function, *others):
-    """Return the kernel that a function of `Number` describes.
+    """Return the kernel of a Python function of `Number`s.
 
     Parameters with defaults are inputs if their names are in `others`.
     """

@@ -1,16 +1,17 @@
-"""The second trial of a step whose error may be rounding of the state.
+"""The second trial of a step whose error may be due to rounding of the state.
 
-The state is rounded, and f with it, which shows where components cancel, where f is steep in time
-or begins at 0. So a step that would be refused has a second trial, where |h (f(x') - f(x))| is
-allowed, for states x' beside those at both ends of the step, whichever is less; in an implicit step
-A**-1 of that, see `linearly_implicit`, because fast modes forget it. There clocks are 2**-50 of
-their values later, and others differ by some 2**-49 of theirs. It takes time, and so it is for
-steps after one that was refused, or that was taken by such a trial.
+The state is rounded, and f with it. The effect is large if components cancel, or if f is steep in
+time or begins at 0. So a step that would be rejected has a second trial, which allows the error |h
+(f(x') - f(x))|, for states x' beside both ends of the step, whichever is less; in an implicit step
+A**-1 of that, see `linearly_implicit`, because fast modes forget it. In x' clocks are 2**-50 of
+their values later, and other components differ by about 2**-49 of theirs. A trial takes time, and
+so it is only for steps after one that was rejected, or accepted by such a trial.
 
-A component that is 0 but for rounding, because terms of its rate cancel, has nothing but that: no
-step has digits of it, and shorter ones would not help. So an error below NOISY of the largest
+A component that is 0 up to rounding, because terms of its rate cancel, consists of rounding alone:
+no step has digits of it, and shorter steps would not help. So an error below NOISY of the largest
 component may be as large as such changes of f at the points ALONG the step, and does not shorten
-the next step. Where such an error decides on a step that is taken, each eighth has the trial.
+the next step. If such an error decides about a step that is accepted, every eighth step has the
+trial.
 """
 
 from math import inf
@@ -43,7 +44,7 @@ TINY_STEP = 2.0**-40  # part of the time
 
 @scalar_kernel
 def IS_NOISY(ratio, large, steps, longer):
-    """1 where rounding may decide on a step: looked for at each eighth one, and after one such."""
+    """Return 1 if rounding may decide about a step; each eighth step, and the next, is tested."""
     eighth = steps * 0.125
     is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
     return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
@@ -51,21 +52,21 @@ def IS_NOISY(ratio, large, steps, longer):
 
 @scalar_kernel
 def TOP(x, largest, counts, top):
-    """The largest modulus of all components but clocks before a step."""
+    """Return the largest modulus of all components, except clocks, before a step."""
     return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
 
 
 @scalar_kernel
 def ON_LINE(x, new, u):
-    """A state on the straight line along the step."""
+    """Return a state on the straight line along the step."""
     return {"point": x + u * (new - x)}
 
 
 @scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
-    """A component beside its value, within some units in its last place; a clock is later.
+    """Return a component changed by some units in its last place; a clock is later.
 
-    Between the ends they are those of the larger end: a component may begin at 0.
+    Between the ends the units are those of the larger end: a component may begin at 0.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -76,13 +77,13 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def MOST(change, most):
-    """The largest change of f at states beside one, where f has a value."""
+    """Return the largest change of f between a point and states beside it, if f has values."""
     return {"most": larger(abs(change), most)}
 
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """The least of these numbers at both ends of a step, and the two largest at all its points."""
+    """Return the least of `most` at both ends of a step, and the two largest at all its points."""
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
         "largest": larger(most, largest),
@@ -95,16 +96,15 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """The largest ratios of a second trial, and the inverse of what it allows.
+    """Return the largest ratios of a second trial, and the inverse of the error it allows.
 
-    Where rounding is what is allowed, shorter steps have no less of it beside their length, so that
-    the next length depends on other components alone.
+    If rounding decides what is allowed, shorter steps have relatively no less of it. So the next
+    length depends on other components alone.
 
-    `least` is the change of f beside that end of the step where it is less: f may be steep at one.
-    In a step that is not much longer than what time is rounded to the largest one counts, because
-    its sub-steps see little but rounding, which `grows` in the sum of columns. An error that is
-    rounding beside the largest component may be the change at other points, too: but at the one
-    where it is largest.
+    `least` is the change of f at the end of the step where it is smaller: f may be steep at one
+    end. If a step is not much longer than the rounding of time, the largest change counts: its
+    sub-steps see little but rounding, which `grows` in the sum of columns. If an error is rounding
+    of the largest component, changes at other points count, too, without the largest.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))
@@ -121,7 +121,7 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return ratios, those of a second trial where there is one, and 1 there."""
+    """Return ratios, after a second trial in lanes that have one, and 1 in those lanes."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)
@@ -170,8 +170,8 @@ def try_again(code, own, of_error, sums):
 def _changes_beside(code, is_noise):
     """Return arrays of changes of f beside points of the step, see `BESIDE_POINTS`.
 
-    Lanes whose error may be noise look at all points and states beside them, others at one state
-    beside each end.
+    Lanes with an error that may be noise evaluate all points and states beside them. Other lanes
+    evaluate one state beside each end.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     change = work.right if integrator.is_implicit else work.f

@@ -8,7 +8,7 @@ from .memory import BEGINS, LaneState
 
 
 def attempts(f, table, x, last, settings):
-    """Yield t, the number of steps and x (D,): at first, and after each step that is tried.
+    """Yield t, the number of steps and x (D,): at first, and after each attempted step.
 
     The steps are those of `BatchSolver` to the time `last`.
     """

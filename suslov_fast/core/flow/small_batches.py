@@ -1,7 +1,7 @@
 """Small batches of trajectories, in memory that is kept from call to call.
 
-New memory would take longer than the steps. Steps and bits are those of `BatchSolver`, which
-continues where a trajectory changes to the other integrator, or ends.
+Allocating memory would take longer than the steps. Steps and bits are those of `BatchSolver`, which
+continues if a trajectory changes to the other integrator, or ends.
 """
 
 import functools
@@ -51,7 +51,7 @@ class _PreparedRunner(StepRunner):
         super().__init__(integrator, W, rows, table, numbers, components_of(f, settings.atol))
 
     def begin(self, x0, table, request):
-        """Begin a call; parts that equal the parts of the call before stay."""
+        """Begin a call; data that equal those of the last call are not set again."""
         if (source := table.tobytes()) != self.source:
             self.first_table[:], self.source = table, source
         if (moduli := request.times.tobytes()) != self.moduli:
@@ -74,10 +74,10 @@ def solve_small_batch(f, table, x0, request):
 
     Return (states, steps, records, begun):
 
-    states    (count, B, D), NaN where there are none
+    states    (count, B, D), NaN if there are none
     steps     (B,), and `records` as in `BatchSolver`, if all trajectories have reached the last
               time, and no component fell and grew; then `begun` is None
-    begun     else, with None in their place: rows, table and records for `BatchSolver.run`
+    begun     otherwise, with None in their place: rows, table and records for `BatchSolver.run`
 
     `table` (n,) or (B, n) is the table of f.
     """

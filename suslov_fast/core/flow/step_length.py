@@ -1,25 +1,24 @@
 """The length of the next step, and which integrator takes it.
 
 The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
-the estimate of an explicit step is of order 9. A step that is refused is taken again with it, and a
-step after that is not longer.
+the estimate of an explicit step is of order 9. A rejected step is taken again with this length, and
+the step after that is not longer.
 
 All columns may agree on a false end, because f changes between their sub-steps within a layer that
 is thinner than they are. Each integrator has sums over its columns that vanish on true steps, to
-the order of the method, and stay on false ones (`weights`): a step is refused where these exceed
-MOST_APART times what is allowed.
+the order of the method, and stay on false steps (`weights`). A step is rejected if these exceed
+MOST_APART times the allowed error.
 
-A time that was asked for, and that the next step would pass alone, is reached first by a step aside
-from the same state: it is tested as every step, and its end is saved, but the trajectory stays. In
-the implicit integrator each time is. Where an explicit step passes several, they lie on a
-polynomial.
+If the next step would pass a single requested time, a step aside from the same state reaches that
+time first. It is tested as every step, and its end is saved, but the trajectory stays. In the
+implicit integrator each time has a step aside. If an explicit step passes several times, they lie
+on a polynomial (`dense_output`).
 
-The explicit integrator is stable where h |mu| < 6 for eigenvalues mu of f' on the left. The
-difference quotient of f between the next state and the end of the last column shows the largest
-|mu| for nothing. After `patience` steps with h |mu| above `limit` a lane becomes implicit, and
-false steps count OF_FALSE of these, because the shorter step after them looks less stiff; it leaves
-this integrator if h |mu| stays below twice the limit for EASY steps, with |mu| by the power
-iteration on f'.
+The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' on the left. The difference
+quotient of f between the next state and the end of the last column shows the largest |mu| at no
+cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A false step counts
+as OF_FALSE of these, because the shorter step after it looks less stiff. A lane becomes explicit
+again if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
 """
 
 from math import inf, sqrt
@@ -54,7 +53,7 @@ OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 
 def first_part(rtol):
-    """Return the part by which |x| changes in the first step."""
+    """Return the fraction of |x| by which it changes in the first step."""
     return min(FIRST_PART * _root8(rtol), 1.0)
 
 
@@ -74,14 +73,14 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 def first_length(size, rate, part, last):
-    """Return the length in which |x| changes by a part of itself, or for a part of it from 0."""
+    """Return the length in which |x| changes by a part of itself; from 0, a part of the time."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """The first step; other rows are 0, as they were made."""
+    """Return the length of the first step, and other rows that do not begin at 0."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
@@ -97,22 +96,22 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Near a surface a step may end just before the last time, and be short."""
+    """Return limits of a step; near a surface it may be short, or end just before the end."""
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
 
 @scalar_kernel
 def GOAL(last, stop):
-    """The time beyond which no step goes."""
+    """Return the time beyond which no step goes."""
     return {"last": smaller(last, stop)}
 
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Of this step, 0 in lanes that do not take it, and whether it is a step aside.
+    """Return the length of this step, 0 in other lanes, and 1 if it is a step aside.
 
-    It is where it would pass the time `next` and not that of `second`.
+    It is a step aside if it would pass the time `next` but not the time `second`.
     """
     rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -128,7 +127,7 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
 
 
 def _root(ratio):
-    """Return ratio**(-7/64), within 3.4 percent: bits of a number are nearly its logarithm."""
+    """Return ratio**(-7/64), within 3.4 percent: the bits of a number are nearly its logarithm."""
     eighth, back = (ratio.then("bits_lshr", from_bits(k)) for k in (3, 6))
     return ratio._of("bits_sub", _ROOT, eighth.then("bits_sub", back))
 
@@ -143,7 +142,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is taken, or has reached its time aside, and the next length."""
+    """Return whether a step is accepted, or has reached its time aside, and the next length."""
     is_finite = total < inf
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
@@ -172,7 +171,7 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """After `AFTER`, where a step ends at the time of an event, which shortens no step after it."""
+    """Correct the results of `AFTER` if a step ends at an event: it shortens no later step."""
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),
@@ -182,9 +181,9 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 @scalar_kernel
 def REFUSALS(rough, ratio, taken, accepted, served):
-    """The roughness of the way of a lane: refusals, less a part of the steps since then.
+    """Return the roughness of a lane: rejected steps, less a part of the steps since then.
 
-    One with a small error, as on the way into a narrow bend, does not count by itself.
+    A rejection with a small error, as on the way into a narrow bend, does not count by itself.
     """
     is_refused = (taken > 0.0) & (accepted + served <= 0.0)
     counts = is_refused & ((ratio > FAR) | (rough >= 1.0))
@@ -193,7 +192,7 @@ def REFUSALS(rough, ratio, taken, accepted, served):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return the state of lanes whose steps become too short, and which have taken too many."""
+    """Return which lanes run, the state of lanes with too short steps, and lanes with too many."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -206,7 +205,7 @@ def _is_stiff(rates, states, limit):
 
 @scalar_kernel
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
-    """Return whether `TURN_EXPLICIT` changes anything."""
+    """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end."""
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}

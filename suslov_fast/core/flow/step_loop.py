@@ -17,10 +17,10 @@ from .stormer import StormerColumns
 
 
 def text_of_integrator(integrator, name, W, for_each):
-    """Return the text of i64 name(arguments), see `CodeArguments`, for a `Integrator`.
+    """Return the text of i64 name(arguments), see `CodeArguments`, for an `Integrator`.
 
     It takes steps of all trajectories with this integrator and returns 1; or 0 when the budget is
-    spent, to go on in the next call. A lane whose trajectory ends takes the next one.
+    spent, to continue in the next call. A lane whose trajectory ends takes the next one.
     """
     text = Code(W)
     for key, function in integrator.functions.items():

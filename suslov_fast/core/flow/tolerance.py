@@ -1,16 +1,16 @@
-"""The errors of a step, beside what is allowed in each component.
+"""The errors of a step, relative to the allowed error in each component.
 
-A step has the estimated error e_i in component i. It is taken if
+A step has the estimated error e_i in component i. It is accepted if
 
 ratio = max_i e_i / allowed_i <= 1,
 
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
 default the allowed error is rtol max(s_i, 2**-60 max_j s_j), where s_i is the largest |x_i| so far:
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. For columns of derivatives it is 2**-20. Clocks, which have constant rates, have no
-error, and count there with their change in the step, because time may be large where all others are
-small. With `atol` it is atol_i + rtol max(|x_i|, |x_next,i|), or what rounding leaves of the
-weighted sum of columns, if that is more.
+for m > 10. For columns of derivatives the factor is 2**-20. Clocks, which have constant rates, have
+no error. They count in max_j s_j with their change in the step, because time may be large when all
+other components are small. With `atol` the allowed error is atol_i + rtol max(|x_i|, |x_next,i|),
+or the rounding of the weighted sum of columns, if that is more.
 """
 
 from ..expressions.values import larger
@@ -29,19 +29,19 @@ CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
 
 @scalar_kernel
 def NO_SIZE():
-    """With `atol` no component depends on others."""
+    """Return nothing: with `atol` the allowed error of a component does not depend on others."""
     return {}
 
 
 @scalar_kernel
 def LARGEST(new, largest, top):
-    """The largest modulus of all components."""
+    """Return the largest modulus of all components."""
     return {"top": larger(larger(abs(new), largest), top)}
 
 
 @scalar_kernel
 def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
-    """`LARGEST` with clocks, which count with their change in the step."""
+    """Return the same as `LARGEST`; clocks count with their change in the step."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -49,13 +49,13 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """The error allowed where other components are large, and the size below which one is noise."""
+    """Return the least allowed error given other components, and the size of noise beside them."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
 @scalar_kernel
 def ALLOWED(new, largest, least, rtol):
-    """The inverse of the allowed error of a component."""
+    """Return the inverse of the allowed error of a component."""
     return {"inverse": 1.0 / larger(rtol * larger(abs(new), largest), least)}
 
 
@@ -73,7 +73,7 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 
 @scalar_kernel
 def RATIO(error, inverse, f_new, ratio, total):
-    """The largest error by what is allowed, and a sum that shows what is not finite."""
+    """Return the largest ratio of errors to allowed errors, and a sum that detects NaN and inf."""
     own = abs(error) * inverse
     return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
 
@@ -85,19 +85,19 @@ def LARGER_RATIO(error, inverse, ratio):
 
 @scalar_kernel
 def LARGE(error, inverse, noisy, large):
-    """The largest of these ratios whose error is more than rounding of the largest component."""
+    """Return the largest ratio of the errors that exceed rounding of the largest component."""
     return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
 
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """The squared differences of h f and of states, between the next state and the last column."""
+    """Return squared differences of h f and of x between the next state and the last column."""
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
 def kernels(has_atol, has_clocks):
-    """Return the kernels of the size of all components, and of the allowed error of one."""
+    """Return the kernels of the size of all components, and of the allowed error of a component."""
     if has_atol:
         return NO_SIZE, ALLOWED_WITH_ATOL
     if has_clocks:
@@ -106,9 +106,9 @@ def kernels(has_atol, has_clocks):
 
 
 def find_errors(code, own, sizes):
-    """Return sums over components: the largest ratio of an error by what is allowed, and others.
+    """Return sums over components: the largest ratio of errors to allowed errors, and others.
 
-    The inverse of what is allowed takes the place of the error.
+    The inverse of the allowed error replaces the error.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (
@@ -140,7 +140,7 @@ def find_errors(code, own, sizes):
 
 
 def apart_in(code, own, i):
-    """Return what shows in component i that all columns agree on a false end."""
+    """Return the quantity of component i that shows whether all columns agree on a false end."""
     if code.integrator.is_implicit:
         return code.work.right[i]
     apart = weighted(own, code.of_columns(code.work.apart, i))
@@ -150,13 +150,13 @@ def apart_in(code, own, i):
 
 
 def _noise(code, own, i):
-    """Return the sum of moduli of what is added up for the next state."""
+    """Return the sum of the moduli of the terms whose sum is the next state."""
     ends = code.of_columns(code.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 
 
 def apart_of_rough(code, own):
-    """Return what `find_errors` has of `apart`, after it, of rough lanes, which alone have that."""
+    """Return `apart` of rough lanes, after `find_errors`; other lanes have 0."""
     text, work = code.text, code.work
 
     def largest():
@@ -172,9 +172,9 @@ def apart_of_rough(code, own):
 
 
 def differences_of_sets(code):
-    """Return products of the sums of `DIFFERENCES` of both sets, and the limit for their quotient.
+    """Return products of the sums of `DIFFERENCES` of both sets, and the limit of their quotient.
 
-    That does not depend on how large components of either are allowed to be.
+    The quotient does not depend on the allowed errors of either set.
     """
     text, work, sums = code.text, code.work, []
     for components in code.integrator.sets:

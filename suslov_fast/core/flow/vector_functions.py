@@ -1,8 +1,8 @@
-"""Functions of rows, of which the steps of the motion are made: f, f', elimination.
+"""Vector functions of the steps of a motion: f, f', elimination.
 
 Each is a function void name(from, table, to, scratch) of a text: it reads rows at one address, and
-writes rows at another. Expression programs are straight-line code, long ones in blocks, and dense
-matrices have loops. `scratch` are the rows that it needs for itself.
+writes rows at another. Expression programs are straight-line code, in blocks if they are long, and
+dense matrices have loops. `scratch` are rows for temporary results.
 """
 
 from collections import defaultdict
@@ -22,7 +22,7 @@ LONGEST = 20_000
 class ProgramFunction:
     """An expression program as straight-line code; its first values are rows.
 
-    Results that are None are not there: their rows stay as they are.
+    A result that is None is left out: its row stays as it is.
     """
 
     scratch = 0
@@ -35,7 +35,7 @@ class ProgramFunction:
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
 
     def values(self, text, row, table, for_each):
-        """Return the results by their places, where row(k) is the k-th input."""
+        """Return the results by place; row(k) is the k-th input."""
         found = {}
         load = self._loader(text, row, table, for_each)
         text.carry_out(self.program.operations, found, load)
@@ -58,7 +58,7 @@ class ProgramFunction:
     def add(self, text, name, for_each):
         """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
 
-        Inputs are read anew in each block, and results written where they are found.
+        Each block reads its inputs again, and writes each result as soon as it is computed.
         """
         operations, rows, given = self.program.operations, defaultdict(list), []
         own = {number for _, number, _ in operations}
@@ -95,21 +95,20 @@ class ProgramFunction:
 
 
 class SparseLoops:
-    """The factors of 1 - s J, or the solution of (1 - s J) v = g, by loops: see `sparse_code`."""
+    """The factors of 1 - s J, or the solution of (1 - s J) v = g, as loops: see `sparse_solver`."""
 
     def __init__(self, plan, add):
         self.plan, self.add_function, self.scratch = plan, add, len(plan.order)
 
     def add(self, text, name, for_each):
-        """Add the function."""
         self.add_function(text, name, self.plan)
 
 
 class DenseQuadratic:
     """f, or f', of a dense quadratic field: sums over all its coefficients.
 
-    f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; in the table each component has
-    c_i, l_ij for all j, and q_ijk for all j and k.
+    f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; the table has, for each
+    component, c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     length, scratch = np.inf, 0
@@ -118,7 +117,6 @@ class DenseQuadratic:
         self.D, self.is_derivative = D, is_derivative
 
     def add(self, text, name, for_each):
-        """Add the function."""
         with text.function(name):
             self._write(text, for_each)
 

@@ -1,16 +1,16 @@
 """The columns of an extrapolated step, and their weights.
 
 A column takes a step of length h in N equal sub-steps, and ends at y_N. The errors of the ends have
-an expansion in (h / N)**p. With weights that cancel its first terms,
+an expansion in (h / N)**p. Weights that cancel its first terms give
 
 x_next = x + sum_c w_c (y_c - x),     w_c = prod_b N_c**p / (N_c**p - N_b**p),
 
 where b runs over the other columns (Aitken and Neville).
 
 The explicit integrator has p = 2; its five columns have order 10 (`gragg`). The implicit integrator
-has p = 1; its seven columns have order 7, R(inf) = 0, and are stable in a sector of 89.9 degrees
-(`linearly_implicit`). Their weights sum to 121 in modulus; those of 2, 3, ..., 9 sum to 9851 and
-lose as many digits.
+has p = 1; its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.9 degrees
+(`linearly_implicit`). The moduli of their weights sum to 121. For columns 2, 3, ..., 9 the sum is
+9851, and so many more digits are lost.
 """
 
 from math import prod
@@ -30,6 +30,6 @@ def weights(columns, p):
 
 
 def weights_of_errors(columns, p):
-    """Return the weights of the estimate: those above less those without the first column."""
+    """Return the weights of the error estimate: all weights less those without column one."""
     without = [0.0, *weights(columns[1:], p)]
     return [w - v for w, v in zip(weights(columns, p), without, strict=True)]

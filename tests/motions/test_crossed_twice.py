@@ -268,6 +268,19 @@ def test_polynomials_of_waves(n, rng):
     np.testing.assert_array_equal(found.count[:, 0], right)
 
 
+@pytest.mark.parametrize(("n", "level"), [(16, 0.9), (64, 0.99)])
+def test_powers_of_waves(n, level, rng):
+    """Half turns with humps, of which many steps of a quarter of a turn would see none."""
+    w, p = 10 ** rng.uniform(-0.5, 0.5, 50), rng.uniform(0, 6, 50)
+    clocks = field(lambda s, w, p: (1.0,), "t", w=w, p=p)
+    found = sf.crossings(
+        clocks, [0.0], lambda s, w, p: np.sin(w * s[0] + p) ** n - level, time=40.0
+    )
+    places = np.arccos(level ** (1 / n)) * np.array([[1], [-1]]) + np.pi / 2
+    begin, end = (np.floor((phase - places) / np.pi) for phase in (p, w * 40 + p))
+    np.testing.assert_array_equal(found.count[:, 0], (end - begin).sum(axis=0))
+
+
 @pytest.mark.parametrize(("direction", "right"), [(1, 1000), (-1, 1000), (0, 2000)])
 def test_counters_by_a_clock_go_on(direction, right):
     f = field(lambda s: (0.0, 1.0), "n t")

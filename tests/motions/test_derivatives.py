@@ -304,6 +304,6 @@ def test_derivatives_of_crossings_and_their_files(tmp_path):
         loaded = sf.load(tmp_path / "result.npz")
         assert loaded == result
         events = getattr(loaded, "events", loaded)
-        assert events != replace(events, _time_by=2 * events._time_by)
+        assert events != replace(events, _time_by=np.zeros((len(events.time), 4)))
     alone = motion.member(1).events.derivatives["x0"].time
     np.testing.assert_array_equal(alone, motion.events.derivatives["x0"].time[-len(alone) :])

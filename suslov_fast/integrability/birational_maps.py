@@ -83,7 +83,7 @@ class RationalMap(WithLetters):
         return self._in_letters(self.forms)
 
     def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return F_i / F_0 of polynomials in factors, with the names of variables."""
+        """Return the functions F_i / F_0 in factors, with the variables' names."""
         *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
         return tuple(F / denominator for F in numerators)
 
@@ -160,7 +160,7 @@ class RationalMap(WithLetters):
         return [value_at(F, x, self.degree) for F in self.forms]
 
     def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
-        """Return the forms at a point of numbers, and the derivatives of each if wanted."""
+        """Return the values of the forms at a point; with `slopes`, of their derivatives, too."""
         modulus = arithmetic.moduli(x[0])
         if self._latest[0] != modulus:
             forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
@@ -171,7 +171,7 @@ class RationalMap(WithLetters):
         return [[number(P(*x[:-1]), *modulus) for P in row] for row in rows]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return F at polynomials, without a common factor."""
+        """Return F at homogeneous coordinates that are polynomials, divided by a common factor."""
         return coprime(self.homogeneous_image(x))
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -293,7 +293,7 @@ class RationalMap(WithLetters):
 
     @property
     def denominator(self) -> Any:
-        """The polynomial F_0, or a multiple; its factors may be factors of a cofactor."""
+        """The polynomial F_0, or a multiple of F_0; cofactors may contain its factors."""
         return self.forms[-1]
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
@@ -308,13 +308,13 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _fraction_of_monomials(self) -> float:
-        """The number of monomials of the map, divided by the number of monomials of its degree."""
+        """The fraction of the monomials up to the degree of the map that it contains."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
 
     @cached_property
     def length(self) -> float:
-        """The cost of an image on a line, at least 1: the cost for a map of few monomials."""
+        """The relative cost of an image on a line: 1 for a map of few monomials, else more."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return max(1.0, len(monomials) * self.degree / FEW)
 

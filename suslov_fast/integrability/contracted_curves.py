@@ -153,9 +153,9 @@ class PlaneModulo:
         return None
 
     def germ(self, component: Any) -> list[Any] | None:
-        """Return a germ across a component at a random point: three polynomials in t.
+        """Return a germ across a component at a random point, as three polynomials in t.
 
-        The point is where a random line meets the component.
+        The point is an intersection of a random line with the component.
         """
         p = self.p
         for _ in range(_LINES):
@@ -318,7 +318,7 @@ class _Germs:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return a point of the curve on a line; conjugate points behave alike."""
+        """Return a point of the curve on a fixed line; any of its conjugate points would do."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]

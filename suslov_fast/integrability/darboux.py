@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of the polynomials with a cofactor times a sign; None means det DPhi."""
+    """Return a basis of the polynomials with the cofactor sign * cofactor; None means det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -54,7 +54,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
-    """Return the dimension, modulo one prime, of the space that `space_of` computes."""
+    """Return the dimension of the result of `space_of`, modulo one prime."""
     matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
@@ -141,7 +141,7 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
-    """Return the matrix of C(x) P(x) - P(Phi(x)) at random points, for the coefficients of P."""
+    """Return the matrix of the linear map P -> C(x) P(x) - P(Phi(x)), at random points x."""
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, sign), p)
     return at_points - flint.nmod_mat(points.of_images, p)
@@ -205,7 +205,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield a candidate times each constant for which there are polynomials.
+    """Yield c * candidate for each constant c such that polynomials have this cofactor.
 
     The constants are eigenvalues of the pullback divided by the candidate.
     """
@@ -234,8 +234,8 @@ def _divisors(
 ) -> Iterator[tuple[int, ...]]:
     """Yield the exponents of products of factors that divide the pullback of some polynomial.
 
-    The test is modulo a prime, on random lines. A product has the degree `degree` (map.degree - 1),
-    so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
+    The test is modulo a prime, on random lines. The product has the degree `degree` * (map.degree -
+    1), so that the quotient has `degree`. One factor may be the hyperplane at infinity.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -252,7 +252,7 @@ def _divisors(
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
-        """Return equations for the polynomials with a pullback that f**power divides."""
+        """Return linear equations for the polynomials such that f**power divides their pullback."""
         divisor_degree = size * power
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree
@@ -273,7 +273,7 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Extend powers of the first factors that divide some pullback to the degree `left`."""
+        """Extend exponents of the first factors by the others, to products of the degree `left`."""
         k = len(powers)
         if k == len(divisors):
             yield powers[at_infinity:]

@@ -251,7 +251,7 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
 
 
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
-    """Return a recurrence as text, and which of `number` degrees satisfy it."""
+    """Return a recurrence as text, and say which of `number` degrees satisfy it."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"

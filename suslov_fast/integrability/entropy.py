@@ -231,11 +231,11 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 
 
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
-    """Return polynomials P and Q in z with P / Q = 1 + sum of d_n z^n, the degrees of iterates.
+    """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates.
 
-    For generating functions the equations are linear, and Q is their determinant; Q(1 / z) gives
-    the recurrence of degrees. If a passage is endless, the generating functions of its orders are
-    quotients; None if no quotients are found.
+    The generating functions satisfy linear equations with the determinant Q. The coefficients of Q
+    are those of a recurrence of degrees. The result is None if a passage is endless and its orders
+    show no generating function.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]

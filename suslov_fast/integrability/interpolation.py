@@ -108,7 +108,7 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return terms with the simplest fractions that have these residues."""
+    """Return terms with coefficients that are the simplest fractions with these residues."""
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -158,7 +158,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         return [rng.randrange(1, p) for _ in range(count)]
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
-        """Return the values of each entry that varies at points s + z t."""
+        """Return, for each varying entry, its values at the points s + z t, for all z."""
         rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 
@@ -213,7 +213,7 @@ def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
 
 
 class Line:
-    """Parameters z of points on a line, and quotients of polynomials in z by values there."""
+    """A line s + z t modulo a prime: finds quotients of polynomials in z by their values."""
 
     def __init__(self, z: Sequence[int], p: int) -> None:
         self.p, self.z = p, z
@@ -293,10 +293,10 @@ def _on_line(terms: Terms, s: Sequence[int], t: Sequence[int], p: int) -> list[i
 
 
 def _homogeneous(values: Sequence[int], count: int, degree: int, p: int) -> Terms | None:
-    """Return the homogeneous polynomial with values at (2^i, 3^i, ...), i = 0, 1, ...
+    """Return the homogeneous polynomial with these values at (2^i, 3^i, ...), i = 0, 1, ...
 
-    The values of its monomials at (2, 3, ...) are roots of their recurrence. None if there are too
-    few values.
+    The values of its monomials at (2, 3, ...) are the roots of the recurrence of `values`. None if
+    there are too few values.
     """
     values = [a % p for a in values]
     if not any(values):

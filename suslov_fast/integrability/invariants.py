@@ -104,7 +104,7 @@ class Invariants:
     # Generators and their products.
 
     def multiply_up_to(self, degree: int) -> None:
-        """Make the products of generators up to a degree, if they are not made yet."""
+        """Compute the products of generators up to a degree, unless they are known."""
         if degree > self._degree_of_products:
             self._degree_of_products = degree
             self._start_with(self.generators)
@@ -138,7 +138,7 @@ class Invariants:
         return rank([*lower, self.polynomial(generator)]) == rank(lower)
 
     def _multiply_by(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add the products of all known products and powers of a new generator; return as `add`."""
+        """Add a new generator, and its products with known products; return the result of `add`."""
         cofactor: Any = generator.cofactor
         factor, new = self.value(cofactor), []
         number = len(self.generators)
@@ -214,7 +214,7 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation, if possible its formula for a symbolic eps at eps."""
+        """Return the integral of a relation; if possible from the formula for a symbolic eps."""
         product = self.power_product(powers)
         pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
         if pairs and all(text in self.symbolic_generators for text, _ in pairs):
@@ -294,7 +294,7 @@ def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the one with a numerator of higher degree, or that is 0 at 0."""
+    """Return f or 1 / f: the numerator has the higher degree, or it is 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -323,10 +323,10 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return a basis, of short vectors, of exponents with which products of cofactors are 1.
+    """Return a basis, of short vectors, of the exponents for which products of cofactors are 1.
 
-    The vector of a cofactor has the exponents of its polynomials, of coprime factors of its
-    constant, and of -1. Of the exponent of -1 only the parity counts.
+    The vector of a cofactor contains the exponents of its polynomials, of coprime factors of its
+    constant, and of -1. For -1 only the parity of the exponent counts.
     """
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
@@ -419,7 +419,7 @@ class NormalForms:
         return basis, quotients(basis)
 
     def _at_number(self, P: Any) -> Any:
-        """Return a polynomial in a symbolic eps at the number eps of the map, primitive."""
+        """Return the primitive polynomial after the symbol eps is replaced by its number."""
         map: Any = self.map
         f = factored(modulo(P, 0, [arithmetic.fmpq(map.eps)]))
         return replace(f, constant=Fraction(1)).as_quotient(map.ring)[0]
@@ -438,7 +438,7 @@ class NormalForms:
             return None
 
     def _symbolic_cofactor(self, cofactor: RationalFunction) -> RationalFunction | None:
-        """Return the product of factors, for a symbolic eps, that is this cofactor at eps."""
+        """Return the product of factors for a symbolic eps that equals this cofactor at eps."""
         eps = self.map.eps  # type: ignore[attr-defined]
         exponents = {str(f): e for f, e in cofactor.factors}  # that are left to explain
         powers = []

@@ -78,7 +78,7 @@ class KahanMap(RationalMap):
         return self._at(None if self.eps is None else -self.eps, -self._sign)
 
     def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
-        """Return the map for another eps; a symbolic eps has this sign."""
+        """Return the map for another eps, or for the symbol `sign` eps if `eps` is None."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
         # These take long, and do not depend on eps.

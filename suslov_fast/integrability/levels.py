@@ -218,7 +218,7 @@ class _Equations:
         return x, f"through ({', '.join(names)})"
 
     def _values(self, P: Any, Q: Any, x: Sequence[Any]) -> list[Any]:
-        """Return the numerator and denominator of an integral at a point."""
+        """Return the values of the numerator P and the denominator Q of an integral at a point."""
         degree = max(degree_of(P), degree_of(Q))
         return [homogenized(R, degree, x, self.ring) for R in (P, Q)]
 
@@ -360,7 +360,7 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
 
 
 def _substituted(P: Any, k: int, numerator: Any, denominator: Any) -> Any:
-    """Return the numerator of a polynomial at a value of a variable."""
+    """Return the numerator of P after x_k is replaced by numerator / denominator."""
     parts = coefficients_in(P, 1 + k)
     n = len(parts) - 1
     powers = (c * numerator**j * denominator ** (n - j) for j, c in enumerate(parts))
@@ -373,7 +373,7 @@ def _at(P: Any, x: list[Any]) -> Any:
 
 
 def _component(P: Any, x: list[Any]) -> Any:
-    """Return the irreducible factor of a polynomial that is 0 at a point."""
+    """Return the irreducible factor of a polynomial that vanishes at a point."""
     factors = [f for f, _ in irreducible_factors(P) if degree_of(f)] if P != 0 else []
     through = [f for f in factors if _at(f, x) == 0]
     if len(through) != 1:

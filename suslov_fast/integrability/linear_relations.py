@@ -57,8 +57,8 @@ def gradients_of_coefficients(
     """Return the gradients by x of the coefficients of relations, by relation and coefficient.
 
     They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
-    the points x_k of the orbit of x. Relations must be a basis in echelon form. Its free
-    coefficients, as many as relations, are constant and left out.
+    the points x_k of the orbit of x. Relations must be a basis in echelon form. Coefficients that
+    this form fixes at 0 or 1 are constant, and are left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
@@ -213,10 +213,10 @@ def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
-    """Return circuits among monomials, the smallest circuits first.
+    """Return circuits, minimal sets of monomials with a relation; the smallest come first.
 
-    Whatever the order of the monomials, each row of the reduced row echelon form of the relations
-    belongs to a circuit.
+    For any order of the monomials, each row of the reduced echelon form of the relations belongs to
+    a circuit.
     """
     p = map.prime
     relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))

@@ -33,7 +33,7 @@ _HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
 
 
 class _Equations:
-    """Equations for the pairs (g, h) of polynomials f of a degree in x, on a random plane."""
+    """Linear equations for the pairs (g, h) that belong to a polynomial f, on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)

@@ -78,7 +78,7 @@ def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
 
 
 def with_plain_letters(P: Any) -> Any:
-    """Return a polynomial in which letters are ordinary variables."""
+    """Return a polynomial with ordinary variables in place of letters."""
     names = tuple(name.removeprefix(_LETTER) for name in P.context().names())
     return _from_terms(names, P.to_dict())
 
@@ -223,7 +223,7 @@ def divided_out(P: Any, divisor: Any) -> tuple[Any, int]:
 
 
 def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
-    """Return P(x), or given a degree ``t^degree P(x / t)``, where t is the last coordinate."""
+    """Return P(x); if `degree` is given, ``t^degree P(x / t)`` with the last coordinate t of x."""
     exponents = P.monoms()
     if degree is not None:
         exponents = [(*e, degree - sum(e)) for e in exponents]
@@ -251,7 +251,7 @@ def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> l
 
 @lru_cache(maxsize=256)
 def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return steps, each an earlier monomial times a variable, and the places of the results."""
+    """Return a plan that computes each monomial as an earlier monomial times a variable."""
     steps: list[tuple[int, int]] = []
     places = {(0,) * len(e): 0 for e in exponents}
 

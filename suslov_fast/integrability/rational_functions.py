@@ -95,7 +95,7 @@ class WithLetters:
         return self._with(self._numbers_for(values, unnamed))
 
     def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
-        """Return the numbers that a call gives for letters."""
+        """Return the checked numbers by letter that a call gives."""
         if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
         if unnamed or (self.letters and (not values or {*values} - {*self.letters})):
@@ -377,7 +377,7 @@ def factored(P: Any) -> RationalFunction:
 
 
 def without_constant(f: RationalFunction) -> RationalFunction:
-    """Return the multiple with the constant 1: all factors are primitive, with fixed signs."""
+    """Return f divided by its constant: all factors are primitive, with fixed signs."""
     return RationalFunction(f.factors, basis=f.basis)
 
 

@@ -399,7 +399,7 @@ class _Watched(Watch):
         return [f"Left out, because {why}: {', '.join(kinds)}." for why, kinds in left_out]
 
     def tell(self) -> None:
-        """Call `progress` with the number of tasks; end the search if it returns False."""
+        """Report the number of tasks to `progress`; end the search if that returns False."""
         done = self._facts.queue.done
         parts = done + len(self._facts.queue.waiting)
         if callable(self._progress) and is_false(self._progress(done, parts)):

@@ -209,9 +209,9 @@ class Search:
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
-        Even when enough integrals are known, polynomials of lower degree can replace them. Above
-        the degree of the report, the search is for norms: products of conjugate polynomials with
-        irrational coefficients, which have rational coefficients.
+        Polynomials of lower degree can still replace integrals when enough are known. Above the
+        degree of the report only norms are wanted: products of conjugate polynomials with
+        irrational coefficients.
         """
         is_small = self._unknowns(degree) <= _FEW
         if degree > self.degree:
@@ -253,7 +253,7 @@ class Search:
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return the task that finds the next degree, if a recurrence needs it or it is cheap."""
+        """Return the task that finds the next degree; more follow if the recurrence needs more."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]

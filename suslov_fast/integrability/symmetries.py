@@ -140,8 +140,8 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
 def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
     """Return the solutions of equations modulo a prime; None if products up to a degree hide them.
 
-    A vector of the null space of all products is a combination of the monomials at the solutions;
-    multiplication by a variable acts on the values of monomials of lower degree.
+    Vectors in the null space of all products are combinations of the values of all monomials at the
+    solutions. Multiplication by a variable acts on the values of monomials of lower degree.
     """
     n, p = unknowns.nvars(), int(unknowns.modulus())
     space = arithmetic.null_space(_products(equations, unknowns, degree))

@@ -17,7 +17,7 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return `make` of a function f of n variables; by default n is how many arguments f has."""
+    """Return `make` of a function with n separate arguments; n defaults to their number in f."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 

@@ -24,7 +24,7 @@ def values_by_constants(formula: Universal, problem: Problem) -> Any:
 def values_by_rows(formula: Universal, problem: Problem) -> Any:
     """Return the values of a universal function that takes constants, eps and rows of states.
 
-    For a single body and step size, the states along the last axis of the batch are one such array.
+    For a single body and step size, the last axis of the batch is passed as rows.
     """
     body, eps, omega = problem.body, problem.eps, problem.omega
     if omega.ndim > 1 and not body.shape and type(eps) is float:

@@ -69,7 +69,7 @@ ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def in_stages(stages: Stages) -> Callable[..., Any]:
-    """Return a function that makes arguments of the kernel of fields for steps of these stages.
+    """Return a function that makes the kernel arguments of fields, for steps of these stages.
 
     The arguments are the operations of a step, values and eps; a single field keeps its last ones.
     """

@@ -63,10 +63,10 @@ _WITHOUT_ERROR = "without setting an exception"
 
 
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
-    """Call a kernel in parallel and return True, or return False if that is impossible.
+    """Call a kernel in parallel and return True; return False if a parallel call is not possible.
 
-    A signal handler may raise between any two lines, but not before the first call in `finally`.
-    Calls that the handler makes are serial, because it may have interrupted a parallel call.
+    A signal handler may raise between any two lines, except before the first call in `finally`.
+    Calls made by a handler are serial, because it may have interrupted a parallel call.
     """
     if suslov_fast._threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
         return False

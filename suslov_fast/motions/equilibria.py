@@ -370,10 +370,10 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return, for states near y, whether Newton's method leads back to y, and not to a family.
+        """Return whether Newton's method leads from near y back to y, and not along a family.
 
-        A component far smaller than others may be a true value or rounding: so small displacements
-        of each component are tried, too.
+        A component far smaller than others may be a true value or rounding: so smaller
+        displacements are tried, too.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))
@@ -433,7 +433,7 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
-    """Return the eigenvalues by decreasing real part; for a map f(x) + x plus 1, by modulus."""
+    """Return eigenvalues, the largest real part first; for a map, add 1 and sort by modulus."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

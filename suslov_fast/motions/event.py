@@ -156,7 +156,7 @@ class Event:
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers and texts for JSON; functions become text by ``of`` before."""
+        """Return plain numbers and texts for JSON; an event with functions needs ``of`` first."""
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
         times = self.times

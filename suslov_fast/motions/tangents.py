@@ -185,7 +185,7 @@ class _Run:
         return np.minimum(np.ceil(np.log2(size)), _MOST).astype(np.int64)
 
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
-        """Take a segment; return where it was not too long, and where the next may be longer.
+        """Take a segment; return where it was short enough, and where the next may be longer.
 
         If `is_last`, there are no shorter segments.
         """

@@ -166,9 +166,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    `chosen` are a dict of the kinds of conditions by number, the kinks, and a dict of the numbers
-    of branches. Return the new numbers of values in `fixed`, the surfaces there, their operands in
-    `tests`, and shifts of tables by number, see `ElapsedTime`.
+    `chosen` is (a dict of the kinds of conditions by number, the kinks, a dict of the numbers of
+    branches). Return four results: the new numbers of values in `fixed`; the surfaces, values in
+    `fixed`; their operands in `tests`; shifts of tables by number, see `ElapsedTime`.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}

@@ -74,7 +74,7 @@ def _negative(emit, a):
 
 
 def _sum(emit, parts):
-    """Return the derivative sum of factor times row, for pairs (factor, row) in `parts`."""
+    """Return the sum of the rows of derivatives times their factors, from pairs (factor, row)."""
     total = {}
     for factor, row in parts:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None

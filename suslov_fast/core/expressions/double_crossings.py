@@ -232,7 +232,7 @@ def _divided(points):
 
 
 def _least_near(coefficients, place):
-    """Return the least value near a place of a quartic with these coefficients, or infinity."""
+    """Return the least value of a quartic near a place, or infinity if it has no minimum there."""
     _, slope, bend = _of_quartic(coefficients, place)
     least = place - (slope / (bend + bend)).within(-0.25, 0.25)
     is_inside = (bend > 0.0) & (least > 0.0) & (least < 1.0)
@@ -249,7 +249,7 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return True if a hump towards 0 has its top in a part to which rates beside it do not fit."""
+    """Return True if a hump towards 0 has its top where neighbouring rates show another slope."""
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]

@@ -16,7 +16,7 @@ from .values import Number
 
 
 def from_bits(bits):
-    """Return the double with these bits, as instructions on bits take constants."""
+    """Return the double with these bits, the form of constants in instructions on bits."""
     return struct.unpack("<d", struct.pack("<Q", bits))[0]
 
 

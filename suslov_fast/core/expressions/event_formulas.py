@@ -76,7 +76,7 @@ class EventAction(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `KeyedProgram` with these results, operands of `Expressions`."""
+        """Return the `KeyedProgram` that computes these operands of `Expressions`."""
         return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
@@ -115,7 +115,7 @@ def _constants(program):
 
 
 def read_by(program, results):
-    """Return the numbers of all values that a program reads, and of its results."""
+    """Return the numbers of all values that a program reads, and of `results`."""
     read = [a for each in program.operations for a in each[2]]
     return {a for a in (*read, *results) if type(a) is int}
 

@@ -92,7 +92,7 @@ class ElapsedTime:
         return _Pair(0.0, self._whole(a)) if self._is_rigid(a) else None
 
     def _whole(self, a):
-        """Return the operand in the new `values` of an operand in the old ones."""
+        """Return the new operand of an old operand, as one value and not as a pair."""
         found = a if isinstance(a, float) else self.known[a]
         if not isinstance(found, _Pair):
             return found

@@ -38,7 +38,7 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return the sum of products of pairs, in this order; an odd first operand is added, too."""
+    """Return the sum of products of pairs, in order, plus the first operand if it has no pair."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))
@@ -122,7 +122,7 @@ _JOINING = ("and", "or", "xor")
 
 
 class Groups:
-    """The operations of a program in groups with one instruction each, in a possible order.
+    """The operations of a program, grouped by instruction, each after those of its operands.
 
     NumPy evaluates a group at once: for one state of many variables, a NumPy call for each
     operation would take most of the time. Each value has a row in a table: first constants, then

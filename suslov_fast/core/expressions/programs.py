@@ -42,8 +42,8 @@ class Values:
     def total(self, start, products):
         """Return the value start + sum of a c over the pairs (a, c), in this order.
 
-        It is None if `start` is None and there are no pairs. In each pair of a "sum" one factor
-        depends on parameters alone, or in none; if both do, the product is a value of its own.
+        It is None if `start` is None and there are no pairs. All pairs in a "sum" have 0, or all
+        have 1 factor of parameters alone. A product of two such factors is a separate value.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
@@ -89,9 +89,9 @@ class Program(NamedTuple):
 class Expressions(Values):
     """Values without repetition: equal values are computed once, operations on constants at once.
 
-    `written` contains the function and operands of a value that a user wrote and operations take
-    apart, such as a power. `of` contains the instruction and operands of each value, `fixed_truths`
-    the numbers of truth values that depend on parameters alone.
+    `written` records the functions that a user wrote and operations decompose, such as powers. `of`
+    contains the instruction and operands of each value, `fixed_truths` the numbers of truth values
+    that depend on parameters alone.
     """
 
     def __init__(self, count, fixed=()):
@@ -175,9 +175,9 @@ def _is_power_of_2(operand):
 
 
 def in_order(values, results, more=0):
-    """Return `Expressions` of these results alone, in an order that they determine, and results.
+    """Return `Expressions` that compute these results alone, and the results in them.
 
-    `more` parameters follow the given values.
+    The results determine the order of operations. `more` parameters follow the given values.
     """
     given = values.count - len(values.operations)
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]

@@ -183,8 +183,8 @@ class RightHandSide:
 def _signs_of_poles(values, f, quotients):
     """Return values that change their sign at poles of quotients (number, dividend, divisor).
 
-    If a quotient is used, there are two: the divisor where the dividend is above 0, and where it is
-    below, because there is no pole if the dividend is 0, too. Elsewhere they are 0.
+    There are two for each quotient. One is the divisor if the dividend is above 0, else 0; the
+    other if it is below. Where both vanish there is no pole. Unused quotients give 0.
     """
     found = {}
     is_taken = _taken(values, f)
@@ -205,7 +205,7 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return for each value the truth value, or 1, that results of f depend on it.
+    """Return, for each value, a truth value or 1 that says if results of f depend on it.
 
     They do not if `select` leaves it out, or if a parameter or branch that is 0 multiplies it.
     """

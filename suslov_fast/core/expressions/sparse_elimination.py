@@ -113,7 +113,7 @@ def _below_and_above(sets):
 
 
 def _in_pairs(columns, rows, skipped):
-    """Return columns, and 2 k for these rows k of each column, or 2 k + 1 for k and k + 1."""
+    """Return columns, and for each its entries of `Sparse.pivots`: 2 k, or 2 k + 1 for a pair."""
     found, last = [], (-1, -1)
     for j, k in zip(columns.tolist(), rows.tolist(), strict=True):
         if last == (j, k):  # the second one of a pair

@@ -30,7 +30,7 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """The entries of N(x) and the right sides h f(x), as sums over the terms of a field.
+    """The entries of N(x) and the right sides h f(x), as sums over the terms v x_j x_k of a field.
 
     `x` are the numbers of the components, `halves` the numbers of h v of the terms.
     """

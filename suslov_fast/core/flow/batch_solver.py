@@ -134,7 +134,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """`CodeArguments.stops` (1 or B, n + 1, 2), and the largest number of equal times."""
+        """`CodeArguments.stops` (1 or B, n + 1, 2), and how many times are equal at most."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0

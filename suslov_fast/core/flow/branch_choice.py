@@ -37,7 +37,7 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Count immediate changes of branches; changes right after an event do not count."""
+    """Count changes of branches in immediate succession; changes after an event do not count."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -59,7 +59,7 @@ def LOOK_AHEAD(t, last, part, sign):
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Make a solution that crosses a surface again at once end its next steps on the surface."""
+    """Search for the surface, because a solution crosses it again at once: steps end on it."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -68,7 +68,7 @@ def SEEK(wanted, ahead):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
-    """Continue a solution that ends just before a surface beyond the surface."""
+    """Continue a solution, which ended just before a surface, beyond the surface."""
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
     state = slides.select(float(LaneState.SLIDING), first_state)
@@ -93,7 +93,7 @@ def TRACE(before, after, jumps, u):
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return whether a component is low; it is not if the jump of f is an inflow into it."""
+    """Return the new `low` of a component; it is 0 if the jump of f is an inflow of its own."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
@@ -281,7 +281,7 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write branches to the table of lanes: numbers from rows, intervals of tables by argument."""
+    """Write branches to the table of lanes: numbers from rows, or intervals by their argument."""
     text, f = code.text, code.f.of
     first = len(f.conditions.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
@@ -308,7 +308,10 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a table that contains an argument to the tables of lanes with bits."""
+    """Write the interval of a `Table` that contains the argument of a lane to the lane's table.
+
+    `bits` are the bits of the lanes.
+    """
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

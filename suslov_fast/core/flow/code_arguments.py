@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 
 class CodeArguments(NamedTuple):
-    """The integers of the array that is the argument of the code."""
+    """The entries of the integer array that is the argument of the code."""
 
     rows: int  # address of the rows of trajectories (count, rows)
     count: int

@@ -62,7 +62,7 @@ def BETWEEN(t, taken, next):
 
 
 def weights_of_test(v):
-    """Return the weights of the polynomial at v quarters, and of its derivative by v."""
+    """Return the weights of the polynomial, and of its derivative by v, at v quarters."""
     weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},

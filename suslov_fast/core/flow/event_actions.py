@@ -63,7 +63,7 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
 
 
 def _is_on(value, rate, last, jumps):
-    """Return whether a state with this value may be on the surface, and not where that jumps."""
+    """Return whether a state with this value may be on the surface, and not at a jump of it."""
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
@@ -382,7 +382,7 @@ def _note(code, k, truth, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let event k act in the lanes `truth`; in the lanes `by_motion`, because of the motion."""
+    """Let event k act in the lanes `truth`; to `by_motion` lanes the motion has brought it."""
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
@@ -454,7 +454,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Update the largest moduli by the components before an action; forget which are low."""
+    """Update the largest moduli by the state before an action; no component is low from then on."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))

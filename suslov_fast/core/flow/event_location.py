@@ -106,7 +106,7 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
     """Return the next length between two, and the weights of the inner and the outer length.
 
-    `part` is where a straight line between them crosses the surface.
+    A straight line between the states there crosses the surface at the fraction `part`.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
     starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
@@ -200,7 +200,7 @@ def CUT(
 
 @scalar_kernel
 def BACK(found, taken, end):
-    """Return the fraction of the step where a motion comes back to a surface, `step_to_surface`."""
+    """Return the fraction of the step at which a motion is back on a surface."""
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 

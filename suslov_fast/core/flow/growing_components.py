@@ -49,7 +49,7 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """Return 1 if a component below its allowed error grows at an end of the step, or flips."""
+    """Return 1 if a component below its allowed error grows at an end, or changes sign."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -98,7 +98,7 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Return the longest step by the inverse of a pivot, and the sign of the determinant so far."""
+    """Return the longest step, from inverse pivots, and the sign of the determinant so far."""
     growth = 1.0 - 1.0 / pivot
     return {
         "length": (growth > NEXT).select(smaller(taken / growth, length), length),
@@ -133,7 +133,7 @@ def FALLEN(new, largest, inverse, rtol, keeps, fallen):
 
 @scalar_kernel
 def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watches):
-    """Return for how many steps in a row a component is low, 2 at most; 3 if it grew after that."""
+    """Return `low`: 1 or 2 for a component low in as many steps in a row; 3 if it grew after 2."""
     few, grown = _bounds(rtol, keeps)
     since = (low >= 2.0).select((abs(new) * inverse > grown).select(3.0, low), 0.0)
     stays = abs(f_new) * inverse * (last * rtol) < STAYS  # it does not just cross 0
@@ -202,7 +202,7 @@ def _factor_alone(code, x, rates):
 
 
 def _find_fed(code, x, times):
-    """Write f at the state without components below this many allowed errors to the row `f`."""
+    """Write f to the row `f`, at x with 0 for components below this many allowed errors."""
     text, work = code.text, code.work
     text.copy(x, work.start, code.D)
     for i in text.each(code.f.of.D):

@@ -71,7 +71,7 @@ class Integrator:
         self._set_rows(factors)
 
     def _set_rows(self, factors):
-        """Set `rows` and `work`; `factors` is how many factors 1 - s f' has."""
+        """Set `rows` and `work`; `factors` is the number of factors of 1 - s f'."""
         f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
         extended, chooses, events = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)

@@ -44,7 +44,7 @@ TINY_STEP = 2.0**-40  # part of the time
 
 @scalar_kernel
 def IS_NOISY(ratio, large, steps, longer):
-    """Return 1 if rounding may decide about a step; each eighth step, and the next, is tested."""
+    """Return 1 if rounding may decide about a step; tested every eighth step and after a trial."""
     eighth = steps * 0.125
     is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
     return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
@@ -77,13 +77,13 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def MOST(change, most):
-    """Return the largest change of f between a point and states beside it, if f has values."""
+    """Return the largest change of f beside a point so far, from states where f has a value."""
     return {"most": larger(abs(change), most)}
 
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Return the least of `most` at both ends of a step, and the two largest at all its points."""
+    """Return the smaller `most` of both ends of a step, and the two largest of all its points."""
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
         "largest": larger(most, largest),
@@ -121,7 +121,7 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return ratios, after a second trial in lanes that have one, and 1 in those lanes."""
+    """Return the ratios of each lane; after a second trial the new ratios, and 1 for `on_trial`."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)

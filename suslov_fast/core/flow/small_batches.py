@@ -74,10 +74,10 @@ def solve_small_batch(f, table, x0, request):
 
     Return (states, steps, records, begun):
 
-    states    (count, B, D), NaN if there are none
+    states    (count, B, D), NaN for times that are not reached
     steps     (B,), and `records` as in `BatchSolver`, if all trajectories have reached the last
-              time, and no component fell and grew; then `begun` is None
-    begun     otherwise, with None in their place: rows, table and records for `BatchSolver.run`
+              time, and no component fell and grew; else None
+    begun     None in that case, else (rows, table, records) for `BatchSolver.run`
 
     `table` (n,) or (B, n) is the table of f.
     """

@@ -73,14 +73,14 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 def first_length(size, rate, part, last):
-    """Return the length in which |x| changes by a part of itself; from 0, a part of the time."""
+    """Return the length in which |x| changes by a fraction; from 0, a fraction of the time."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Return the length of the first step, and other rows that do not begin at 0."""
+    """Return the first length, and the rows of a trajectory that do not begin at 0."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
@@ -96,7 +96,7 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return limits of a step; near a surface it may be short, or end just before the end."""
+    """Return `reach` and `shortest` of a step; they are less strict near a surface."""
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
@@ -171,7 +171,7 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct the results of `AFTER` if a step ends at an event: it shortens no later step."""
+    """Correct the results of `AFTER` if a step ends at an event: the next length is not reduced."""
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),

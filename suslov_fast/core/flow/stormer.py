@@ -43,7 +43,7 @@ class StormerColumns(ExplicitColumns):
             self.text.leave("void")
 
     def work_of_pair(self):
-        """Return a third of the operations: unrolled columns may be three times as long as Gragg's.
+        """Return a third of Gragg's estimate, so that code three times as long is unrolled.
 
         That saves 12 to 25 % of the time, and costs LLVM up to 50 ms.
         """

@@ -49,7 +49,7 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return the least allowed error given other components, and the size of noise beside them."""
+    """Return the lower limit of allowed errors by the largest component, and the size of noise."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 

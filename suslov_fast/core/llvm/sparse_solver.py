@@ -41,8 +41,8 @@ def _offsets(text, of, j):
 def _along(text, of, begin, end, rows, numbers=0):
     """Add loops over the rows of spans; `rows` is the address of row 0.
 
-    Yield to the body a text, the address of a row, and of its number; `numbers` is the first
-    address. A single lane takes AT_ONCE rows at once, by a wider text.
+    The body gets a text, the address of a row, and the address of its number; `numbers` is the
+    first of these. If W is 1, it gets AT_ONCE rows as the lanes of a wider text.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):

@@ -266,10 +266,10 @@ class Carried:
 
 
 class Code:
-    """The text of functions for SIMD packs of W lanes; instructions go to `target`, if given.
+    """The text of functions for SIMD packs of W lanes.
 
     V, M and I are the types of W numbers, of W truth values and of the bits of W numbers. Rows are
-    `size` bytes apart.
+    `size` bytes apart. Instructions go to the text `target`, if given.
     """
 
     def __init__(self, W, target=None, size=None):
@@ -420,7 +420,7 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop that copies `count` numbers, from `step` to `other` bytes apart."""
+        """Add a loop that copies `count` numbers, `step` bytes apart, to places `other` apart."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
@@ -573,13 +573,13 @@ class Code:
         return self.new(f"shufflevector {self.V} {a}, {self.V} {b}, <{self.W} x i32> <{order}>")
 
     def truth(self, is_true):
-        """Return W equal truth values, without the type M."""
+        """Return W equal truth values as text, without their type M."""
         text = "true" if is_true else "false"
         return text if self.W == 1 else f"<{', '.join([f'i1 {text}'] * self.W)}>"
 
     # --------------------------------------------------------------------------------------- lists
     def constant(self, number):
-        """Return W equal constants, without the type V."""
+        """Return W equal constants as text, without their type V."""
         bits = f"0x{np.float64(number).view(np.uint64):016X}"
         return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
 

@@ -68,7 +68,7 @@ def _spans_of(step):
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
     """Take steps on this many threads; the other arguments are those of `suslov.steps.steps`.
 
-    `solve_at` takes seconds to compile, and few runs need it: a run that needs it starts again.
+    `solve_at` takes seconds to compile, and few runs need it: such a run starts again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)

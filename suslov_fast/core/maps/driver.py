@@ -20,7 +20,7 @@ NOT_READY, DONE = range(2)  # what the code returns
 
 
 class DriverArguments(NamedTuple):
-    """The integers of the array that is the argument of the driver."""
+    """The entries of the integer array that is the argument of the driver."""
 
     x: int  # address of the states (lines, D, W)
     lines: int
@@ -244,8 +244,8 @@ class _Driver:
     def save(self, line, row, state, final):
         """Save the states of a line at `row`, one trajectory after the other.
 
-        Lanes are shuffled in registers: plain loops take 1.57 times as long. The last line has
-        fewer.
+        Lanes are shuffled in registers: plain loops take 1.57 times as long. The last line may be
+        partly empty.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

@@ -12,7 +12,7 @@ from .stages import WHOLE, Scheme
 
 
 def of_lists(scheme, values, eps, lengths=True):
-    """Return arguments of the kernel of steps for states with columns; None without a program."""
+    """Return arguments for the kernel of steps, for states with columns; None without a program."""
     tangent = scheme.step.with_columns(lengths)
     if not tangent.usual:
         return None
@@ -45,7 +45,7 @@ class ByNumPy:
             self.scheme = scheme_of(self.step.indices, self.step.D, WHOLE)
 
     def columns_after(self, x, step):
-        """Return the states after step(arguments, x), and its derivative DPhi (B, D, D)."""
+        """Return the states after step(arguments, x), and the derivative DPhi (B, D, D) at x."""
         if (f := self.step.of) is not None:
             slopes = f.jacobian(x.T, f.table_of(self.values.T))
             return step((self.scheme, self.values, self.eps), x), np.moveaxis(slopes, 2, 0)

@@ -53,7 +53,7 @@ LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
-    """Return the components i for which each term of f_i contains x_i, so that x_i keeps sign."""
+    """Return the components i that keep their sign, because each term of f_i contains x_i."""
     i, j, k = indices
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 

@@ -62,8 +62,8 @@ def compares_signs(step):
 def tables_of(scheme, values, eps, W):
     """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
 
-    There is a table for each of the fractions of `distinct`. The shapes are (1, T, 1) and
-    (fractions, 1, n, 1) if all trajectories have the same field.
+    There is a table for each distinct fraction. The shapes are (1, T, 1) and (fractions, 1, n, 1)
+    if all trajectories have the same field.
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:

@@ -60,7 +60,7 @@ def crosses_0(x, after):
 
 @function
 def changes_sign(indices, x, after):
-    """Return True if a component changes its sign that keeps it along the motion.
+    """Return True if a component changes its sign although it keeps it along the motion.
 
     It keeps its sign if each term of its equation contains it; see `kahan_step.of_one_sign`.
     """

@@ -61,7 +61,7 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """The step of states x (B, D) of trajectories `which`, one after the other; signs of det A."""
+    """The step of states x (B, D), one trajectory of `which` after another; signs of det A."""
 
     def __init__(self, indices, D, halves):
         self.D, (i, j, k), self.halves = D, indices, halves

@@ -146,7 +146,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def prime(self) -> int:
-        """The prime of computations that need only one."""
+        """The prime for computations that need a single prime."""
         return arithmetic.prime_for(self.coefficients)
 
     # Points are (x1, ..., xD, 1), of numbers of any kind.
@@ -402,7 +402,7 @@ def check_one_letter(map: RationalMap) -> None:
 
 
 def check_map(map: Any) -> None:
-    """Raise an error unless this is a map, with equations that define one."""
+    """Raise an error unless `map` is a map, and its equations define a map."""
     if not isinstance(map, RationalMap):
         how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")

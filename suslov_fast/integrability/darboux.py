@@ -123,7 +123,7 @@ def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield cofactors that have polynomials up to a degree.
 
-    Cofactors left out are products of these and of cofactors of lower degrees.
+    Other such cofactors are products of these and of cofactors of lower degrees.
     """
     for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)

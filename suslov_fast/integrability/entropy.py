@@ -89,7 +89,7 @@ class PlanarEntropy:
         return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
-        """Return how degrees of the first iterates contradict those that are expected, or ""."""
+        """Return how degrees of the first iterates contradict the expected degrees, or ""."""
         expected = [*self.degrees[: len(degrees)]]
         if [*degrees[: len(expected)]] == expected:
             return ""

@@ -47,12 +47,11 @@ _MOST = 500  # monomials of relations along orbits
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
 
-    The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
-    `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
-    or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
-    integrals. `integrals` are formulas of such, quotients of the polynomials `forms`, and
-    `complete` is True if as many of these are independent. `degree` is that of the
-    monomials.
+    The `dimension` rows of `basis` are coefficients of relations along the orbit of `point`: the
+    last nonzero entry of a row is 1, and 0 in the other rows. `basis` is None if the numbers are
+    too long, or eps is symbolic. On random orbits, `independent` coefficients are independent first
+    integrals. `integrals` are formulas, quotients of the polynomials `forms`; `complete` is True if
+    `independent` of them are independent. `degree` is the degree of the monomials.
     """
 
     degree: int

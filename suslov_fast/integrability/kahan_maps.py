@@ -369,7 +369,7 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
 
 
 def exact_body(body: Any) -> Any:
-    """Return a single body with fractions as parameters; floats count as they were written."""
+    """Return a single body with fractions as parameters; floats become decimals, as written."""
 
     def read(a: Any) -> Fraction:
         return a if isinstance(a, Fraction) else as_written(a)

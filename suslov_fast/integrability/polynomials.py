@@ -161,7 +161,7 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 
 
 def primitive(P: Any) -> Any:
-    """Return the multiple with coprime coefficients, of which the first is positive.
+    """Return the multiple with coprime coefficients, the first of which is positive.
 
     If eps is symbolic, the first coefficient is taken from the terms of lowest order in eps. So the
     limit for eps to 0 decides, and a polynomial has the same sign everywhere.

@@ -134,7 +134,7 @@ class BatchRun:
 
     @property
     def first_pole(self) -> NDArray[np.int64]:
-        """The first state beyond a pole of each trajectory, -1 without one."""
+        """The number of the first state beyond a pole, for each trajectory; -1 if there is none."""
         if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
             return np.full(self.problem.batch, -1)
         first, status = self.noted()

@@ -1,4 +1,4 @@
-"""The records of Kahan's map of fields, of its compositions, and of maps of one's own."""
+"""The records of Kahan's map of fields, of its compositions, and of users' maps."""
 
 from ..fields.field import Field
 from ..fields.map import Map

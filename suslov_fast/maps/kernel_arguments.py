@@ -136,7 +136,7 @@ def nd_system(body: Any, eps: float) -> NDSystem:
 
 
 def gauss_system(body: Any, eps: float) -> GaussSystem:
-    """Return the same constants, for steps by elimination."""
+    """Return the constants of a single body in n dimensions, for steps by elimination."""
     return GaussSystem(*nd_system(body, eps))
 
 

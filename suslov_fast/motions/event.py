@@ -301,7 +301,7 @@ def checked_direction(value: Any) -> int:
 
 
 def _check_surface(surface: Any) -> None:
-    """Raise TypeError unless a surface is a text, or a function without attributes of SciPy."""
+    """Raise TypeError unless a surface is a text, or a function that is no SciPy event."""
     if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
         how = "pass terminal=True to end there, direction=-1 for downwards"

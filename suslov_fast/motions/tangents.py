@@ -107,8 +107,8 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
     A column in a fast direction that no other mode reaches would stay there, and every segment
-    would be a few of its e-folds. The same holds, for a long time, for the direction that is
-    slowest only at the start. So each column has a small part of all directions.
+    would be a few of its e-folds. The same is true, for a long time, of the direction that is
+    slowest only at the start. So each column gets a small part of all directions.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]

@@ -30,9 +30,9 @@ class Conditions:
     """The branches of a right-hand side: first branches at which f jumps, then kinks.
 
     kinds          of the surfaces: comparisons, "floor", and `Table`s
-    jumps, kinks   how many branches
+    jumps, kinks   how many branches of each sort there are
     P              number of parameters before the branches
-    shifts         numbers of tables with an argument that is a sum, of which one part is the shift
+    shifts         numbers of tables with arguments that are sums with a shift, see `ElapsedTime`
     """
 
     def __init__(self, kinds, jumps, P, shifts):
@@ -254,9 +254,9 @@ def _derived(f, choices):
 def _choices(tests, kinds, jumps, found, first):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    The present branches have the numbers from `first` on. Its results are the number of one of the
-    first `jumps` surfaces at which f jumps, -1 if there is none; 1 if any branch has changed, else
-    0; and the branches: 1 or 0, for `floor` its value, for a table its argument.
+    Its values include the present branches, from number `first` on. Its results are the number of a
+    surface at which f jumps and that has a new branch, else -1; 1 if any branch is new, else 0; and
+    the branches: 1 or 0, for `floor` its value, for a table its argument.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]

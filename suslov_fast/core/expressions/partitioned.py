@@ -21,7 +21,7 @@ _FUNCTION = 40  # operations that take the time of an elementary function
 
 
 class ComponentSets(NamedTuple):
-    """Components in two sets A and B: rates in A read B alone, and those in B read A alone."""
+    """Components in two sets A and B: rates in A read B alone, rates in B read A alone."""
 
     A: list
     B: list

@@ -241,7 +241,7 @@ def emitted(values, program, new=None):
 
 
 def renumbered(program, given):
-    """Return a `Program` with new numbers of given values, a dict; other values follow these."""
+    """Return a `Program` with new numbers; `given` maps old numbers of given values to new ones."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

@@ -29,7 +29,7 @@ class RightHandSide:
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `Program` of f' by itself; results are the entries of `pattern`
     of_parameters  `Program` of df/dp for the parameters `by`; D results for each, in `by`
-    reads        for each component the components that its rate depends on, as bits of an integer
+    reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
@@ -38,13 +38,13 @@ class RightHandSide:
     surfaces     `Program` of the surfaces on which steps end
     slopes       `Program` of derivatives of the surfaces on which f jumps, by components j, and by
                  the parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    conditions, watch, hidden, aim, branches, derived  see `branches`; None where f has none
+    conditions, watch, hidden, aim, branches, derived  see `branches`; None if f has no branches
     watched      `Program` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
     events       `EventPrograms` of actions along the motion, or None
     of, columns  the right-hand side of x, and the number of columns of derivatives beside x, see
                  `variational`; here itself and 0
-    key          what tells this right-hand side from others
+    key          a text that identifies this right-hand side
     """
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
@@ -140,7 +140,7 @@ class RightHandSide:
         return self._carried_out("_of_table", given, parameters, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters; `table` is the present one."""
+        """Return the table (n, ...) for other parameters; `table` is the present table."""
         return self.table_of(parameters)
 
     def value(self, x, table):

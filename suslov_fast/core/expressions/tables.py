@@ -24,7 +24,7 @@ class Table(str):
     ROWS = 4
 
     def __new__(cls, knots, heights, slopes, is_continuous):
-        """Make a table of N knots; each of N + 1 intervals has its first height and its slope."""
+        """Make a table from N knots, and the first heights and the slopes of N + 1 intervals."""
         low, high = np.append(-LARGEST, knots), np.append(knots, np.inf)
         rows = np.array([low, high, heights, slopes])
         digest = hashlib.blake2b(rows.tobytes(), digest_size=16).hexdigest()
@@ -57,7 +57,7 @@ def is_table(instruction):
 def interval(kind, number, choice, places):
     """Return the ends of the interval of arguments in which a table, or `floor`, keeps its branch.
 
-    number(places[choice]) is the first number of the branch, and the only one for `floor`.
+    `choice` is the number of the branch, or of the first number of a table's branch.
     """
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0

@@ -295,7 +295,7 @@ class BatchSolver:
         return np.where(np.isnan(x).any(axis=0), EndCause.NO_STATE, of_f)
 
     def _table(self, which):
-        """Return the table: one for all trajectories, or one for each of `which` (K, n)."""
+        """Return the table of all trajectories (n,), or the tables of `which` (K, n)."""
         if self.table.ndim == 1:
             return self.table.copy()
         return np.ascontiguousarray(self.table[which])

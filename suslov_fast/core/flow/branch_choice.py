@@ -52,7 +52,7 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return a fraction of the time, without and with the sign of time."""
+    """Return a fraction of the elapsed time, and the same with the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
@@ -93,7 +93,7 @@ def TRACE(before, after, jumps, u):
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return the new `low` of a component; it is 0 if the jump of f is an inflow of its own."""
+    """Return 0 in place of `low` if the jump of f feeds a component: then it is not low."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
@@ -308,10 +308,7 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a `Table` that contains the argument of a lane to the lane's table.
-
-    `bits` are the bits of the lanes.
-    """
+    """Write the interval of a `Table` to the tables of lanes with bits, by the lane's argument."""
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

@@ -92,7 +92,7 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
     """Return whether a step is taken again, to the next time, because its interior is not accurate.
 
-    If that step is a long one that goes on to the last time, a step aside reaches the next time.
+    If the new step is long, and so goes on to the last time, a step aside reaches the next time.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)

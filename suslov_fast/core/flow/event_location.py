@@ -137,9 +137,9 @@ def CUT(
 
     A straight line crosses the surface at `whole_part` if it ends at the end of this step, and at
     `part` from there to the state at `outer`. A step aside on the way to a surface counts as any
-    other step. So does one that ends on the surface, or NEARLY, except for the time `left` to the
-    surface of an event. Once a step has ended near a surface, `aim` is the length of the step that
-    ends there. `since` is the longest time since a surface was crossed, see `step_to_surface`.
+    other step. So does a step that ends on the surface, or NEARLY, except for the time `left` to
+    the surface of an event. Once a step has ended near a surface, `aim` is the length of the step
+    that ends there. `since` is the longest time since a surface was crossed, see `step_to_surface`.
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last

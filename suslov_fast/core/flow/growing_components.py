@@ -133,7 +133,7 @@ def FALLEN(new, largest, inverse, rtol, keeps, fallen):
 
 @scalar_kernel
 def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watches):
-    """Return `low`: 1 or 2 for a component low in as many steps in a row; 3 if it grew after 2."""
+    """Return `low`: for how many steps in a row (1, 2) a component is low; 3 if it grew after 2."""
     few, grown = _bounds(rtol, keeps)
     since = (low >= 2.0).select((abs(new) * inverse > grown).select(3.0, low), 0.0)
     stays = abs(f_new) * inverse * (last * rtol) < STAYS  # it does not just cross 0
@@ -214,7 +214,7 @@ def _find_fed(code, x, times):
 def watch_small(code, fallen):
     """Record which components have fallen below their allowed errors, and grown again.
 
-    `fallen` is 1 in lanes in which one has fallen.
+    `fallen` is 1 in lanes in which a component has fallen.
     """
     text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))

@@ -98,7 +98,7 @@ def SECOND(
 ):  # fmt: skip
     """Return the largest ratios of a second trial, and the inverse of the error it allows.
 
-    If rounding decides what is allowed, shorter steps have relatively no less of it. So the next
+    If rounding limits the allowed error, shorter steps have relatively no less of it. So the next
     length depends on other components alone.
 
     `least` is the change of f at the end of the step where it is smaller: f may be steep at one

@@ -49,7 +49,7 @@ def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return the lower limit of allowed errors by the largest component, and the size of noise."""
+    """Return the least allowed error, from the largest component, and the size of its rounding."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 

@@ -1,1 +1,1 @@
-"""Numba's options, the cache, LLVM, threads, and what compiled functions share."""
+"""Numba's options, the cache, LLVM, threads, and helpers of compiled functions."""

@@ -141,7 +141,7 @@ def array_at(typing, address, shape, dtype):
 def pack(typing, arguments):
     """Return the addresses of a function and of its data, which are valid while the caller runs.
 
-    The data are the arguments of `pack`. function(kernel, data, part, parts) calls the kernel at
+    The data are the arguments of `pack`; function(kernel, data, part, parts) calls the kernel at
     the address `kernel` with part, parts and these arguments.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)

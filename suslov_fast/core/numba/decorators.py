@@ -245,7 +245,7 @@ _raised = {}  # errors of Python functions that machine code has called, by thre
 
 @contextmanager
 def calling_python():
-    """Run machine code that calls Python; afterwards raise Python's error, or that of Ctrl-C."""
+    """Run machine code that calls Python; afterwards raise the error of Python or of Ctrl-C."""
     with uninterrupted():
         yield
     if error := _raised.pop(get_ident(), None):

@@ -1,7 +1,7 @@
-"""LLVM instructions for what Numba cannot express.
+"""LLVM instructions for operations that Numba cannot express.
 
-These are calls by address, choices without branches, and stores past the caches; `arrays` has what
-concerns arrays.
+These are calls by address, choices without branches, and stores past the caches. Instructions for
+arrays are in `arrays`.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
 `gep` name their types, because pointers of later versions of llvmlite have none.
@@ -60,7 +60,7 @@ register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Keep functions that contain such a tuple as a constant out of Numba's cache; Numba warns."""
+    """Keep functions with a constant tuple of class `cls` out of Numba's cache; Numba warns."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):

@@ -105,7 +105,7 @@ def nonzero(v):
 
 @formula
 def constants_of(I1, I2, I13, I23):
-    """Return ROOT_A, G1, G2, H1, H2 and PER_G of a body."""
+    """Return the constants of a body for the rows ROOT_A, G1, G2, H1, H2 and PER_G."""
     root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
     return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 

@@ -209,7 +209,7 @@ class Search:
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
-        Polynomials of lower degree can still replace integrals when enough are known. Above the
+        If enough integrals are known, polynomials of lower degree can still replace them. Above the
         degree of the report only norms are wanted: products of conjugate polynomials with
         irrational coefficients.
         """

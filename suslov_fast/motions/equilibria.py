@@ -282,7 +282,7 @@ class _Equations:
 
     @cached_property
     def terms(self) -> FloatArray:
-        """The sizes of the terms of f' dx at the given states."""
+        """The sum of the moduli of the terms of f' u at the given states, with u the `units`."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
         return terms

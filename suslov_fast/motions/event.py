@@ -351,7 +351,7 @@ class TracedEvent:
         return operand
 
     def _results(self, argument: str, f: Any) -> list[Any]:
-        """Return the operands of the results of a function, or of formulas as text."""
+        """Return the operands that a function returns, or that formulas as text give."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
         needed, known = arguments_of(f), taken(f, self.tracer.parameters)

@@ -113,7 +113,7 @@ class OfMotion:
         return self._solved(moving, x[np.newaxis], times, self.settings).states[:, 0]
 
     def of_changes(self, states: FloatArray) -> FloatArray:
-        """Return, for events, the surfaces and the new components that do not drift, (-, n)."""
+        """Return values of surfaces, and new values of components that do not drift, (-, n)."""
         found = [np.empty((0, len(states)))]
         for action in self._actions:
             for list_ in filter(None, (action.surface, action.to)):
@@ -144,9 +144,9 @@ class OfMotion:
         return middle if np.isfinite(middle).all() else x
 
     def steps(self, x: FloatArray, last: float) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield times and states (n, D) at the ends of steps; each part begins with the last state.
+        """Yield times and states (n, D) at the ends of steps; each begins with the last one before.
 
-        With events the times are equally spaced, in parts that double in length.
+        If there are events, the times are equally spaced instead, in parts that double in length.
         """
         if self._moving is not None:
             ends = [0.0, *(last * 2.0 ** np.arange(-_DOUBLINGS, 1.0))]

@@ -138,7 +138,7 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return the `Program` that decides by values of surfaces, see `DoubleCrossings`."""
+    """Return `DoubleCrossings.told`, the `Program` that decides by values of surfaces."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases

@@ -93,7 +93,7 @@ class Sparse:
         return found
 
     def _in_full(self, spans):
-        """Return the unknowns (-, 2) of row and column for each number in spans."""
+        """Expand spans; return the unknowns (-, 2) of row and column of each of their numbers."""
         column, first, count = spans
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return self.order[[np.repeat(first, count) + within, np.repeat(column, count)]].T.copy()

@@ -308,7 +308,7 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a `Table` to the tables of lanes with bits, by the lane's argument."""
+    """Write the interval with an argument, minus the shift, to the tables of lanes with bits."""
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

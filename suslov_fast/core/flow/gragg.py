@@ -162,7 +162,7 @@ class ExplicitColumns(FunctionCode):
             b[i] = x[i] + s * f[i]
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x, and the difference of its two states."""
+        """Write the end of a column, minus x, to `ends`, and a - b to `apart`."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 

@@ -535,7 +535,7 @@ class Code:
         return Array(self, base, first)
 
     def arrays(self, base, rows):
-        """Return an array at `base` for each name of a named tuple of first rows."""
+        """Return `Array`s by name, from a named tuple of their first rows; row 0 is at `base`."""
         firsts = rows._asdict().items()
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
 

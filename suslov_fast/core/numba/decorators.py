@@ -541,7 +541,7 @@ def of_kind(name):
 
 @formula
 def share(count, part, parts):
-    """Return the first of `count` items of a part, and the first item of the next part."""
+    """Return begin and end of the items of part `part`; `parts` parts share `count` items."""
     return count * part // parts, count * (part + 1) // parts
 
 

@@ -19,7 +19,7 @@ from ..maps.batch import Progress, reporter
 from ..maps.kernel_calls import thread_count
 from ..status import IntegrationWarning, Status
 from .event import Event, checked_direction, field_of
-from .events import Events, actions_of, derivatives_of, stops_of
+from .events import Events, actions_of, derivatives_of, event_times_of
 from .flow import checked_derivatives, motion_with_events, with_derivatives
 from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
 
@@ -122,10 +122,10 @@ def crossings(
     x, batch = checked_starts(system, x0)
     sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
     actions = actions_of(field, events)
-    stops = stops_of(events, sign, batch)
+    event_times = event_times_of(events, sign, batch)
     limit = math.inf if most is None else most
     with reporter(progress, len(x)) as report:
-        own = settings, thread_count(threads), report, stops, limit, before
+        own = settings, thread_count(threads), report, event_times, limit, before
         request = SolverRequest(np.array([last]), sign, *own)
         if names:
             found, _ = with_derivatives(field, x, batch, names, request, actions)

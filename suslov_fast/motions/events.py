@@ -252,15 +252,15 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
 _latest: list[tuple[Any, Any, EventTimes]] = [(None, None, NO_EVENT_TIMES)]
 
 
-def stops_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
+def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
     """Return the given times of events; later calls with the same objects share the result."""
     key, known = ([*map(id, events)], sign, batch), _latest[0]
     if known[0] != key:
-        known = _latest[0] = key, events, _new_stops(events, sign, batch)
+        known = _latest[0] = key, events, _new_event_times(events, sign, batch)
     return known[2]
 
 
-def _new_stops(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
+def _new_event_times(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES

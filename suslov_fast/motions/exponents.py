@@ -24,7 +24,7 @@ from ..maps.kernel_calls import thread_count
 from ..maps.problem import Problem, check, warn_of_times
 from ..status import report_poles
 from .event import Event, field_of
-from .events import actions_of, batch_of, checked_events, stops_of
+from .events import actions_of, batch_of, checked_events, event_times_of
 from .integration import threads_for
 from .motion_arguments import (
     RTOL,
@@ -140,10 +140,10 @@ def lyapunov_exponents(
     x, batch = checked_starts(body, x0, batch_of(acting))
     field = field_of(body)
     actions = actions_of(field, acting)
-    stops = stops_of(acting, 1, batch) if actions else None
+    event_times = event_times_of(acting, 1, batch) if actions else None
     count = threads_for(len(x), thread_count(threads))
     with reporter(progress, 1000) as report:
-        request = SolverRequest(np.array([time]), 1, settings, count, report, stops)
+        request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(field, x, batch, request, before, actions)
     warn_of_ends(ends, x, batch)
     return exponents.reshape(*batch, exponents.shape[1])

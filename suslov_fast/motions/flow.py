@@ -29,8 +29,8 @@ from .events import (
     actions_of,
     batch_of,
     checked_events,
+    event_times_of,
     events_of_records,
-    stops_of,
     warn_of_starts_at_rest,
     warn_of_times_that_never_come,
 )
@@ -170,15 +170,15 @@ def flow(
         warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             warn_of_tables(body, x, times.max(initial=0.0))
-    stops = None
+    event_times = None
     if acting:
-        stops = stops_of(acting, sign, batch)
+        event_times = event_times_of(acting, sign, batch)
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
         if sign > 0:
             warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        request = SolverRequest(times, sign, settings, thread_count(threads), report, stops)
+        request = SolverRequest(times, sign, settings, thread_count(threads), report, event_times)
         if names:
             found, of_columns = with_derivatives(field, x, batch, names, request, actions)
         elif acting:
@@ -315,7 +315,7 @@ def to_tolerance(
     """Return the motion of a field, to a tolerance, at times in any order."""
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
-    moduli, is_changed = request.times, request.stops is not None
+    moduli, is_changed = request.times, request.event_times is not None
     count = len(moduli)
     ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
     if ascend and (is_changed or moduli[-1] > 0.0):

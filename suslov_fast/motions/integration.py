@@ -106,7 +106,7 @@ def solve(
         found = _of_group(f, table, starts, request)
     else:
         found = _of_groups(groups, starts, request)
-    if request.stops is None:
+    if request.event_times is None:
         return found
     return found._replace(records=_in_order(found.records, request.sign, starts))
 
@@ -134,13 +134,14 @@ def _of_group(
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the `SolverResult` of groups of trajectories, joined."""
-    whole, report, stops = empty_result(starts, len(request.times)), request.report, request.stops
+    whole, report = empty_result(starts, len(request.times)), request.report
     B, done, records = len(starts), 0, []
     causes, grown = np.zeros(B, np.int64), np.full(B, -1)
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
-        own_stops = None if stops is None else stops.of(where)
-        part = _of_group(f, table, starts[where], request._replace(report=own, stops=own_stops))
+        event_times = request.event_times and request.event_times.of(where)
+        own_request = request._replace(report=own, event_times=event_times)
+        part = _of_group(f, table, starts[where], own_request)
         whole.states[:, where], whole.t[where] = part.states, part.t
         whole.steps[where], whole.status[where] = part.steps, part.status
         for rows in part.records:

@@ -26,7 +26,7 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.single_steps import attempts
 from ..fields.right_hand_sides import with_events
 from .event import Event
-from .events import actions_of, stops_of
+from .events import actions_of, event_times_of
 from .flow import to_tolerance
 from .integration import SolverResult
 from .sensitivities import Columns, WithColumns
@@ -75,10 +75,10 @@ class OfMotion:
     ) -> None:
         self.field, self.settings = field, Settings(rtol)
         self.keeps_phase = bool(events)
-        self._stops = self._moving = self._listed = None
+        self._event_times = self._moving = self._listed = None
         actions: tuple[EventAction, ...] = ()
         if events:
-            actions, self._stops = actions_of(field, events), stops_of(events, 1, ())
+            actions, self._event_times = actions_of(field, events), event_times_of(events, 1, ())
             self._moving = WithColumns(field.shape, with_events(field, actions))
             self._listed = with_events(field, actions, (), True)
         (_, f, table), *_ = self._listed or field._listed_right_hand_sides
@@ -95,7 +95,7 @@ class OfMotion:
         self, field: Any, x: FloatArray, times: FloatArray, settings: Settings
     ) -> SolverResult:
         return to_tolerance(
-            field, x, (len(x),), SolverRequest(times, 1, settings, stops=self._stops)
+            field, x, (len(x),), SolverRequest(times, 1, settings, event_times=self._event_times)
         )
 
     def arcs(self, nodes: FloatArray, T: float) -> Arcs:

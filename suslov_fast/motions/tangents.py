@@ -68,7 +68,7 @@ def exponents_of(
     n counts the components that an action sets, or that have no constant rate in some member.
     `actions` are actions of events, in the order of code.
     """
-    (time,), report, stops = request.times.tolist(), request.report, request.stops
+    (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     found = empty_result(starts, 0)
     members = with_events(field, actions, (), True) if actions else field._listed_right_hand_sides
     groups = right_hand_sides(members, field.shape, batch)
@@ -84,8 +84,8 @@ def exponents_of(
     total, before = transient + time, 0.0
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
-        own = stops if stops is None or where is ALL else stops.of(where)
-        run = _Run(f, table, x, moving, request._replace(stops=own))
+        own = event_times if event_times is None or where is ALL else event_times.of(where)
+        run = _Run(f, table, x, moving, request._replace(event_times=own))
 
         share = count / max(len(starts), 1) / total
 
@@ -130,10 +130,11 @@ class _Run:
         request: SolverRequest,
     ) -> None:
         self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
-        self.settings, self.threads, self.stops = request.settings, request.threads, request.stops
+        self.settings, self.threads = request.settings, request.threads
+        self.event_times = request.event_times
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.conditions or f.events)
+        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.branches or f.events)
         self.has_frames = np.full(len(x), has_frames)
         self.count = np.zeros(len(x), np.int64)  # of segments
         self.passed = np.zeros(len(x), np.int64)  # times of events
@@ -153,7 +154,7 @@ class _Run:
 
     def over(self, time: float, told: Callable[[float], bool]) -> bool:
         """Advance by `time`; return False if `told`, which takes the time done, ended it."""
-        if self.stops is None:
+        if self.event_times is None:
             return self._over(time, told)
         first = _FIRST * time
         return self._over(first, told) and self._over(time - first, lambda done: told(first + done))
@@ -198,7 +199,7 @@ class _Run:
         start[:, -2] = sizes
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
-        request = self._request(length, self._stops_of(which))
+        request = self._request(length, self._event_times_of(which))
         engine = BatchSolver(self.tangent, table, start, request, states)
         engine.run(self.threads)
         (end,), status = states, status_of(engine.state)
@@ -216,7 +217,7 @@ class _Run:
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
         # With events, columns may have become infinite in place of the state.
-        is_end = ended & (is_last | (self.stops is None))
+        is_end = ended & (is_last | (self.event_times is None))
         self.status[which[is_end]] = status[is_end]
         self.t[which[is_end]] += engine.t[is_end]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
@@ -231,7 +232,7 @@ class _Run:
         self.count[go] += 1
         self.duration[go] += length
         self.t[go] += length
-        if is_last and self.stops is not None:
+        if is_last and self.event_times is not None:
             least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
             dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
             for k in np.flatnonzero(dies.any(axis=1)):
@@ -272,11 +273,11 @@ class _Run:
         self.t[go] += length
         return is_good, is_good & (4.0 * off <= most)
 
-    def _stops_of(self, which: NDArray[np.int64]) -> EventTimes | None:
+    def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:
         """Return the remaining times of events, counted from the present time."""
-        if self.stops is None or not self.stops.times.size:
-            return self.stops
-        both = self.stops.times, self.stops.which
+        if self.event_times is None or not self.event_times.times.size:
+            return self.event_times
+        both = self.event_times.times, self.event_times.which
         times, numbers = (np.broadcast_to(a, (len(self.x), a.shape[1])) for a in both)
         times, numbers, passed = times[which], numbers[which], self.passed[which, np.newaxis]
         is_left = np.arange(times.shape[1]) >= passed
@@ -286,14 +287,14 @@ class _Run:
             np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1)
         )
 
-    def _request(self, length: float, stops: EventTimes | None = None) -> SolverRequest:
-        return SolverRequest(np.array([length]), 1, self.settings, stops=stops)
+    def _request(self, length: float, event_times: EventTimes | None = None) -> SolverRequest:
+        return SolverRequest(np.array([length]), 1, self.settings, event_times=event_times)
 
     def _changes_of(
         self, engine: BatchSolver, K: int
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Return where events have acted, and how many of these events were at given times."""
-        if self.stops is None:
+        if self.event_times is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
         trajectory, number = rows.copy().view(np.int64).T

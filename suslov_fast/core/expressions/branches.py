@@ -13,7 +13,7 @@ import functools
 import itertools
 
 from .double_crossings import double_crossings_of
-from .event_formulas import GAP, event_programs_of
+from .event_formulas import GAP, event_set_of
 from .explicit_time import ElapsedTime
 from .function_records import same
 from .programs import Expressions, Program, Values, depending, emitted, needed_for, renamed
@@ -26,7 +26,7 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
-class Conditions:
+class Branches:
     """The branches of a right-hand side: first branches at which f jumps, then kinks.
 
     kinds          of the surfaces: comparisons, "floor", and `Table`s
@@ -54,7 +54,7 @@ def watch_of(f, kinds, jumps):
     Its values are the surfaces at x, the surfaces at y, and the table, in which branches follow the
     parameters. Its results are the fraction of the line before the surface, 1 if there is none; 1
     if one is crossed, else 0; 1 if f jumps there; and the branches of kinks at y, for a table its
-    argument. `kinds` are those of `Conditions`; f jumps at the first `jumps` of them.
+    argument. `kinds` are those of `Branches`; f jumps at the first `jumps` of them.
 
     The last surfaces are surfaces of events; their sides and levels, see `TrajectoryRows`, follow
     y.
@@ -113,9 +113,9 @@ def watch_of(f, kinds, jumps):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` with its branches as the last parameters, after the P others.
 
-    If f has branches, so it has `surfaces`, `watch` and `conditions`. `by` are numbers of
+    If f has branches, so it has `surfaces`, `watch` and `Branches`. `by` are numbers of
     parameters to differentiate by; `twice` asks for second derivatives. `actions` are the actions
-    of events, in the order of `EventPrograms`.
+    of events, in the order of `EventSet`.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -124,7 +124,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     # derivative.
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in own if q in rigid}
-    changes = event_programs_of(actions, D, P, by, twice) if actions else None
+    changes = event_set_of(actions, D, P, by, twice) if actions else None
     on_surfaces = [action for action in actions if action.surface is not None]
     on_surfaces = [emitted(values, action.surface)[0] for action in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
@@ -157,9 +157,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     places, found = [k for k, number in enumerate(kinds) if number in shifts], [*kinds.values()]
     f.events, f.offsets = changes, offsets
     _watch(f, found, len(jumps), [*choices.values()])
-    f.branches = _choices(tests, found, len(jumps), truths, first)
+    f.branch_program = _choices(tests, found, len(jumps), truths, first)
     f.derived = _derived(f, range(first, first + counts_of_jumps))
-    f.conditions = Conditions(found, len(jumps), P, places)
+    f.branches = Branches(found, len(jumps), P, places)
     return f
 
 
@@ -240,7 +240,8 @@ def _watch(f, kinds, jumps, choices):
     """Add to f the programs that find crossings of its surfaces: of `kinds`, and of events."""
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
-    f.watch, f.hidden = watch_of(f, kinds, jumps), double_crossings_of(f, kinds, jumps, choices)
+    f.watch = watch_of(f, kinds, jumps)
+    f.double_crossings = double_crossings_of(f, kinds, jumps, choices)
     f.aim = tuple(aim_of(f, kinds, choices, is_implicit) for is_implicit in (False, True))
 
 

@@ -127,7 +127,7 @@ class EventProgram(NamedTuple):
     rows: int
 
 
-class EventPrograms(NamedTuple):
+class EventSet(NamedTuple):
     """Events as code takes them: first events on surfaces, then events at times.
 
     directions   of the events on surfaces
@@ -164,7 +164,7 @@ class EventPrograms(NamedTuple):
 
 
 def in_order_of_code(actions):
-    """Return the numbers of actions in the order of `EventPrograms`."""
+    """Return the numbers of actions in the order of `EventSet`."""
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
@@ -174,8 +174,8 @@ def components_of(action):
     return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
 
 
-def event_programs_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventPrograms` of actions, which are in the order of code.
+def event_set_of(actions, D, P, by=(), with_columns=False):
+    """Return the `EventSet` of actions, which are in the order of code.
 
     `by` are numbers of parameters; the last columns are derivatives by these.
     """
@@ -200,7 +200,7 @@ def event_programs_of(actions, D, P, by=(), with_columns=False):
         tuple(not each.isdisjoint(kind) for each in names)
         for kind in (_JUMPS, _WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
     )
-    return EventPrograms(directions, jumps, gaps, flats, most, parts, tuple(components), P)
+    return EventSet(directions, jumps, gaps, flats, most, parts, tuple(components), P)
 
 
 def _toward(actions, D, P):

@@ -12,8 +12,7 @@ class DenseRightHandSide:
 
     is_dense, events, offsets, columns = True, None, {}, 0
     of = property(lambda self: self)
-    conditions = watched = watch = aim = None
-    hidden = None
+    branches = watched = watch = double_crossings = aim = None
     clocks = steady = of_one_sign = denominators = fixed = ()
 
     def __init__(self, D):

@@ -17,7 +17,7 @@ def coefficients(f, table):
 
     Each column is divided by its largest entry. Branches are fixed within a step, and stay.
     """
-    kinds = () if f.conditions is None else f.conditions.kinds
+    kinds = () if f.branches is None else f.branches.kinds
     choices = depending(f.fixed, range(f.D + f.P - len(kinds), f.D + f.P))
     columns = dict(zip(f.table, table.T, strict=True))
     # Of each value the factors of its terms, and their coefficients and the sizes of these.

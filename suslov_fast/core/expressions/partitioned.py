@@ -32,7 +32,7 @@ def sets_of(f):
 
     A is the set with rates that take less time, if they may be in A.
     """
-    if f.is_dense or f.conditions is not None:  # if f jumps, ends have to be smoothed
+    if f.is_dense or f.branches is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
     still = sum(1 << i for i in range(f.D) if not f.reads[i])

@@ -38,10 +38,11 @@ class RightHandSide:
     surfaces     `Program` of the surfaces on which steps end
     slopes       `Program` of derivatives of the surfaces on which f jumps, by components j, and by
                  the parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    conditions, watch, hidden, aim, branches, derived  see `branches`; None if f has no branches
+    branches, branch_program, watch, double_crossings, aim, derived  see `branches`; None if f has
+                 no branches
     watched      `Program` of the surfaces whose crossings end steps, or None
     offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
-    events       `EventPrograms` of actions along the motion, or None
+    events       `EventSet` of actions along the motion, or None
     of, columns  the right-hand side of x, and the number of columns of derivatives beside x, see
                  `variational`; here itself and 0
     key          a text that identifies this right-hand side
@@ -94,7 +95,7 @@ class RightHandSide:
 
     is_dense, events, offsets, columns = False, None, {}, 0
     of = property(lambda self: self)
-    conditions = watched = watch = hidden = aim = branches = derived = None
+    branches = watched = watch = double_crossings = aim = branch_program = derived = None
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
@@ -102,8 +103,9 @@ class RightHandSide:
     def key(self):
         """A text that is different for right-hand sides with different programs."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
-        lists += self.hidden, self.aim, self.branches, self.slopes, self.slope_places
-        kinds = None if self.conditions is None else self.conditions.kinds
+        lists += self.double_crossings, self.aim, self.branch_program
+        lists += self.slopes, self.slope_places
+        kinds = None if self.branches is None else self.branches.kinds
         return repr((self.D, self.table, kinds, *lists, self.events))
 
     def _find_properties(self, values):

@@ -18,7 +18,7 @@ def aim_of(f, kinds, choices, is_implicit):
     """Return the `Program` that finds when surfaces of f and of its events are crossed.
 
     Its values are the state, f there with the sign of time, sides and levels of the surfaces of
-    events, see `TrajectoryRows`, and the table. `kinds` are the kinds of `Conditions`, and
+    events, see `TrajectoryRows`, and the table. `kinds` are the kinds of `Branches`, and
     `choices` the numbers of their branches. It has two results by Newton's method: the least time
     to a surface that the state is not beyond or has just passed; and the longest time since a
     surface was crossed, infinity if the rate leads back.

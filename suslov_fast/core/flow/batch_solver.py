@@ -47,7 +47,7 @@ class SolverRequest(NamedTuple):
     settings: Settings
     threads: int | None = None
     report: Any = None  # takes the number of states that are done; it may return False to stop
-    stops: Any = None  # `EventTimes`, if f has events
+    event_times: Any = None  # `EventTimes`, if f has events
     most: float = inf  # recorded crossings after which a trajectory stops
     since: float = -1.0  # modulus of the time after which they count
 
@@ -113,7 +113,7 @@ def prepare(f, settings, B, for_each):
     """
     for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
         integrator = integrator_of(f, is_implicit, settings.atol is not None)
-        code_of(integrator, 1 if B == 1 else WIDTH, for_each or f.conditions is not None)
+        code_of(integrator, 1 if B == 1 else WIDTH, for_each or f.branches is not None)
 
 
 class EventTimes:
@@ -134,7 +134,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """`CodeArguments.stops` (1 or B, n + 1, 2), and how many times are equal at most."""
+        """`CodeArguments.event_times` (1 or B, n + 1, 2), and how many times are equal at most."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -157,7 +157,7 @@ def counted_from_start(f, table, x0):
         return table, x0, None
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     own = f.of
-    count = own.P if f.conditions is None else f.conditions.P  # after them there are branches
+    count = own.P if f.branches is None else f.branches.P  # after them there are branches
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
     inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
@@ -199,14 +199,15 @@ class BatchSolver:
         self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
         self.state = np.zeros(B, np.int8)
         self.grown, self.causes = np.full(B, -1), np.zeros(B, np.int64)
-        self.records, self.is_stopped, self.stops = [], False, None
+        self.records, self.is_stopped, self.event_times = [], False, None
         integrator = self.integrator(LaneState.EXPLICIT)
         self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
         set_times(self.numbers, integrator, settings, self.times)
         if f.events:
-            self.stops, self.equal_stops = (request.stops or NO_EVENT_TIMES).array
+            event_times = request.event_times or NO_EVENT_TIMES
+            self.event_times, self.equal = event_times.array
             set_limits(self.numbers, request)
-        if f.conditions:  # trajectories have branches of their own, which the code chooses
+        if f.branches:  # trajectories have branches of their own, which the code chooses
             self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
     def integrator(self, mode):
@@ -241,8 +242,8 @@ class BatchSolver:
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        if self.stops is not None:
-            first = self.stops[block if len(self.stops) > 1 else slice(None), 0]
+        if self.event_times is not None:
+            first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
         return found
 
@@ -269,7 +270,7 @@ class BatchSolver:
         (k,) = np.nonzero(state == LaneState.ENDED)
         if k.size:
             self.causes[numbers[k]] = self._causes_of_end(flat[k], numbers[k])
-        if self.stops is not None:
+        if self.event_times is not None:
             limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
@@ -321,15 +322,15 @@ class BatchSolver:
 
     def keep_branches(self, which, table):
         """Keep the branches that the code has written to the tables of trajectories."""
-        if self.f.conditions:
+        if self.f.branches:
             self.table[which] = table
 
     def _taker(self, integrator, rows, table, W):
         """Return a function that takes steps of trajectories; it returns True once none is left."""
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
-        if self.stops is not None:
-            runner.point_to_events(self.stops, self.equal_stops, self.records)
+        if self.event_times is not None:
+            runner.point_to_events(self.event_times, self.equal, self.records)
         return runner.take
 
 
@@ -357,15 +358,15 @@ class StepRunner:
         self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
         self.arguments[SLOT.state_bytes] = state_bytes
 
-    def point_to_events(self, stops, equal, records):
+    def point_to_events(self, event_times, equal, records):
         """Set the addresses of the times of events; records are appended to the list `records`."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W
         count = arguments[SLOT.count]
         self.buffer = np.empty((4 * (at_once + count), size_of(f)))
-        arguments[SLOT.stops] = address_of(stops)
-        arguments[SLOT.stop_bytes] = stops.strides[0] if len(stops) > 1 else 0
+        arguments[SLOT.event_times] = address_of(event_times)
+        arguments[SLOT.event_time_bytes] = event_times.strides[0] if len(event_times) > 1 else 0
         arguments[SLOT.records] = address_of(self.buffer)
         arguments[SLOT.full] = len(self.buffer) - at_once
 

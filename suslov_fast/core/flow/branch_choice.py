@@ -120,10 +120,10 @@ def choose(code):
 
     f may change much even if it is continuous, for example along a steep line of a table.
     """
-    work, conditions = code.work, code.f.conditions
+    work, branches = code.work, code.f.branches
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
     with code.text.when(ends.any(), likely=False):
-        place = conditions.P + conditions.jumps
+        place = branches.P + branches.jumps
         _put_choices(code, ends, code.integrator.kinks, work.seen.after(3), place)
         code.call("f", work.new, code.table, work.f_new)
 
@@ -131,7 +131,7 @@ def choose(code):
 def renew(code):
     """Choose branches at which f jumps, and continue solutions that end before a jump."""
     text, line, work = code.text, code.line, code.work
-    if code.f.conditions.jumps:
+    if code.f.branches.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
         with text.when(jumped.any(), likely=False):
             _jump(code, jumped)
@@ -173,7 +173,7 @@ def _put_ahead(code, x, f, signed):
 def _choose(code, truth, acted):
     """Choose branches at the new state of lanes, and compute f and columns with them."""
     text, line, work, f = code.text, code.line, code.work, code.f
-    has_columns = f.columns and f.conditions.jumps > 0
+    has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
@@ -269,8 +269,8 @@ def _go_on(code, ended):
 
 def _put_all(code, truth):
     """Write all branches to the table of lanes, and the numbers that depend on them."""
-    text, work, conditions = code.text, code.work, code.f.conditions
-    _put_choices(code, truth, conditions.kinds, work.chosen.after(_BEFORE), conditions.P)
+    text, work, branches = code.text, code.work, code.f.branches
+    _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
     derived = code.f.of.derived.results
     if derived:
         code.call("derived", code.table, code.table, work.derived)
@@ -283,7 +283,7 @@ def _put_all(code, truth):
 def _put_choices(code, truth, kinds, found, place):
     """Write branches to the table of lanes: numbers from rows, or intervals by their argument."""
     text, f = code.text, code.f.of
-    first = len(f.conditions.kinds) - len(kinds)
+    first = len(f.branches.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]
         if not are_tables:
@@ -300,11 +300,11 @@ def _put_choices(code, truth, kinds, found, place):
 
 def shift_of(f, number):
     """Return the place of the shift of a table, see `Intervals.holding`; None if there is none."""
-    conditions = f.conditions
-    if number not in conditions.shifts:
+    branches = f.branches
+    if number not in branches.shifts:
         return None
-    first = len(conditions.kinds) + (f.events.surfaces if f.events else 0)
-    return f.places[f.surfaces.results[first + conditions.shifts.index(number)]]
+    first = len(branches.kinds) + (f.events.surfaces if f.events else 0)
+    return f.places[f.surfaces.results[first + branches.shifts.index(number)]]
 
 
 def _put_interval(code, table, bits, argument, place, shift):

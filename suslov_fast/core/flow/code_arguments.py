@@ -19,8 +19,8 @@ class CodeArguments(NamedTuple):
     times: int = 0  # address of the moduli of times, ascending, and two infinite ones
     states: int = 0  # address of the states at these times (count, trajectories, D)
     state_bytes: int = 0  # of one time
-    stops: int = 0  # address of times and numbers of events (count or 1, n + 1, 2)
-    stop_bytes: int = 0  # from trajectory to trajectory
+    event_times: int = 0  # address of times and numbers of events (count or 1, n + 1, 2)
+    event_time_bytes: int = 0  # from trajectory to trajectory
     records: int = 0  # address of records of events (-, `event_records.size_of`)
     recorded: int = 0  # how many there are; the code changes it
     full: int = 0  # the number of records after which the code returns

@@ -395,7 +395,7 @@ def _act(code, k, truth, by_motion=None):
         else:
             for n, i in enumerate(own):
                 work.new.choose(truth, i, work.changed[n])
-        if integrator.f.conditions:
+        if integrator.f.branches:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before, bool(own))
@@ -449,7 +449,7 @@ def _next_stop(code, bits):
         place_at = Integers(text, own.stop_place.at())
         place = place_at[0] + 1
         place_at[0] = place
-        numbers = Shared(one, of.stops + trajectory * of.stop_bytes + place * 16)
+        numbers = Shared(one, of.event_times + trajectory * of.event_time_bytes + place * 16)
         own.stop[0], own.stop_which[0] = numbers[0], numbers[1]
 
 
@@ -464,7 +464,7 @@ def _keep_largest(code, truth):
 
 def _go_on(code, is_at_stop, again):
     """Choose the next length in lanes with actions, as for a first step."""
-    work, conditions = code.work, code.f.conditions
+    work, branches = code.work, code.f.branches
     zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
     sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)
     # The largest states, and f where the step began.
@@ -472,7 +472,7 @@ def _go_on(code, is_at_stop, again):
     endless = (work.noted[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
     inputs |= {"largest": before.size, "rate_before": before.rate}
-    if conditions and conditions.jumps:
+    if branches and branches.jumps:
         is_changed = (inputs["number"] > 0.0) & code.line.state[0].equals(code.mode)
         work.jumped.choose(is_changed, 0, 1.0)
     code.keep(code.line, code.apply(AFTER_EVENT, **inputs, **vars(sums)))

@@ -215,7 +215,7 @@ def cut(code, before, total):
     is_far, from_start, of = (
         ~(line.outer[0] < np.inf),
         ~(line.inner[0] > 0.0),
-        code.integrator.hidden,
+        code.integrator.double_crossings,
     )
     parts, middle = _look_at_points(code, taken, from_start)
     inputs = {"total": total, "before": before, "taken": taken}
@@ -231,7 +231,7 @@ def cut(code, before, total):
     inputs |= {"known": np.inf, "waves": 0.0}
     if of.told:
         middle[watched] = code.number("rtol")
-        code.call("hidden", points, code.table, work.told)
+        code.call("double_crossings", points, code.table, work.told)
         inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
         if of.of_clocks:  # a longer step may fit the periods of a clock
             inputs["known"] = taken
@@ -246,7 +246,7 @@ def cut(code, before, total):
 
 def _look_at_points(code, taken, from_start):
     """Return the place of the first crossing in a step, and the row of the state in the middle."""
-    text, line, work, of = code.text, code.line, code.work, code.integrator.hidden
+    text, line, work, of = code.text, code.line, code.work, code.integrator.double_crossings
     count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
     parts, quartic = dict.fromkeys(("crossed", "place", "end"), text.value(0.0)), None
@@ -289,9 +289,9 @@ def _keep_far(code, truth, state):
 def _look_inside(code, u, x, phases, rates, quartic):
     """Find phases of waves, and rates of surfaces, at the state x at the fraction u of the step."""
     work, moving, D = code.work, code.work.moving, code.integrator.watched
-    if code.integrator.hidden.phases:
+    if code.integrator.double_crossings.phases:
         code.call("phases", x, code.table, phases)
-    if code.integrator.hidden.rates:
+    if code.integrator.double_crossings.rates:
         beside = u - BESIDE if u == 1.0 else u + BESIDE
         put_point(code, code.text.value(beside), work.start, quartic=quartic)
         for i in _read(code):

@@ -30,9 +30,10 @@ class Integrator:
                  not loosen the tolerance of x
     watched      how many components surfaces depend on, `surfaces` how many there are
     read         the components that `surfaces` read
-    hidden       `DoubleCrossings`, which find whether a step hides crossings
-    events       `EventPrograms`, or None
-    kinks        the kinds of the surfaces at which f has a kink, see `Conditions`
+    double_crossings  `DoubleCrossings`, which find whether a step hides crossings; they read
+                 `at_points` numbers of surfaces
+    events       `EventSet`, or None
+    kinks        the kinds of the surfaces at which f has a kink, see `Branches`
     pivots       how many factors of 1 - s f', from the first on, are inverse pivots
     rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`; `scalars` are parts of one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
@@ -44,8 +45,8 @@ class Integrator:
         self.largest, self.allowed = tolerance.kernels(has_atol, bool(f.clocks))
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.watch else 0
-        self.is_bounded = bool(f.clocks) or (f.conditions is not None and f.conditions.jumps > 0)
-        self.kinks = f.conditions.kinds_of_kinks if f.conditions else []
+        self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)
+        self.kinks = f.branches.kinds_of_kinks if f.branches else []
         self.events = f.events
         self.sets = None if is_implicit else sets_of(f)
         self.columns, p = (IMPLICIT, 1) if is_implicit else (EXPLICIT, 2)
@@ -60,12 +61,13 @@ class Integrator:
                 self.functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
         self.read = _read(f.watched, self.watched) if self.watched else []
-        self.hidden = f.hidden or DoubleCrossings()
+        self.double_crossings = f.double_crossings or DoubleCrossings()
+        self.at_points = (1 + len(POINTS)) * (self.surfaces + sum(self.double_crossings.inside))
         if self.watched:
             self._add_surfaces()
         if f.events:
             self._add_events()
-        if f.conditions:
+        if f.branches:
             self._add_branches()
         factors = self._add_implicit() if is_implicit else 0
         self._set_rows(factors)
@@ -73,7 +75,7 @@ class Integrator:
     def _set_rows(self, factors):
         """Set `rows` and `work`; `factors` is the number of factors of 1 - s f'."""
         f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
-        extended, chooses, events = D + len(f.denominators), int(bool(f.conditions)), int(bool(c))
+        extended, chooses, events = D + len(f.denominators), int(bool(f.branches)), int(bool(c))
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
         of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
         self.rows = firsts_of(TrajectoryRows, of_f | {
@@ -83,23 +85,22 @@ class Integrator:
             **dict.fromkeys(OF_EVENTS, events),
         })  # fmt: skip
         columns = len(self.columns) * D
-        jumps = bool(chooses and f.conditions.jumps and f.columns)
+        jumps = bool(chooses and f.branches.jumps and f.columns)
         self.work = firsts_of(WorkRows, of_f | {
             "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
             "jacobian": f.entries + 1 if self.is_implicit else 0,
             "alone": f.entries + 1 if self.is_implicit else 0,
-            "points": (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside)) + watched + 1,
-            "point": watched, "quartic": of_x.D if watched else 0, "told": 3,
-            "moving": 2 * watched + 1,
+            "points": self.at_points + watched + 1, "point": watched,
+            "quartic": of_x.D if watched else 0, "told": 3, "moving": 2 * watched + 1,
             "end": 2 * (watched + surfaces), "aim": 5,
             "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
             "changed": events * D, "before": events * D, "f_before": events * D,
             "pair": events * (4 * of_x.D + 1), "toward": OF_SURFACE * surfaces,
             "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": events,
             "chooses": chooses,
-            "chosen": len(of_x.branches.results) if chooses else 0,
+            "chosen": len(of_x.branch_program.results) if chooses else 0,
             "derived": len(of_x.derived.results) if chooses else 0, "f_old": chooses * of_x.D,
             "slopes": len(of_x.slope_places) if jumps else 0,
             "gradient": of_x.D + f.q if jumps else 0,
@@ -112,15 +113,14 @@ class Integrator:
         """Add the functions of surfaces whose crossings end steps."""
         f, D = self.f, self.f.of.D
         sides = 2 * (f.events.surfaces if f.events else 0)
-        for name, program in (("surfaces", f.watched), ("phases", self.hidden.phases)):
+        for name, program in (("surfaces", f.watched), ("phases", self.double_crossings.phases)):
             if program:
                 self.functions[name] = ProgramFunction(program, D, self.f.of.places)
-        of_points = (1 + len(POINTS)) * (self.surfaces + sum(self.hidden.inside))
         for name, program, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
             ("aim", f.aim[self.is_implicit], 2 * D + sides),
-            ("hidden", self.hidden.told, of_points + D + 1),
-            ("rates", self.hidden.rates, 2 * D + 1),
+            ("double_crossings", self.double_crossings.told, self.at_points + D + 1),
+            ("rates", self.double_crossings.rates, 2 * D + 1),
         ):
             if program:
                 places = {first + k: k for k in range(len(self.f.of.table))}
@@ -139,13 +139,13 @@ class Integrator:
 
     def _add_branches(self):
         """Add the functions of branches."""
-        f, conditions = self.f.of, self.f.conditions
-        given = conditions.P + conditions.jumps + conditions.kinks
+        f, branches = self.f.of, self.f.branches
+        given = branches.P + branches.jumps + branches.kinks
         places = {f.D + p: p for p in range(given)}
-        self.functions["branches"] = ProgramFunction(f.branches, f.D, places)
+        self.functions["branches"] = ProgramFunction(f.branch_program, f.D, places)
         if f.derived.results:
             self.functions["derived"] = ProgramFunction(f.derived, 0, places)
-        if f is not self.f and conditions.jumps:
+        if f is not self.f and branches.jumps:
             self.functions["slopes"] = ProgramFunction(f.slopes, f.D, f.places)
 
     def _add_implicit(self):

@@ -37,7 +37,7 @@ def _write_back(code, offset, own):
     """Write the rows of a lane, and its table, back to its trajectory, if it has one."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.conditions:  # whose branches stand in the table
+    if integrator.f.branches:  # whose branches stand in the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(own.differs(0)):
         number = own - 1
@@ -63,7 +63,7 @@ def pause_if_spent(code):
 def _begin(code, begins):
     """Begin the trajectories of these lanes: f, the largest moduli, the first length."""
     text, line, f_new = code.text, code.line, code.work.f_new
-    if code.f.conditions:
+    if code.f.branches:
         text.copy(line.x, code.work.new, code.D)
         branch_choice.update_branches(code, begins)
     code.call("f", line.x, code.table, f_new)

@@ -138,7 +138,9 @@ class WorkRows(NamedTuple):
     t: int  # time before the step
     at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
-    points: int  # surfaces at the beginning of a step and at POINTS of it, and inputs of `hidden`
+    points: (
+        int  # surfaces at the beginning of a step and at POINTS, and inputs of `double_crossings`
+    )
     point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
     moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)

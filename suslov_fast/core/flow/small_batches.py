@@ -84,7 +84,7 @@ def solve_small_batch(f, table, x0, request):
     B, starts, records, count = len(x0), None, [], len(request.times)
     if f.offsets:
         table, x0, starts = counted_from_start(f, table, x0)
-    key = f, request.settings, request.sign, B, f.conditions is not None or table.ndim > 1
+    key = f, request.settings, request.sign, B, f.branches is not None or table.ndim > 1
     free = prepared(*key)
     try:
         runner = free.pop()
@@ -94,16 +94,16 @@ def solve_small_batch(f, table, x0, request):
     states = _NAN * (count * B * f.D)
     runner.arguments[SLOT.states] = states.buffer_info()[0]
     if f.events:
-        of_stops, equal = (request.stops or NO_EVENT_TIMES).array
+        event_times, equal = (request.event_times or NO_EVENT_TIMES).array
         set_limits(runner.numbers, request)
         first = runner.integrator.rows.stop
-        runner.rows[:, first : first + 2] = of_stops[:, 0]
-        runner.point_to_events(of_stops, equal, records)
+        runner.rows[:, first : first + 2] = event_times[:, 0]
+        runner.point_to_events(event_times, equal, records)
     while not runner.take():
         pass
     states = np.ndarray((count, B, f.D), np.float64, states)
     if runner.state.tolist().count(LaneState.DONE) < B or _GREW in runner.low.tobytes():
-        own = runner.table.copy() if f.conditions else None
+        own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
         found = states, runner.steps.astype(np.int64), records, None

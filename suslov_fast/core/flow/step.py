@@ -68,7 +68,7 @@ def take_step(code):
     if integrator.events:
         event_actions.act(code)
         dense_output.save_at_end(code)
-    if code.f.conditions:
+    if code.f.branches:
         branch_choice.renew(code)
     move(code)
 

@@ -28,7 +28,7 @@ def text_of_integrator(integrator, name, W, for_each):
     explicit = StormerColumns if integrator.sets else ExplicitColumns
     columns = ImplicitColumns if integrator.is_implicit else explicit
     columns(text, integrator, name, for_each).add()
-    if integrator.f.conditions:
+    if integrator.f.branches:
         add_branches(text, integrator, name, for_each)
     if integrator.events:
         add_actions(text, integrator, name, for_each)

@@ -85,7 +85,7 @@ class _Both(ExplicitColumns):
         return StormerColumns.rates_at_end(self, a, b, table, self.in_sets[1](), call)
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x; in rough lanes also the difference of a and b."""
+        """Write the end of a column, minus x, by the rule of the lane, and the difference a - b."""
         others = ~is_rough(work, self.integrator)
         super().end(work, a, b, x, ends, apart, of_a, of_b)
         for own, components in zip((a, b), self.in_sets, strict=True):

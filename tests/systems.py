@@ -22,10 +22,18 @@ def rates_of_henon_heiles(s, a=1.0):
     return p, q, -x - 2 * a * x * y, -y - a * (x * x - y * y)
 
 
-def robertson(s):
+def robertson(s, k1=0.04, k3=3e7):
     x, y, z = s
-    a, b, c = 0.04 * x, 1e4 * y * z, 3e7 * y * y
+    a, b, c = k1 * x, 1e4 * y * z, k3 * y * y
     return b - a, a - b - c, c
+
+
+def oregonator(y, s=77.27, q=8.375e-6):
+    return (
+        s * (y[1] + y[0] * (1 - q * y[0] - y[1])),
+        (y[2] - (1 + y[0]) * y[1]) / s,
+        0.161 * (y[0] - y[2]),
+    )
 
 
 def chain(x):

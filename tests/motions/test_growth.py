@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from systems import field
+from systems import field, oregonator, robertson
 
 import suslov_fast as sf
 
@@ -111,14 +111,7 @@ def test_random_foxes_are_right_or_told_of():
 def test_what_others_feed_is_not_warned_of(rtol):
     """Components of relaxation oscillations and of Robertson's reaction, which begins at 0."""
     cycle = field(lambda s: (s[1], 1000 * (1 - s[0] ** 2) * s[1] - s[0]), "x v")
-    reaction = field(
-        lambda y: (
-            -0.04 * y[0] + 1e4 * y[1] * y[2],
-            0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
-            3e7 * y[1] ** 2,
-        ),
-        "a b c",
-    )
+    reaction = field(robertson, "a b c")
     assert not solved(cycle, [2.0, 0.0], 2000.0, rtol=rtol)[1]
     assert not solved(reaction, [1.0, 0.0, 0.0], 1e9, rtol=rtol)[1]
 
@@ -175,14 +168,7 @@ def test_random_lasers_go_on_or_are_warned_of(count):
 @pytest.mark.parametrize("stiff", [None, True])
 def test_the_oregonator_at_large_tolerances(rtol, stiff):
     """Against its published state at 360, of 1 beside peaks of 1e5: right, or warned of as well."""
-    f = field(
-        lambda y: (
-            77.27 * (y[1] + y[0] * (1 - 8.375e-6 * y[0] - y[1])),
-            (y[2] - (1 + y[0]) * y[1]) / 77.27,
-            0.161 * (y[0] - y[2]),
-        ),
-        "a b c",
-    )
+    f = field(oregonator, "a b c")
     found, texts = solved(f, [1.0, 2.0, 3.0], 360.0, rtol=rtol, stiff=stiff)
     np.testing.assert_allclose(found[0], 1.000814870318523, rtol=1e-3)
     assert texts or np.allclose(

@@ -20,6 +20,7 @@ import pytest
 import xarray
 from pandas import DataFrame, Series
 from samples import Tensor
+from scipy.special import gamma
 
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, SuslovND, checks
@@ -177,6 +178,21 @@ TABLE = [
     (TypeError, "f", motion(lambda t, y: -y), field(lambda x: (None, 1)), field(lambda *x: x),
      field(None),
      lambda: field([1, 2], [*symbols("u v")])()),
+    (TypeError, "^f", field(lambda x: (x[0] > 0 and x[1], x[1])),
+     field(lambda x: ((0 < x[0] < 1) * 1.0, x[1])), field(lambda x: (max(x[0], 0), x[1])),
+     field(lambda x: np.maximum(np.array(x), 0)), field(lambda x: np.heaviside(np.array(x), 0)),
+     field(lambda x: (int(x[0]), x[1])), field(lambda x: (round(x[0]), x[1])),
+     field(lambda x: (x["u"], x[1]), "u v"), field(lambda x: (x[0.5], x[1])),
+     field(lambda x: ("a", x[1])), field(lambda x: (np.sinc(x[0]), x[1])),
+     field(lambda x: (gamma(x[0]), x[1])), field(lambda x: np.fft.fft(x)),
+     field(lambda x: np.add(x, 1, out=np.zeros(2))), field(lambda x: np.exp(x, where=x > 0)),
+     field(lambda x: (x[x > 0], x[1])), field(lambda x: (sum(range(x[0])), x[1])),
+     field(lambda x: (x[0] & 1, x[1])), field(lambda x: (np.bitwise_and(x[0], 1), x[1])),
+     field(lambda x: (np.interp(x[0], [0, x[1]], [1, 2]), x[1])),
+     field(lambda x: (np.interp(x[0], [1, 0], [1, 2]), x[1]))),
+    (ValueError, "^f", field(lambda x: (x[0],)), field(lambda x: None),
+     field(lambda x: (x[0] * random.random(), x[1])),
+     field(lambda x, kept=[]: (kept.append(1) or len(kept) * x[0], x[1]))),
     (TypeError, "lambdify", lambda: field(lambda x: (x[0] * symbols("a"), x[1]))(),
      lambda: field(lambda x, a: (a * x[0], 1), a=symbols("a"))(),
      lambda: BODY.first_integral(symbols("u v"), 0.1)),

@@ -36,6 +36,11 @@ def oregonator(y, s=77.27, q=8.375e-6):
     )
 
 
+def kepler(s):
+    r = np.sqrt(s[0] ** 2 + s[1] ** 2)
+    return s[2], s[3], -s[0] / r**3, -s[1] / r**3
+
+
 def chain(x):
     """Volterra's, of five."""
     return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]

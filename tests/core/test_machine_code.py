@@ -9,6 +9,7 @@ import children
 import numpy as np
 import pytest
 from llvmlite import binding
+from systems import chain as volterra
 
 import suslov_fast as sf
 from suslov_fast.core.llvm import compiler as machine_code
@@ -26,10 +27,6 @@ def of_a(x, a):
 
 FIELD = sf.Field(of_a, 3, a=1)
 PENDULUM = sf.Field(lambda x: (x[1], -np.sin(x[0]) - np.tanh(x[1])), 2)
-
-
-def volterra(x):
-    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
 
 
 def forget(monkeypatch):

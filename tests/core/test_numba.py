@@ -14,9 +14,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core.numba import cache, decorators
-from suslov_fast.core.suslov import (
-    steps as steps_3d,
-)
+from suslov_fast.core.suslov import steps as steps_3d
 
 pytestmark = pytest.mark.compiled
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import rates_of_henon_heiles
+from systems import kepler, rates_of_henon_heiles
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions.partitioned import sets_of
@@ -73,11 +73,6 @@ def test_order():
 
 def pendulum(s):
     return s[1], -np.sin(s[0])
-
-
-def kepler(s):
-    r = np.sqrt(s[0] ** 2 + s[1] ** 2)
-    return s[2], s[3], -s[0] / r**3, -s[1] / r**3
 
 
 def toda(s):

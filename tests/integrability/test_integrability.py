@@ -46,21 +46,20 @@ def reported(given, eps=None, degree=3):
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
 EPS = F(1, 4)
 J, I = [1.25, 2.125, 3.75, 5, 7], [0.5, -0.75, 0.25, 1, -0.5]
-field_of, of = Field, lambda body: body._field
 from_hamiltonian = Field.from_hamiltonian
-MAP = kahan(of(BODY), EPS)
-EULER = field_of(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3)
+MAP = kahan(BODY._field, EPS)
+EULER = Field(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3)
 CUBIC = from_hamiltonian(
     lambda x: x[0] ** 3 + 2 * x[0] * x[1] ** 2 - x[1] ** 3 + x[0] * x[1] + x[0] ** 2 - 3 * x[1], 2
 )
-LINEAR = field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2)
-PREY = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-FORCED = field_of(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
-SIR = field_of(lambda x: (-2 * x[0] * x[1], 2 * x[0] * x[1] - x[1], x[1]), 3)
-CHAIN = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1] - 1)), 3)
-CYCLE = field_of(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], 3)
+LINEAR = Field(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2)
+PREY = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+FORCED = Field(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
+SIR = Field(lambda x: (-2 * x[0] * x[1], 2 * x[0] * x[1] - x[1], x[1]), 3)
+CHAIN = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1] - 1)), 3)
+CYCLE = Field(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], 3)
 ENERGY = from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
-SOLVED = of(SuslovND(J=[2, 2, 2], I=I[:3]))
+SOLVED = SuslovND(J=[2, 2, 2], I=I[:3])._field
 ZOO = zoo()
 PLANAR, HENON_HEILES_FIELD = ZOO["generic planar field"][0], ZOO["Henon-Heiles"][0]
 TODD = rational_map(Map(lambda x: (x[1], x[2], (1 + x[1] + x[2]) / x[0]), 3))
@@ -71,7 +70,7 @@ SHEAR = rational_map(Map(lambda x: (x[0] + 1, x[1] + x[2], x[2]), 3))
 
 def volterra(n):
     """Kouloukas, Quispel, Vanhaecke (2016)."""
-    return field_of(lambda x: [x[i] * (sum(x[i + 1 :]) - sum(x[:i])) for i in range(n)], n)
+    return Field(lambda x: [x[i] * (sum(x[i + 1 :]) - sum(x[:i])) for i in range(n)], n)
 
 
 CLEBSCH = kahan(ZOO["Clebsch"][0], 1)
@@ -246,7 +245,7 @@ def assert_basis(found, map):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("field", "lowest", "independent"),
-    [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
+    [(EULER, 2, 2), (BODY._field, 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
 )
 def test_a_higher_degree_loses_no_integral(field, lowest, independent):
     map = kahan(field, EPS)
@@ -312,7 +311,7 @@ def test_darboux_polynomials(map, degree, cofactor, expected):
 
 def test_darboux_polynomials_of_all_cofactors():
     """Those that a report lists: no products, and those of the poles among them."""
-    euler = field_of(lambda x: (x[1] * x[2], -2 * x[0] * x[2], x[0] * x[1]), 3)
+    euler = Field(lambda x: (x[1] * x[2], -2 * x[0] * x[2], x[0] * x[1]), 3)
     for eps, last in ((1, "x3^2 + 2"), (None, "eps^2*x3^2 + 2")):
         found = darboux_polynomials(kahan(euler, eps), 2)
         assert [*map(str, found)] == ["x1 + x3", "x1 - x3", "2*x1^2 + x2^2", last]
@@ -340,7 +339,7 @@ def test_cofactors():
     C = found[1]
     assert C(x) == F(value(C.numerator, x)) / value(C.denominator, x) == by_text(C, x)
     # x2 goes to -x1 and x1 to x2: x1^2 + x2^2 has the cofactor 1, x1^2 - x2^2 and x1 x2 have -1.
-    quarter = kahan(field_of(lambda x: (2 * x[1], -2 * x[0]), 2), 1)
+    quarter = kahan(Field(lambda x: (2 * x[1], -2 * x[0]), 2), 1)
     assert {str(C) for C in cofactors(quarter, 2)} == {"1", "-1"}
     assert [str(P) for P in darboux_polynomials(quarter, 2, -1)] == ["x1*x2", "x1^2 - x2^2"]
 
@@ -348,7 +347,7 @@ def test_cofactors():
 def test_exceptional_primes_and_lines_are_drawn_again():
     prime = arithmetic.random_prime(random.Random(0))
     for eps in (F(1, prime), F(prime)):
-        map = kahan(of(BODY), eps)
+        map = kahan(BODY._field, eps)
         assert degrees(map, 5) == [2, 4, 6, 8, 10]
         assert hk_bases(map, 2).dimension == 1
         assert len(darboux_polynomials(map, 3, map.determinant)) == 2
@@ -379,11 +378,11 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (HENON_HEILES_FIELD, 1, "exponential", [4], [2], []),
         (Field.from_terms([[[4]]], constant=[-3]), 3, "bounded", [], None, None),
         (from_hamiltonian(lambda x: 0 * x[0] + 1, 2), 3, "bounded", [1, 1], None, None),
-        (field_of(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
+        (Field(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
         # det DPhi = -1, and several constants for the same factors.
         (LINEAR, 3, "bounded", [4], None, None),
         # Fibres that move are no integral.
-        (field_of(lambda x: (x[0], x[0] * x[1]), 2), 3, "linear", [], None, None),
+        (Field(lambda x: (x[0], x[0] * x[1]), 2), 3, "linear", [], None, None),
         (ZOO["McMillan"][0].inverse, 4, "quadratic", [4], [0], None),
         (ZOO["Hone-Quispel"][0], 4, "quadratic", [4], [2], None),
         (rational_map(Map(lambda x: (x[1], x[0], x[2] + 1), 3)), 4, "bounded", [1, 2], None, None),
@@ -408,7 +407,7 @@ def test_report(given, degree, kind, integrals, measure, planes):
         assert each.basis == "identity"
     plain = json.loads(json.dumps(found.to_dict()))
     assert [each["degree"] for each in plain["integrals"]] == integrals
-    assert is_map or Field.from_dict(plain["field"]) == of(given)
+    assert is_map or Field.from_dict(plain["field"]) == given._field
     assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
     assert any("not checked" in note for note in found.notes) == (found.map.inverse is None)
 
@@ -443,12 +442,12 @@ LINES = from_hamiltonian(
     ("field", "eps"),
     [
         pytest.param(LINES, 1, marks=pytest.mark.slow),
-        (field_of(lambda x: (x[0], 2 * x[1]), 2), -1),
-        (field_of(lambda x: (x[0], 2 * x[1]), 2), 2),
+        (Field(lambda x: (x[0], 2 * x[1]), 2), -1),
+        (Field(lambda x: (x[0], 2 * x[1]), 2), 2),
         pytest.param(
-            *(field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2), marks=pytest.mark.slow
+            *(Field(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2), marks=pytest.mark.slow
         ),
-        (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1),
+        (Field(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1),
         (Field.from_terms([[[0]]], [[-8]], [1]), EPS),
     ],
 )
@@ -483,10 +482,10 @@ def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
         return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
 
-    found = report(field_of(nambu, 3), eps=F(1, 3), degree=2)
+    found = report(Field(nambu, 3), eps=F(1, 3), degree=2)
     assert (found.relations, [each.degree for each in found.integrals]) == (2, [4, 4])
     assert_holds(found)
-    map = kahan(of(Suslov3D(2.3, 1.4, 0.5, -0.7)), EPS)
+    map = kahan(Suslov3D(2.3, 1.4, 0.5, -0.7), EPS)
     (energy,) = report(map, degree=4).integrals
     assert energy(map([1, 2])) == energy([1, 2])
 
@@ -541,7 +540,7 @@ def test_systems_of_the_zoo_have_the_integrals_of_the_literature(name, rng):
 def test_names_of_variables():
     """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
     names = "S", "ω_1", "x"
-    other = field_of(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], names)
+    other = Field(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], names)
 
     def plain(thing):
         text = polynomials.decoded(repr(thing))
@@ -647,10 +646,10 @@ def test_a_hamiltonian_that_was_not_given():
     ("field", "symmetries"),
     [
         # Lines through 0 are reflected at those of steady states.
-        (of(BODY), ["(-Omega1, -Omega2)", "(1/2*Omega2, 2*Omega1)"]),
+        (BODY._field, ["(-Omega1, -Omega2)", "(1/2*Omega2, 2*Omega1)"]),
         (ENERGY, ["(x1, -x2)"]),
         (PREY, ["(x2, x1)"]),
-        (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
+        (Field(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
         pytest.param(
             *(CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
             marks=pytest.mark.slow,
@@ -703,7 +702,7 @@ class Quantity(float):
 @pytest.mark.parametrize(
     ("error", "argument", "call"),
     [
-        (ValueError, "field", lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1)),
+        (ValueError, "field", lambda: kahan(Suslov3D([1, 2], 1, 0, 1)._field, 1)),
         (TypeError, "eps", lambda: kahan(CUBIC, [1])),
         (TypeError, "eps", lambda: kahan(CUBIC, Quantity(1))),
         (ValueError, "eps", lambda: kahan(CUBIC, "1/0")),
@@ -760,7 +759,7 @@ def test_bad_input(error, argument, call):
 
 def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
     """Of the Suslov body in any basis: energy, and the denominator of the modified energy."""
-    field = field_of(lambda x: (x[1] * (2 * x[0] + x[1]) / 16, -x[0] * (2 * x[0] + x[1]) / 8), 2)
+    field = Field(lambda x: (x[1] * (2 * x[0] + x[1]) / 16, -x[0] * (2 * x[0] + x[1]) / 8), 2)
     (integral,) = report(field, eps=F(1, 4), degree=2).integrals
     assert str(integral) == "16*(2*x1^2 + x2^2)/(4*x1^2 + 4*x1*x2 + x2^2 + 8192)"
 

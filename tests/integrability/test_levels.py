@@ -23,7 +23,6 @@ from suslov_fast.integrability import (
     zoo,
 )
 
-field_of = Field
 SILVER = math.log(1 + math.sqrt(2))
 ZOO = zoo()
 
@@ -40,12 +39,12 @@ def total(x):
 def rotors(a, b):
     """The gyrostat of Zhukovsky and Volterra."""
     products = lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1])  # noqa: E731
-    return field_of(lambda x: np.array(a) * products(x) + np.cross(x, b), 3)
+    return Field(lambda x: np.array(a) * products(x) + np.cross(x, b), 3)
 
 
 def nambu(A, B):
     """The cross product of the gradients of the quadratic forms x A x / 2 and x B x / 2."""
-    return field_of(lambda x: np.cross(np.array(A) @ x, np.array(B) @ x), 3)
+    return Field(lambda x: np.cross(np.array(A) @ x, np.array(B) @ x), 3)
 
 
 def third_order(z):
@@ -229,7 +228,7 @@ def test_a_map_with_as_many_integrals_as_variables():
     J = lambda x: 2 * x[0] * x[1] * x[2] - 1  # noqa: E731
     level = on_level(PERIODIC**2, [J])
     assert planar_entropy(level.map).entropy == 0.0
-    prey = kahan(field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), 1)
+    prey = kahan(Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), 1)
     assert (prey**2)((F(1, 3), 2)) == prey(prey((F(1, 3), 2)))
 
 

@@ -22,7 +22,6 @@ from suslov_fast.maps.orders import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
-of_function = sf.Field
 
 
 def lotka_volterra(x):
@@ -51,7 +50,7 @@ def square(x):
     ],
 )
 def test_orbits(f, start, eps, steps, tolerance):
-    run = sf.iterate(of_function(f, len(start)), start, eps, steps)
+    run = sf.iterate(sf.Field(f, len(start)), start, eps, steps)
     exact = naive.iterated(lambda x: naive.kahan_step(f, eps, x), start, steps)
     size = max(float(naive.mpmath.norm(x)) for x in exact)
     assert run.ok.all()
@@ -211,7 +210,7 @@ def test_poles(A):
 
 
 def test_a_pole_and_what_is_next_to_it():
-    field = of_function(square, 1)
+    field = sf.Field(square, 1)
     for x, status in ((2.0, -1), (2.0 * (1 + 2.0**-52), -1), (2.0 * (1 - 2.0**-40), 0)):
         assert sf.iterate(field, [x], 0.5, 1, on_singular="ignore").status == status
     for A in (np.diag([2.0**-40]), np.diag([0.25]), np.diag([0.25, 1.0])):  # they overflow
@@ -225,8 +224,8 @@ def test_a_state_that_its_increment_cancels():
         for x in np.linspace(0.5, 1.0, 9):
             eps = 2 - gap
             exact = x * (1 - eps / 2) / (1 + eps / 2)
-            alone = sf.step(of_function(lambda x: (-x[0],), 1), [x], eps)
-            both = sf.step(of_function(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
+            alone = sf.step(sf.Field(lambda x: (-x[0],), 1), [x], eps)
+            both = sf.step(sf.Field(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
             for found in (alone[0], both[0]):
                 assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
 
@@ -234,7 +233,7 @@ def test_a_state_that_its_increment_cancels():
 @pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
-    field, calls, call = of_function(rates_of_henon_heiles, 4), [], kernel.call
+    field, calls, call = sf.Field(rates_of_henon_heiles, 4), [], kernel.call
 
     def counted(*given):
         calls.append(given)
@@ -257,7 +256,7 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
 
 def test_a_pivot_of_parameters_alone_may_be_0():
     """x' = x and eps = 2 have no next states; the warning is about these alone."""
-    field = of_function(lambda x: (x[0], x[0] * x[1]), 2)
+    field = sf.Field(lambda x: (x[0], x[0] * x[1]), 2)
     with pytest.warns(sf.IntegrationWarning, match="1 of 1 states"):
         assert np.isnan(sf.kahan.jacobian(field, [1.0, 0.5], 2.0)).all()
     with pytest.warns(sf.IntegrationWarning, match="1 of 1 states"):
@@ -279,7 +278,7 @@ def test_steps_of_a_lattice(rng):
             0.1 + k * u * (1 - u) + 0.3 * (u[east] + u[west] + u[north] + u[south] - 4 * u) + flow
         )
 
-    field, x = of_function(lattice, n * n, k=0.8), rng.uniform(0.2, 1.0, (3, n * n))
+    field, x = sf.Field(lattice, n * n, k=0.8), rng.uniform(0.2, 1.0, (3, n * n))
     step = kernel.scheme_of(field.terms[0], n * n).step
     assert step.is_sparse
     assert not step.usual
@@ -292,7 +291,7 @@ def test_steps_of_a_lattice(rng):
             np.testing.assert_allclose(found[k], x[k] + increment, rtol=0.0, atol=2e-13)
     order = rng.permutation(n * n)
     place = np.argsort(order)
-    renamed = of_function(lambda u, k: lattice(u[place], k)[order], n * n, k=0.8)
+    renamed = sf.Field(lambda u, k: lattice(u[place], k)[order], n * n, k=0.8)
     np.testing.assert_allclose(
         sf.step(renamed, x[0, order], 0.1), sf.step(field, x[0], 0.1)[order], rtol=1e-13
     )
@@ -303,7 +302,7 @@ def test_steps_of_a_linear_lattice_whose_increments_cancel_the_state(rng):
     n, eps, c = 30, 0.5, 1e-6
     cells = np.arange(n * n).reshape(n, n)
     near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
-    field = of_function(lambda u: c * sum(u[each] for each in near) - 2 / eps * u, n * n)
+    field = sf.Field(lambda u: c * sum(u[each] for each in near) - 2 / eps * u, n * n)
     assert not kernel.scheme_of(field.terms[0], n * n).step.usual
     sums = csc_array((np.ones(4 * n * n), (np.tile(cells.ravel(), 4), np.concatenate(near))))
     x = rng.uniform(1.0, 2.0, (3, n * n))
@@ -353,7 +352,7 @@ def populations(rng, n=20):
     def rates(u, r):
         return u * (r - u - sum(w * u[at] for w, at in zip(weights, near, strict=True)))
 
-    return of_function(rates, n * n, r=np.array([0.5, 3.0]))
+    return sf.Field(rates, n * n, r=np.array([0.5, 3.0]))
 
 
 def test_poles_and_signs_in_large_lattices(rng):
@@ -389,7 +388,7 @@ def test_large_lattices_on_poles_and_out_of_range(rng):
     n = 20
     cells = np.arange(n * n).reshape(n, n)
     near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
-    field = of_function(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
+    field = sf.Field(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
     assert not kernel.scheme_of(field.terms[0], n * n).step.usual
     x = np.zeros((3, n * n))
     x[0, 7], x[1] = 1.0, 1e-3 * rng.normal(size=n * n)

@@ -11,14 +11,7 @@ import suslov_fast as sf
 from suslov_fast import Field, IntegrationWarning, Status, flow
 from suslov_fast.core.flow import batch_solver
 
-
-def of(f, dimension, **parameters):
-    return Field(f, dimension, **parameters)
-
-
-SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
-
-
+SQUARES = Field(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
 PENDULUM = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
 
 
@@ -78,7 +71,7 @@ def test_bodies_without_a_closed_form_go_member_by_member():
 
 def test_small_components_have_digits_with_atol():
     """y' = -y beside 1: 1e-12 of the largest has no digits by default."""
-    field = of(lambda x: (-1e-3 * x[0], 1e-14 * x[0] - 50 * x[1]), 2)
+    field = Field(lambda x: (-1e-3 * x[0], 1e-14 * x[0] - 50 * x[1]), 2)
     exact = 1e-14 * np.exp(-1e-2) / (50 - 1e-3)
     small = at(field, [1.0, 0.0], 10.0, rtol=1e-8, atol=0.0)[1]
     assert small == pytest.approx(exact, rel=1e-6)
@@ -96,7 +89,7 @@ def test_atol_allows_larger_errors():
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-12])
 def test_populations_stay_positive(rtol):
     """They fall to 1e-27 and below 1e-200; one below 0 would end at -1e80."""
-    field = of(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
+    field = Field(lambda x: (x[0] * (1 - x[1] / 2), x[1] * (x[0] / 2 - 1)), 2)
     times = np.linspace(0, 300, 61)
     starts = [[100.0, 50.0], [2.0, 1e-250], [-100.0, 50.0]]
     with pytest.warns(UserWarning, match="atol=0"):
@@ -113,7 +106,7 @@ def test_populations_stay_positive(rtol):
 
 
 def test_fast_decay():
-    family = of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41))
+    family = Field(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41))
     wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 9, 41)))
     run = flow(family, [1.0], time=[0.1, 1.0])
     assert abs(run.states[..., 0] - wanted).max() < 2e-9
@@ -188,17 +181,14 @@ def test_empty_and_trivial_calls():
     assert nothing.steps.tolist() == [0, 0]
 
 
-# -------------------------------------------------------------------------------------------- bits
-
-
 # ------------------------------------------------------------------------------- ends and warnings
 @pytest.mark.parametrize(
     ("field", "start", "end"),
     [
         (SQUARE, [1.0], 1.0),
         (SQUARES, [1.0, 0.0], 1.0),
-        (of(lambda x: (1 + x[0] ** 2,), 1), [0.0], np.pi / 2),
-        (of(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
+        (Field(lambda x: (1 + x[0] ** 2,), 1), [0.0], np.pi / 2),
+        (Field(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
     ],
 )
 def test_solutions_that_end(field, start, end):

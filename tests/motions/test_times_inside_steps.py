@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import field, robertson
+from systems import field, kepler, robertson
 
 import suslov_fast as sf
 
@@ -41,11 +41,6 @@ def test_times_just_before_the_last_one(T):
 
 def forced(s):
     return s[1], s[0] - s[0] ** 3 - 0.3 * s[1] + 0.5 * np.cos(1.2 * s[2]), 1.0
-
-
-def kepler(s):
-    cube = (s[0] ** 2 + s[1] ** 2) ** 1.5
-    return s[2], s[3], -s[0] / cube, -s[1] / cube
 
 
 def doses(s):

@@ -10,17 +10,14 @@ import numpy as np
 import pytest
 import xarray
 from distributed import Client, LocalCluster
+from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, Suslov3D, ensemble, flow, iterate
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 WELL = Field(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
-LORENZ = sf.Field(
-    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
-    "x y z",
-    rho=np.linspace(10.0, 40.0, 3)[:, None],
-)
+LORENZ = Field(lorenz, "x y z", rho=np.linspace(10.0, 40.0, 3)[:, None])
 X0 = np.random.default_rng(1).uniform(-2.0, 2.0, (10, 2))
 EACH = {"eps": np.linspace(0.1, 0.3, 10), "steps": 10, "save_every": 5, "attitude": True}
 ACTING = [Event("q", direction=1), Event(times=[0.5], to=lambda x, c: (x[0] + c, x[1]))]

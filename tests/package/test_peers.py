@@ -41,10 +41,7 @@ OTHERS = {
         1e-6,
     ),
     "flow(ball, [1, 0], time=T, events=bounce).states[0]": (BALL, 1e-9),
-    "flow(drug, [0], time=T, events=dose).states[0]": (
-        [100 * (1 + np.exp(-1) + np.exp(-2))],
-        1e-9,
-    ),
+    "flow(drug, [0], time=T, events=dose).states[0]": ([100 * (1 + np.exp(-1) + np.exp(-2))], 1e-9),
     # 1, and exp of the integral of 1 - q**2 over the period, by DOP853
     "periodic_orbit(van_der_pol, [2, 0], 6.6).multipliers": ([1, 0.0008597], 5e-8),
 }

@@ -190,7 +190,10 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Iterate one part of the trajectories from the states in `final`; see `suslov.steps.steps`."""
+    """Iterate one part of the trajectories from the states in `final`; see `suslov.steps.steps`.
+
+    `field` is a `Dense`, and `memory` a `Memory`.
+    """
     field, memory, carry, saved = uncounted((field, memory, carry, saved))
     final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span

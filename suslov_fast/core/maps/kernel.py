@@ -110,7 +110,7 @@ class _Lines:
 
         Return False if a step needs `pivoting_step`, but it is not compiled or the run is short.
         Then the steps must be taken again, with `seconds`, the time that pivoting would take in
-        Python. End early if `abandoned` is not empty.
+        Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages

@@ -37,6 +37,7 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
     If blocks share LINE pairs, a block `after` another block skips the pairs ahead of its own first
     cache line. A block `before` another block is full, and leaves its last LINE pairs to that
     block, less as many as stand ahead of its own first line. The number of lanes is a constant.
+    `b` is (rows, lanes), and `flat` (n,).
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:

@@ -131,7 +131,10 @@ def difference_of_squares(ell, x, nu, k, X, K):
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill the coefficients of the closed form, for n >= 0 if `ahead` is 1, for n < 0 if -1."""
+    """Fill the coefficients of the closed form, for n >= 0 if `ahead` is 1, for n < 0 if -1.
+
+    `b` is (ROWS, lanes); the others are numbers of lane l.
+    """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
     g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]

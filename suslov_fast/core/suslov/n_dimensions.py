@@ -320,7 +320,10 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 
 @inlined
 def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
-    """Take step n of a block, see `iterate_nd`; record failures and poles in `notes`."""
+    """Take step n of a block, see `iterate_nd`; record failures and poles in `notes`.
+
+    `a` is (m, m + 1, lanes), the matrices for elimination.
+    """
     (carry, status, failed_at), lanes = notes, c.shape[2]
     if by_elimination is None:
         to_solve = compute_factors(c, b, lanes)
@@ -342,7 +345,10 @@ def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
 
 @function
 def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Fill a block with trajectories begin to end - 1; spare lanes repeat the last trajectory."""
+    """Fill a block with trajectories begin to end - 1; spare lanes repeat the last trajectory.
+
+    `states` is (B, m), and `status` and `failed_at` (B,).
+    """
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
@@ -385,7 +391,10 @@ _MOST_IN_PYTHON = 256  # steps that lose digits, or pass a pole
 
 
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy; return False if many steps lose digits or pass a pole."""
+    """Take all trajectories by NumPy; return False if many steps lose digits or pass a pole.
+
+    Arguments are as in `suslov.steps.steps`, with m components in place of 2.
+    """
     begin, end, start, stop, every, row = span
     if begin == end:
         return True

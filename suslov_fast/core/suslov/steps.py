@@ -90,6 +90,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
 
     A single plain trajectory counts as all. Lanes beyond `width` repeat the first trajectory.
+    `b` is (ROWS, LANES); the other arrays are as in `steps`.
     """
     full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
@@ -166,7 +167,10 @@ def take_steps(b, lanes, plains, n, pause):
 
 @formula
 def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
-    """Write last states, statuses and `carry`; return how many trajectories may have failed."""
+    """Write last states, statuses and `carry`; return how many trajectories may have failed.
+
+    `b` is (ROWS, LANES); the other arrays are as in `steps`.
+    """
     (_, _, start, stop, _, _), to_find = span, FIRST
     if plains == LANES:
         target = array_at(final.ctypes.data, (final.size,), np.float64)
@@ -271,7 +275,10 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
 
 
 def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy, which rounds sums, products, quotients and roots alike."""
+    """Take all trajectories by NumPy, which rounds sums, products, quotients and roots alike.
+
+    Arguments are as in `steps`.
+    """
     begin, end, start, stop, every, row = span
     own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))
     I1, I2, I13, I23, k, eps = (a[own] if len(a) > 1 else a for a in parameters)

@@ -141,28 +141,22 @@ def of_pivoting(as_in_an_empty_process, monkeypatch):
     vars(pivoting.pivoting_step).pop("_callback", None)
 
 
-def test_errors_in_python_that_machine_code_calls(of_pivoting):
-    def fail(*arguments):
-        raise IndexError("of a kernel")
-
-    of_pivoting(fail)
-    with pytest.raises(IndexError, match="of a kernel"):
-        sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
-    assert not decorators._raised
-
-
-def test_ctrl_c_in_python_that_machine_code_calls(of_pivoting):
+@pytest.mark.parametrize("error", [IndexError, KeyboardInterrupt])
+def test_errors_and_ctrl_c_in_python_that_machine_code_calls(error, of_pivoting):
     """The call ends, and then is interrupted: no step is left half done."""
     called = []
 
-    def interrupt(*arguments):
+    def stop(*arguments):
         called.append(True)
+        if error is IndexError:
+            raise IndexError("of a kernel")
         signal.raise_signal(signal.SIGINT)
 
-    of_pivoting(interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    of_pivoting(stop)
+    with pytest.raises(error):
         sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
     assert called
+    assert not decorators._raised
 
 
 def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):

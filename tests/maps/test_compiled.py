@@ -211,11 +211,8 @@ def test_arrays_of_another_length_are_refused(body):
 def test_systems_are_plain_data():
     for body in (BODY, GYROSTAT):
         made = system(body, EPS)
-        assert (
-            pickle.loads(pickle.dumps(made))
-            == made
-            == (*(getattr(body, name) for name in "I1 I2 I13 I23 k".split()), EPS, 2)
-        )
+        numbers = *(getattr(body, name) for name in "I1 I2 I13 I23 k".split()), EPS, 2
+        assert pickle.loads(pickle.dumps(made)) == made == numbers
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
     made = system(FIELD, 0.1)

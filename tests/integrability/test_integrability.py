@@ -695,6 +695,9 @@ SWAP = Map(lambda x, h: (x[1], h * x[0]), 2, h=1)
 OF_H = rational_map(Map(lambda x, h: (x[1], (x[1] + h) / x[0]), 2, h=1), letters="h")
 
 
+ROOT = Field(lambda x, a: (x[0] * np.sqrt(a),), 1, a=2)
+
+
 class Quantity(float):
     unit = "ms"
 
@@ -750,6 +753,13 @@ class Quantity(float):
         (ValueError, ".*left out", lambda: report(SWAP, eps=0.1)),
         (TypeError, ".*iterate", lambda: kahan(SWAP)),
         (ValueError, ".*names of its", lambda: report(SWAP, letters="b")),
+        (ValueError, ".*I1, I2", lambda: report(BODY, letters="I4")),
+        (ValueError, ".*eps", lambda: report(BODY, letters="I1", eps=1)),
+        (ValueError, ".*I1, I2", lambda: report(BODY, letters=3)),
+        (ValueError, ".*single", lambda: report(Suslov3D([4, 3], 1, -0.5, 0), letters="I1")),
+        (ValueError, ".*none", lambda: report(Field(lambda x: (x[0],), 1), letters="a")),
+        (TypeError, ".*letters", lambda: report(ROOT, letters="a")),
+        (TypeError, ".*map", lambda: report(LYNESS, letters="a")),
     ],
 )
 def test_bad_input(error, argument, call):

@@ -389,20 +389,3 @@ def test_interpolation_of_random_functions():
             ]
             assert values[0] * values[3] == values[1] * values[2]
             assert len(own[0]) <= len(given[0])
-
-
-@pytest.mark.parametrize(
-    ("system", "options", "part"),
-    [
-        (Suslov3D(4, 1, -0.5, -0.25), {"letters": "I4"}, "I1, I2"),
-        (Suslov3D(4, 1, -0.5, -0.25), {"letters": "I1", "eps": 1}, "eps"),
-        (Suslov3D(4, 1, -0.5, -0.25), {"letters": 3}, "I1, I2"),
-        (Suslov3D([4, 3], 1, -0.5, -0.25), {"letters": "I1"}, "single"),
-        (Field(lambda x: (x[0],), 1), {"letters": "a"}, "none"),
-        (Field(lambda x, a: (x[0] * np.sqrt(a),), 1, a=2), {"letters": "a"}, "letters"),
-        (rational_map(Map(lambda x: (x[1], x[0]), 2)), {"letters": "a"}, "map"),
-    ],
-)
-def test_letters_that_are_none(system, options, part):
-    with pytest.raises((TypeError, ValueError), match=part):
-        report(system, **options)

@@ -135,10 +135,8 @@ def test_random_epidemics_are_right_or_warned_of(count):
         rate = rng.uniform(2, 40) * (removal + birth)
 
         def epidemic(s, birth=birth, removal=removal, rate=rate):
-            return (
-                birth * (1 - s[0]) - rate * s[0] * s[1],
-                rate * s[0] * s[1] - (removal + birth) * s[1],
-            )
+            new = rate * s[0] * s[1]
+            return birth * (1 - s[0]) - new, new - (removal + birth) * s[1]
 
         x0, time = [rng.uniform(0.5, 0.99), 10 ** rng.uniform(-5, -2)], rng.uniform(20, 60)
         right = in_logarithms(epidemic, x0, time)

@@ -113,19 +113,12 @@ def test_damaged_files(path):
 
 
 FORCED = sf.Field(lambda x, a: (x[1], -a * x[0]), "q p", a=2.0)
+ACTING = sf.Event("p", to=lambda x, a: (a, x[1]), direction=1), sf.Event(times=[1.0, np.nan])
 SETTINGS = {"atol": 1e-12, "stiff": False, "max_step": 0.125, "derivatives": ("x0", "a")}
 OF_EACH_KIND = {
     "Trajectories": lambda: sf.iterate(BODY, [[1.0, 0.5]] * 2, 0.1, 5, attitude=True),
     "Motion": lambda: sf.flow(FORCED, [1.0, 0.5], time=[0.5, 1.0], **SETTINGS),
-    "Motion with changes": lambda: sf.flow(
-        FORCED,
-        [1.0, 0.5],
-        time=3.0,
-        events=[
-            sf.Event("p", to=lambda x, a: (a, x[1]), direction=1),
-            sf.Event(times=[1.0, np.nan]),
-        ],
-    ),
+    "Motion with changes": lambda: sf.flow(FORCED, [1.0, 0.5], time=3.0, events=ACTING),
     "Events": lambda: sf.crossings(FORCED, [1.0, 0.5], surface="p", time=5.0),
 }
 

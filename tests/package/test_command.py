@@ -94,44 +94,11 @@ def test_a_report(capsys):
 
 
 # A command line, and what the one line on stderr names. The status is 2, and nothing is computed.
-MISTAKES = """
-simulate | run
-run --steps 1e400 | --steps
-run --steps 1.5 | --steps
-run --stpes 3 | use --steps
-run --steps 0 | --steps
-run --eps 1/0 | --eps
-run --time nan | --time
-run --x0 1,x | --x0
-run --x0 1,2,3 | 2 numbers
-run --x0 1 2 | --x0 1,0.5
-run --body 1,2 | I1,I2,I13,I23
-run --body 4,1,0,1 | --eps
-run --save-every 3 | -o
-run --time 3 --eps 1 | --time
-run --points 3 | --time
-run --equations x'=y,y'=-x --x0 1,1 --time 1 | a ; between
-run --equations x'=2x --x0 1 --time 1 | 2*x
-run --equations= --x0 1 --time 1 | x' =
-run --equations x'=x --time 1 | --x0
-run --equations x'=sin(x) --x0 1 --eps 1 | --time
-report --equations x'=x**3 | degree 2
-run -o a.csv | to_dataframe
-run -o folder.npz | folder.npz
-run -o good.npz | good.npz exists
-run -o missing/a.npz | missing
-run -o | -o
-plot good.npz -o a.docx | .png
-plot good.npz | good.npz
-plot missing.npz | missing.npz
-figures -o good.npz | a folder
-figures | figure1.png exists
-"""
+MISTAKES = json.loads((children.HERE / "data" / "mistakes.json").read_text("utf-8"))
 
 
-@pytest.mark.parametrize("mistake", MISTAKES.strip().splitlines())
-def test_mistakes(mistake, monkeypatch, capsys):
-    line, named = (each.strip() for each in mistake.split(" | "))
+@pytest.mark.parametrize(("line", "named"), MISTAKES.items())
+def test_mistakes(line, named, monkeypatch, capsys):
     Path("folder.npz").mkdir()
     for name in ("good.npz", "figure1.png"):
         Path(name).write_text("precious")

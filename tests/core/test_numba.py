@@ -207,7 +207,6 @@ def test_without_private_names_of_numba(folder):
         assert lines == [*RESULTS.values()]
 
 
-# The code that a process takes from the cache, or compiles: functions with types of arguments.
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     """What a newer one breaks ends in its own words, of no use to who installed the package."""
 

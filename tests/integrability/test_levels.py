@@ -242,13 +242,6 @@ def test_an_integral_with_a_letter_that_the_map_lacks():
 
 
 @pytest.mark.slow
-def test_a_level_without_a_rule():
-    found = of_zoo("Suslov, Lagrange axis")
-    with pytest.raises(ValueError, match=r"^integrals .* degree 2, \d in x1"):
-        on_level(found.map, found.integrals)
-
-
-@pytest.mark.slow
 def test_reports_say_the_entropy_on_the_generic_level():
     found = of_zoo("Zhukovsky-Volterra, two betas")
     assert (found.on_level.entropy, found.on_level.proved) == (pytest.approx(SILVER), True)
@@ -261,3 +254,5 @@ def test_reports_say_the_entropy_on_the_generic_level():
     assert "Entropy (proved): 0, because" in repr(of_zoo("Euler top"))
     no_rule = of_zoo("Suslov, Lagrange axis")
     assert "Entropy on a level: none, integrals" in repr(no_rule)
+    with pytest.raises(ValueError, match=r"^integrals .* degree 2, \d in x1"):
+        on_level(no_rule.map, no_rule.integrals)

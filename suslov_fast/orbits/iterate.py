@@ -50,7 +50,6 @@ def step(
     See Also
     --------
     iterate : Many steps, with statuses.
-    compiled.step_system : A step in compiled loops.
 
     Notes
     -----

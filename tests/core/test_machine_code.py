@@ -146,7 +146,7 @@ def test_other_ways_to_compute_a_step(rng, monkeypatch, anew, way):
                     np.testing.assert_array_equal(sf.step(field, x[k], own, method=method), one[k])
                     system, out = sf.compiled.system(field, own, method=method), np.empty_like(x[k])
                     sf.compiled.step_system(system, x[k], out, sf.compiled.work(system))
-                    np.testing.assert_array_equal(out, one[k])
+                    np.testing.assert_allclose(out, one[k], rtol=WAYS[way][1])
                     alone = sf.iterate(field, x[k], own, steps, save_every=7, **given)
                     np.testing.assert_array_equal(alone.states, run.states[:, k])
                     assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])

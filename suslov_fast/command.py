@@ -263,7 +263,7 @@ def _count(text: str) -> int:
     """Return a positive integer below 2**62 in a text such as 1000 or 1e3."""
     value = _fraction(text)
     if value.denominator != 1 or not 0 < value <= 2**62:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an integer from 1 to 2**62")
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} is not an integer from 1 to 2**62")
     return int(value)
 
 

@@ -110,11 +110,9 @@ class Suslov(BodyOfEquations):
         values: FloatArray = evaluate(map.formulas[name], map, self, omega, eps)
         return values
 
-    def _problem(
-        self, omega: Any, eps: Any = 0.0, threads: int | None = None, name: str = "omega0"
-    ) -> Problem:
-        """Return the checked problem of states and step sizes."""
-        return check(map_of(self), self, omega, eps, threads, name=name)
+    def _problem(self, omega: Any, eps: Any = 0.0, threads: int | None = None) -> Problem:
+        """Return the checked problem of initial states and step sizes."""
+        return check(map_of(self), self, omega, eps, threads, name="omega0")
 
     @public
     def __call__(self, omega: ArrayLike, /) -> FloatArray:
@@ -266,14 +264,7 @@ class Suslov(BodyOfEquations):
         return self._value("reaction", omega, 0.0 if eps is None else eps)
 
     @public
-    def momentum(
-        self,
-        omega: ArrayLike,
-        /,
-        *,
-        rotation: ArrayLike | None = None,
-        attitude: ArrayLike | None = None,
-    ) -> FloatArray:
+    def momentum(self, omega: ArrayLike, /, *, attitude: ArrayLike | None = None) -> FloatArray:
         """Return the angular momentum M, in the body or in space.
 
         M = I Omega in three dimensions (without I3, because Omega3 = 0), plus k e3 with a rotor;
@@ -284,9 +275,6 @@ class Suslov(BodyOfEquations):
         ----------
         omega : array_like(float, shape=(..., D))
             Angular velocities.
-        rotation : array_like(float, shape=(..., n, n)), optional
-            The `rotation` of a body that was made from a tensor. With it, the result is in the
-            basis of that tensor, not in the adapted basis.
         attitude : array_like(float, shape=(..., n, n)), optional
             Orientations of the body, such as ``run.attitude``. With them, the result is in space.
 
@@ -304,20 +292,11 @@ class Suslov(BodyOfEquations):
         array([[ 4.   ,  0.5  , -0.65 ],
                [ 2.276, -1.408, -2.146]])
         """
-        problem = self._problem(omega, name="omega")
-        with np.errstate(all="ignore"):
-            values = problem.map.formulas["momentum"].compute(problem)
-        value_axes, n = values.ndim - len(problem.batch), self.dimension + 1
-        if rotation is not None and attitude is not None:
-            raise ValueError("pass rotation or attitude, not both")
-        if rotation is not None:
-            R = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
-        elif attitude is not None:
-            R = checks.square_matrices("attitude", attitude, n, allow_nan=True)
-        else:
-            return np.asarray(values)
-        checks.common_shape({"omega": problem.batch, "matrices": R.shape[:-2]})
-        if value_axes == 1:
+        values = self._value("momentum", omega)
+        if attitude is None:
+            return values
+        R = checks.square_matrices("attitude", attitude, self.dimension + 1, allow_nan=True)
+        if map_of(self).attitude == "axial":
             return np.asarray((R @ values[..., np.newaxis])[..., 0])
         return np.asarray(R @ values @ R.swapaxes(-2, -1))
 

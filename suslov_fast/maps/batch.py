@@ -4,7 +4,6 @@ Between chunks, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, 
 first: whenever it is called all trajectories have taken the same steps, so the run can end there.
 """
 
-import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
@@ -15,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, is_false, kind_of, short, wrong
+from ..checks import FloatArray, extra, is_false, short, wrong
 from ..core.maps.step_system import FieldSystem
 from ..core.numba.decorators import Kernel
 from ..core.numba.status import OK, PASSED_POLE
@@ -55,26 +54,14 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
         return _SILENT
     if progress is True:
         return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
-    if not callable(progress) or isinstance(progress, type) or not _takes_two(progress):
-        name = kind_of(progress) if isinstance(progress, type) else short(progress)
+    if not callable(progress):
         expected = "True, for a bar, or a function that is called as progress(done, total)"
-        raise wrong("progress", expected, name, TypeError)
+        raise wrong("progress", expected, short(progress), TypeError)
 
     def report(done: int) -> bool:
         return not is_false(progress(done, total))
 
     return nullcontext(report)
-
-
-def _takes_two(function: Callable[..., object]) -> bool:
-    """Return True if the signature of a function allows a call with two numbers."""
-    try:
-        inspect.signature(function).bind(0, 0)
-    except TypeError:
-        return False
-    except ValueError:  # some functions written in C have no signature
-        pass
-    return True
 
 
 @contextmanager

@@ -84,15 +84,3 @@ def check(
     batch, threads = common_shape(shapes), thread_count(threads)
     method = method or next(iter(map.methods))
     return Problem(map, body, omega, eps, batch, threads, name, method, turns)
-
-
-def warn_of_times(problem: Problem) -> None:
-    """Warn if the step sizes look like the grid of times that `odeint` takes."""
-    eps = np.asarray(problem.eps)
-    if eps.ndim != 1 or eps.size < 10:  # a few may be a batch
-        return
-    step = float(eps[1] - eps[0])
-    if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
-        text = f"eps: {eps.size} step sizes from 0 to {eps[-1]:g}, one for each trajectory"
-        how = f"for a run with these times pass eps={step:g}, steps={eps.size - 1}"
-        checks.warn(f"{text} of a batch; {how}")

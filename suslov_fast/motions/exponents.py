@@ -21,7 +21,7 @@ from ..maps.batch import Progress, reporter
 from ..maps.derivatives import growth
 from ..maps.evaluation import mask_and_warn
 from ..maps.kernel_calls import thread_count
-from ..maps.problem import Problem, check, warn_of_times
+from ..maps.problem import Problem, check
 from ..status import report_poles
 from .event import Event, field_of
 from .events import actions_of, batch_of, checked_events, event_times_of
@@ -152,7 +152,6 @@ def lyapunov_exponents(
 def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) -> FloatArray:
     """Return the exponents (..., D) of orbits of a map, per unit of time."""
     transient = integer("transient", transient, 0)
-    warn_of_times(problem)
     length = abs(np.broadcast_to(problem.eps, problem.batch))[..., np.newaxis]
     if not length.all():
         raise wrong("eps", "other than 0, because exponents are per unit of time")

@@ -11,7 +11,7 @@ from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
 from ..maps.batch import BatchRun, Progress, few_after, reporter
 from ..maps.evaluation import mask_and_warn
-from ..maps.problem import check, warn_of_times
+from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories
 
@@ -171,7 +171,6 @@ def iterate(
     problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
-        warn_of_times(problem)
     batch_run = BatchRun(problem, method)
     one_of("on_singular", on_singular, ON_SINGULAR)
     with reporter(progress, steps) as report:

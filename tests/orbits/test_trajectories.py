@@ -145,22 +145,6 @@ def test_contents_of_a_dataset():
     assert (BODY.first_integral(data.states, 0.2) == run.first_integral()).all()
 
 
-@pytest.mark.parametrize("more", [0, 1])
-def test_times_in_place_of_a_step_size_are_noticed(more, tmp_path):
-    """As `odeint` takes them; step sizes of a family are not."""
-    times = np.linspace(0, 10, 100 + more)
-    how = rf"^eps: {100 + more} step sizes from 0 to 10, .* pass eps=0.1.*, steps={99 + more}$"
-    with pytest.warns(UserWarning, match=how):
-        run = sf.iterate(BODY, STARTS[0], times, 100)
-    assert run.states.shape == (101, 100 + more, 2)
-    with pytest.warns(UserWarning, match=how), pytest.raises(ValueError, match="other than 0"):
-        sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
-    with pytest.warns(UserWarning, match=how):
-        sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
-    for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
-        sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
-
-
 SHORT = {"CHUNK_WORK": 2**10, "TURNING": 2**10, "BETWEEN": 1}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.flow.batch_solver import BatchSolver, SolverRequest, prepare
+from ..core.flow.batch_solver import BatchSolver, SolverRequest
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
@@ -20,8 +20,6 @@ from ..status import Status
 _IN_THREADS = 64
 # Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
-# Numbers in states, from which on code is compiled before they take memory.
-MANY = 2**20
 # By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
 _STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
 _STATUS[LaneState.DONE], _STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
@@ -50,7 +48,6 @@ class SolverResult(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Any = None  # `Records`, if there are events; of `_of_group` as in `BatchSolver`
-    causes: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if unknown
     grown: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if there are none
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
@@ -98,9 +95,6 @@ def solve(
     if not B:
         return empty_result(starts, count)
     groups = right_hand_sides(field._right_hand_sides, field.shape, batch)
-    if starts.size * count > MANY:  # LLVM ends the process where it finds no memory
-        for where, f, table in groups:
-            prepare(f, request.settings, B if where is ALL else len(where), table.ndim > 1)
     where, f, table = groups[0]
     if where is ALL:
         found = _of_group(f, table, starts, request)
@@ -122,13 +116,13 @@ def _of_group(
             ends = np.empty(B)
             ends.fill(np.nan)
             status = np.zeros(B, np.int8)
-            return SolverResult(states, ends, steps, status, False, records, None, None, True)
+            return SolverResult(states, ends, steps, status, False, records, None, True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
     ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
-    others = engine.is_stopped, engine.records, engine.causes, engine.grown
+    others = engine.is_stopped, engine.records, engine.grown
     return SolverResult(states, ends, engine.steps, status_of(engine.state), *others)
 
 
@@ -136,7 +130,7 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
     """Return the `SolverResult` of groups of trajectories, joined."""
     whole, report = empty_result(starts, len(request.times)), request.report
     B, done, records = len(starts), 0, []
-    causes, grown = np.zeros(B, np.int64), np.full(B, -1)
+    grown = np.full(B, -1)
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
         event_times = request.event_times and request.event_times.of(where)
@@ -148,12 +142,12 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
             numbers = rows[:, 0].view(np.int64)
             numbers[:] = where[numbers]
         records += part.records
-        if part.causes is not None and part.grown is not None:
-            causes[where], grown[where] = part.causes, part.grown
+        if part.grown is not None:
+            grown[where] = part.grown
         done += len(request.times) * len(where)
         if part.is_stopped:
             break
-    return SolverResult(*whole[:4], part.is_stopped, records, causes, grown)
+    return SolverResult(*whole[:4], part.is_stopped, records, grown)
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import Settings
-from ..core.flow.memory import EndCause
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
 from ..status import IntegrationWarning, Status
@@ -24,16 +23,12 @@ RTOL = float("1e-9")
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
-_ENDS = {
-    EndCause.UNKNOWN: "end: they escape to infinity, or f or a derivative that is asked for does",
-    EndCause.ESCAPE: "end: they escape to infinity",
-    EndCause.POLE: "end at a pole, where f or a derivative that is asked for becomes infinite",
-    EndCause.NO_VALUE: "end where f has no value beyond, as sqrt and log of a negative number",
-    EndCause.NO_STATE: "end at an event whose new state, `to`, has no value: it is NaN",
-}
 # What solutions do that stop.
 _CAUSES = {
-    Status.ENDED: _ENDS[EndCause.UNKNOWN],
+    Status.ENDED: (
+        "end: they escape to infinity, reach a pole, or f, a derivative that is asked for or the "
+        "new state of an event has no value there"
+    ),
     Status.SLIDING: (
         "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
@@ -145,8 +140,7 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
 
 def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
-    others = found.t, found.is_stopped, x, batch, found.causes
-    if message := ends_in_words(found.status, *others):
+    if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):
         checks.warn(message, IntegrationWarning)
 
 
@@ -169,7 +163,6 @@ def ends_in_words(
     is_stopped: bool,
     x: FloatArray,
     batch: tuple[int, ...],
-    causes: NDArray[np.int64] | None = None,
 ) -> str:
     """Return why solutions stop, and when the first ones do; "" if none stop early."""
     if not np.count_nonzero(statuses):  # all but OK are negative
@@ -180,13 +173,8 @@ def ends_in_words(
         own = exists & (statuses == int(status))
         if not own.any() or (status == Status.TOO_MANY_STEPS and is_stopped):
             continue
-        parts = [(own, text)]
-        if status == Status.ENDED and causes is not None:
-            parts = [(own & (causes == int(cause)), end) for cause, end in _ENDS.items()]
-        for which, what in parts:
-            if which.any():
-                first = int(np.argmax(which))
-                index = spell(first_index(which.reshape(batch)))
-                count = f"{np.count_nonzero(which)} of {which.size} solutions"
-                texts.append(f"{count} {what}, first: trajectory {index} at t = {t[first]:.9g}")
+        first = int(np.argmax(own))
+        index = spell(first_index(own.reshape(batch)))
+        count = f"{np.count_nonzero(own)} of {own.size} solutions"
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
     return "; ".join(texts)

@@ -12,8 +12,6 @@ from systems import LORENZ, SPRING, rates_of_henon_heiles, robertson
 
 from suslov_fast import Field, flow
 from suslov_fast.core.flow import batch_solver, single_steps, vector_functions
-from suslov_fast.core.llvm import compiler
-from suslov_fast.motions import integration
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -235,19 +233,3 @@ def test_texts_are_those_of_every_process():
     """Machine code, and so its bits and its cache, depend on no seed of hashes."""
     one, other = (children.run(TEXTS, PYTHONHASHSEED=seed) for seed in "12")
     assert one == other
-
-
-@pytest.mark.parametrize(("count", "by"), [(1, ()), (9000, ("x0", "a"))])
-def test_code_is_made_before_there_are_states(monkeypatch, count, by):
-    """LLVM ends the process where large states have taken the memory."""
-    field, order = Field(lambda x, a: (x[1], -a * np.sin(x[0]) - count * x[1]), 2, a=1.0), []
-
-    def note(name, module, attribute):
-        function = getattr(module, attribute)
-        monkeypatch.setattr(module, attribute, lambda *own: order.append(name) or function(*own))
-
-    note("code", compiler, "_compile")
-    note("states", integration, "empty_result")
-    assert flow(field, random(1, count, 2), time=np.linspace(0, 1, 90), derivatives=by).ok.all()
-    assert order == sorted(order)
-    assert order[0] == "code"

@@ -152,21 +152,18 @@ def test_a_short_time_of_sliding_is_not_stepped_over(times):
 
 
 @pytest.mark.parametrize(
-    ("f", "start", "why"),
+    ("f", "start"),
     [
-        (lambda x: x**2, 1.0, "escape to infinity"),
-        (lambda x: 1 + x**2, 0.0, "escape to infinity"),
-        (lambda x: np.exp(x), 0.0, "escape to infinity"),
-        (lambda x: -1 / x, 1.0, "pole"),
-        (lambda x: -(x**-3.0), 1.0, "pole"),
-        (lambda x: -np.sqrt(x) - 0.1, 1.0, "no value beyond"),
-        (lambda x: np.log(x) - 1, 0.5, "no value beyond"),
-        (lambda x: np.arcsin(x) + 1, 0.0, "no value beyond"),
+        (lambda x: x**2, 1.0),
+        (lambda x: np.exp(x), 0.0),
+        (lambda x: -1 / x, 1.0),
+        (lambda x: -np.sqrt(x) - 0.1, 1.0),
+        (lambda x: np.log(x) - 1, 0.5),
     ],
 )
-def test_the_warning_says_what_ended(f, start, why):
+def test_solutions_end_at_infinity_and_where_f_has_no_value(f, start):
     for starts in ([start], [[start]] * 9):
-        with pytest.warns(sf.IntegrationWarning, match=why):
+        with pytest.warns(sf.IntegrationWarning):
             assert (sf.flow(field(f, "x"), starts, time=5.0).status == sf.Status.ENDED).all()
 
 

@@ -38,8 +38,6 @@ class DenseRightHandSide:
         _, _, linear, totals = self._parts(x, table)
         return linear + (totals + totals)
 
-    value_and_denominators = value
-
     def _parts(self, x, table):
         """Return x_i, c_i, l_ij, and the sums of q_ijk x_k in the order of machine code."""
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1

@@ -149,10 +149,6 @@ class RightHandSide:
         """Return f (D, ...) at states (D, ...)."""
         return self._at("f", x, table)
 
-    def value_and_denominators(self, x, table):
-        """Return f and the denominators of clocks (D + denominators, ...) at states (D, ...)."""
-        return self._at("with_denominators", x, table)
-
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states (D, ...)."""
         entries = self._at("derivative", x, table)

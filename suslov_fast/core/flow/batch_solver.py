@@ -15,13 +15,10 @@ from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumber
 from .event_actions import MOST_AT_ONCE
 from .event_records import size_of
 from .integrator import Integrator
-from .memory import BEGINS, EndCause, LaneState
+from .memory import BEGINS, LaneState
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 
-# Parts of the time: within these f has no value if a solution ends, or a solution that escapes to
-# infinity doubles.
-_AHEAD, _AT_ONCE = (2.0**-43, 2.0**-40, 2.0**-36), 2.0**-30
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
@@ -106,16 +103,6 @@ def code_of(integrator, W, for_each):
     return integrator.codes[W, for_each]
 
 
-def prepare(f, settings, B, for_each):
-    """Compile the integrators that B trajectories may need.
-
-    `for_each` is True if each trajectory has its own table.
-    """
-    for is_implicit in (False, True) if settings.stiff is None else (settings.stiff,):
-        integrator = integrator_of(f, is_implicit, settings.atol is not None)
-        code_of(integrator, 1 if B == 1 else WIDTH, for_each or f.branches is not None)
-
-
 class EventTimes:
     """The given times of events, ascending, in one row for all trajectories or one row for each.
 
@@ -185,7 +172,6 @@ class BatchSolver:
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `LaneState`
     grown    (B,), a component that fell and grew, see `growing_components.LOW`, or -1
-    causes   (B,), why a trajectory ended, an `EndCause`
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """
@@ -198,8 +184,8 @@ class BatchSolver:
         self.components = components_of(f, settings.atol)
         self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
         self.state = np.zeros(B, np.int8)
-        self.grown, self.causes = np.full(B, -1), np.zeros(B, np.int64)
-        self.records, self.is_stopped, self.event_times = [], False, None
+        self.grown, self.records = np.full(B, -1), []
+        self.is_stopped, self.event_times = False, None
         integrator = self.integrator(LaneState.EXPLICIT)
         self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
         set_times(self.numbers, integrator, settings, self.times)
@@ -265,35 +251,9 @@ class BatchSolver:
         low = flat[:, rows.low : rows.far] >= 3.0
         if np.count_nonzero(low):
             self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
-        if not np.count_nonzero(state != LaneState.DONE):
-            return
-        (k,) = np.nonzero(state == LaneState.ENDED)
-        if k.size:
-            self.causes[numbers[k]] = self._causes_of_end(flat[k], numbers[k])
-        if self.event_times is not None:
+        if self.event_times is not None and np.count_nonzero(state == LaneState.ACCUMULATES):
             limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
-
-    def _causes_of_end(self, flat, which):
-        """Return an `EndCause` for each of these rows, which belong to trajectories `which`."""
-        rows, whole = self.rows, self.f.D
-        f = self.f.of
-        table = (self.table if self.table.ndim == 1 else self.table[which])[..., : len(f.table)]
-        x, t, rates = flat[:, : f.D].T, flat[:, rows.t], flat[:, rows.f : rows.f + f.D].T
-        denominators = flat[:, rows.f + whole : rows.f + whole + len(f.denominators)].T
-        has_none = has_pole = np.zeros(len(flat), bool)
-        with np.errstate(all="ignore"):
-            for part in _AHEAD:
-                ahead = x + self.numbers[NUMBER.sign] * part * t * rates
-                found = f.value_and_denominators(ahead, table.T)
-                has_none = has_none | np.isnan(found[: f.D]).any(axis=0)
-                has_pole = has_pole | (found[f.D :] * denominators < 0.0).any(axis=0)
-            growth = self.numbers[NUMBER.sign] * x * rates
-            doubles = (growth * (_AT_ONCE * t) >= x**2) & (growth > 0.0)
-        escapes = doubles.any(axis=0) | ~np.isfinite(rates).all(axis=0)
-        of_others = np.where(escapes, EndCause.ESCAPE, EndCause.POLE)
-        of_f = np.where(has_pole, EndCause.POLE, np.where(has_none, EndCause.NO_VALUE, of_others))
-        return np.where(np.isnan(x).any(axis=0), EndCause.NO_STATE, of_f)
 
     def _table(self, which):
         """Return the table of all trajectories (n,), or the tables of `which` (K, n)."""

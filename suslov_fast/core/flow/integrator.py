@@ -42,7 +42,8 @@ class Integrator:
 
     def __init__(self, f, is_implicit, has_atol):
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
-        self.largest, self.allowed = tolerance.kernels(has_atol, bool(f.clocks))
+        self.largest = tolerance.NO_SIZE if has_atol else tolerance.LARGEST
+        self.allowed = tolerance.ALLOWED_WITH_ATOL if has_atol else tolerance.ALLOWED
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.watch else 0
         self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)

@@ -4,7 +4,6 @@ A row has one number of each lane: in memory a line is (rows, W). Temporary resu
 rows of their own, which all lines share (`WorkRows`).
 """
 
-from enum import IntEnum
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
@@ -24,16 +23,6 @@ class LaneState:
     SLIDING = 6  # a branch of f changes back and forth
     STOPPED = 7  # an event ends it
     ACCUMULATES = 8  # actions follow one another at once, without end
-
-
-class EndCause(IntEnum):
-    """The cause of the end of a solution."""
-
-    UNKNOWN = 0
-    ESCAPE = 1  # a component would double at once, and again
-    POLE = 2  # f becomes infinite
-    NO_VALUE = 3  # f has no value ahead
-    NO_STATE = 4  # the new state of an action has none
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step

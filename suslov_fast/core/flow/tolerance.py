@@ -34,14 +34,8 @@ def NO_SIZE():
 
 
 @scalar_kernel
-def LARGEST(new, largest, top):
-    """Return the largest modulus of all components."""
-    return {"top": larger(larger(abs(new), largest), top)}
-
-
-@scalar_kernel
-def LARGEST_WITH_CLOCKS(x, new, largest, counts, top, moved):
-    """Return the same as `LARGEST`; clocks count with their change in the step."""
+def LARGEST(x, new, largest, counts, top, moved):
+    """Return the largest modulus of all components; clocks count with their change in the step."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -54,13 +48,8 @@ def LEAST_ALLOWED(top, rtol, smallest):
 
 
 @scalar_kernel
-def ALLOWED(new, largest, least, rtol):
+def ALLOWED(new, largest, least, moved, extra, rtol):
     """Return the inverse of the allowed error of a component."""
-    return {"inverse": 1.0 / larger(rtol * larger(abs(new), largest), least)}
-
-
-@scalar_kernel
-def ALLOWED_WITH_CLOCKS(new, largest, least, moved, extra, rtol):
     allowed = extra + larger(rtol * larger(abs(new), largest), least)
     return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 
@@ -94,15 +83,6 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
     """Return squared differences of h f and of x between the next state and the last column."""
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
-
-
-def kernels(has_atol, has_clocks):
-    """Return the kernels of the size of all components, and of the allowed error of a component."""
-    if has_atol:
-        return NO_SIZE, ALLOWED_WITH_ATOL
-    if has_clocks:
-        return LARGEST_WITH_CLOCKS, ALLOWED_WITH_CLOCKS
-    return LARGEST, ALLOWED
 
 
 def find_errors(code, own, sizes):

@@ -81,12 +81,6 @@ class ProgramFunction:
                     computed[number] = found[number]
                     for k in rows[number]:
                         to[k] = found[number]
-            copies = [(a, k) for a, k in given if type(a) is int and a < self.inputs]
-            if len(copies) > BLOCK:
-                sources, targets = map(text.constants, zip(*copies, strict=True))
-                for k in text.each(len(copies)):
-                    to[targets[k]] = x[sources[k]]
-                given = [(a, k) for a, k in given if isinstance(a, float) or a >= self.inputs]
             for begin in range(0, len(given), BLOCK):
                 if begin:
                     text.next_block()

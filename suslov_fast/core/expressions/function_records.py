@@ -81,7 +81,6 @@ def _of_logaddexp(a, b, y):
 
 _OF_LISTS = [
     _listed("exp", 1, lambda a, y: y),
-    _listed("exp2", 1, lambda a, y: math.log(2.0) * y),
     _listed("expm1", 1, lambda a, y: a.then("exp"), True),
     _listed("log", 1, lambda a, y: 1.0 / a),
     _listed("log2", 1, lambda a, y: (1 / math.log(2.0)) / a),
@@ -199,6 +198,7 @@ _MADE = [
     Function("multiply", 2, "", _product, sign="*"),
     Function("divide", 2, "fdiv", sign="/"),
     Function("power", 2, "", _power, sign="**"),
+    Function("exp2", 1, "", lambda a: Number(a.emit, 2.0).then("pow", a)),
     Function("floor_divide", 2, "", lambda a, b: (a / b).then("floor"), sign="//"),
     Function("remainder", 2, "", lambda a, b: a - b * (a / b).then("floor"), sign="%"),
     Function("positive", 1, "", lambda a: a),

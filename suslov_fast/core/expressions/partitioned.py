@@ -127,6 +127,8 @@ def _kind_of(name, of):
         if degree > 1:
             return None
         degree, has_exp = 2, True
+    elif name == "pow" and divisor.degree:  # like exp, of any degree
+        return None
     elif name == "fdiv" and not divisor.degree:
         pass
     elif (name == "fdiv" and not divisor.has_exp) or (name in _ROOTS and not has_exp):

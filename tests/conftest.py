@@ -1,4 +1,5 @@
 import gc
+import os
 import signal
 import sys
 from collections import defaultdict
@@ -75,6 +76,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
+    if config.option.markexpr != "slow":  # most tests compile fields, and take few steps
+        os.environ.setdefault("SUSLOV_FAST_OPT", "0")
 
 
 @pytest.fixture

@@ -103,13 +103,35 @@ def test_interpreted():
 @pytest.mark.compiled
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="another family")
 def test_a_cpu_without_extensions(tmp_path):
-    """It has neither wide registers nor fused operations, of which this machine has some."""
-    settings = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    """It has neither wide registers nor fused operations; fields are compiled at level 0."""
+    settings = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "SUSLOV_FAST_OPT": "0"}
     found, compiled = hashes(60, *REPEATED, **settings, NUMBA_CACHE_DIR=str(tmp_path))
     assert differing(found, REPEATED) == []
     assert any("steps" in name for name in compiled)
     # Texts of errors, which take seconds.
     assert [name for name in compiled if "shape_context" in name or "unicode" in name] == []
+
+
+MOTIONS = """
+    import numpy as np
+    import suslov_fast as sf
+
+    fields = {
+        lambda x: (x[1], 50 * (1 - x[0] ** 2) * x[1] - x[0]): "x v",
+        lambda x: (x[1], -np.sin(x[0]) - np.where(x[1] > 0, 0.1, 0.2)): "x v",
+        lambda x: (x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2): "x y p q",
+    }
+    bounce = sf.Event(lambda x: x[0] - 0.1, to=lambda x: [0.2, *x[1:]], direction="down")
+    for f, names in fields.items():
+        for x0 in np.full(len(names.split()), 0.3), np.full((5, len(names.split())), 0.3):
+            motion = sf.flow(f, x0, time=np.linspace(0, 9, 10), events=[bounce])
+            assert np.isfinite(motion.states).all() and motion.events.count.all()
+            print(motion.states.tobytes().hex(), motion.events.time.tobytes().hex())
+"""
+
+
+def test_motions_have_the_same_bits_at_each_level_of_optimization():
+    assert children.run(MOTIONS, SUSLOV_FAST_OPT="0") == children.run(MOTIONS, SUSLOV_FAST_OPT="2")
 
 
 if __name__ == "__main__":

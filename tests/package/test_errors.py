@@ -4,11 +4,8 @@ Words are free. Calls that compile kernels before they fail are in other files: 
 while another process compiles them.
 """
 
-import copy
 import json
 import math
-import pickle
-import platform
 import random
 import re
 from decimal import Decimal
@@ -24,7 +21,6 @@ from scipy.special import gamma
 
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, SuslovND, checks
-from suslov_fast.keywords import public
 
 NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
 OMEGA = [[1.0, 0.5], [0.2, 0.3]]
@@ -59,12 +55,6 @@ def field(f, dimension=2, **parameters):
     return lambda: Field(f, dimension, **parameters)
 
 
-def symbols(names):
-    import sympy  # takes long, and not every process that collects tests needs it
-
-    return sympy.symbols(names)
-
-
 def hamiltonian(H, dimension=2, *K, **parameters):
     return lambda: Field.from_hamiltonian(H, dimension, *K, **parameters)
 
@@ -87,14 +77,6 @@ def run(**given):
 def crossings(surface):
     """With so many steps that no call returns that takes one before it refuses."""
     return lambda: sf.crossings(SMOOTH, [1.0, 0.5], surface, time=1.0)
-
-
-def surface_with(**attributes):
-    def surface(x):
-        return x[..., 0]
-
-    vars(surface).update(attributes)
-    return surface
 
 
 def motion(system=SMOOTH, x0=(1.0, 0.5), **given):
@@ -124,7 +106,6 @@ def orbit(start=(1.0, 2.0), period=6.5, **given):
 TABLE = [
     (TypeError, "a", inertia(ID, "z"), field(lambda x, a: (a * x[0], 1), a="1"),
      lambda: sf.iterate(FIELD, [1, 0], 0.1, 10, a=2)),
-    (TypeError, r"Fraction\('1/3'\)", field(lambda x, a: (a * x[0], 1), a="1/3")),
     (ValueError, "a", lambda: SuslovND.from_mass_tensor(ID, [1, 2]), inertia(ID, [0, 1]),
      inertia(ID, [0, 0, 0]), field(lambda x, a: (a * x[0], 1), a=[NAN])),
     (TypeError, "attitude", run(body=FIELD, attitude=True)),
@@ -146,18 +127,15 @@ TABLE = [
     (ValueError, "events", lambda: sf.lyapunov_exponents(
         SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(lambda x: x[0] - 1, terminal=True))),
     (ValueError, "color", lambda: a_run().plot(color=[1, 2])),
-    (ValueError, "components", lambda: a_run().plot(0, 2), lambda: a_run().plot("run.png"),
-     lambda: sf.crossings(FIELD, [0.1, 0.2], "x1 - 9", time=0.1).plot("rho", "u")),
+    (ValueError, "components", lambda: a_run().plot(0, 2)),
     (ValueError, "constant", lambda: Field.from_terms(np.zeros((2, 2, 2)), None, [1])),
     (sf.NotIntegrableError, "criticality", lambda: ND.criticality([1, 2, 3], 0.1)),
     (TypeError, "derivatives", motion(derivatives=3)),
     (ValueError, "derivatives", motion(derivatives="c"), motion(derivatives=("x0", "x0"))),
     (TypeError, "names", field(2, lambda x: x),
      field(lambda x: (1,), 1.5)),
-    (ValueError, "names", changed(names=0), field(lambda x: (x[1], 1), r"\theta w"),
-     field(tuple, ""), hamiltonian(lambda x: x[0], 3), hamiltonian(lambda x: x[0], "x px y py"),
-     hamiltonian(lambda x: x[0], "q1 p1 q2 p2"),
-     field(lambda x: x, 0), field(lambda x: x, "u u")),
+    (ValueError, "names", field(lambda x: (x[1], 1), r"\theta w"), hamiltonian(lambda x: x[0], 3),
+     hamiltonian(lambda x: x[0], "x px y py"), field(lambda x: x, 0), field(lambda x: x, "u u")),
     (TypeError, "dims", lambda: a_run().to_xarray(3)),
     (ValueError, "dims", lambda: a_run().to_xarray("a")),
     (TypeError, "direction", section(direction="left")),
@@ -165,35 +143,23 @@ TABLE = [
      changed_by(times=[1.0], direction=1)),
     (TypeError, "eps", lambda: sf.integrability.kahan(FIELD, "eps")),
     (TypeError, "eps", exponents(), exponents(time=1.0, eps=0.1),
-     run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s")),
-     lambda: sf.integrability.cofactors(sf.integrability.kahan(FIELD), 1)[-1].subs({"x": 1}),
-     lambda: sf.compiled.system(BODY, "0.1")),
+     run(eps=[0.2, True]), run(eps=Decimal("0.01")), run(eps=np.timedelta64(1, "s"))),
     (ValueError, "eps", lambda: sf.compiled.system(BODY, [[0.1], [0.2]]),
      *(lambda eps=eps: sf.compiled.system(BODY, eps) for eps in (INF, 5e-324)),
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
     (ValueError, "extent", lambda: sf.plot_phase(BODY, 10, 4),
      lambda: sf.plot_phase(BODY, 0.1, OMEGA)),
     (TypeError, "f", motion(lambda t, y: -y), field(lambda x: (None, 1)), field(lambda *x: x),
-     field(None),
-     lambda: field([1, 2], [*symbols("u v")])()),
-    (TypeError, "^f", field(lambda x: (x[0] > 0 and x[1], x[1])),
-     field(lambda x: ((0 < x[0] < 1) * 1.0, x[1])), field(lambda x: (max(x[0], 0), x[1])),
-     field(lambda x: np.maximum(np.array(x), 0)), field(lambda x: np.heaviside(np.array(x), 0)),
-     field(lambda x: (int(x[0]), x[1])), field(lambda x: (round(x[0]), x[1])),
-     field(lambda x: (x["u"], x[1]), "u v"), field(lambda x: (x[0.5], x[1])),
-     field(lambda x: ("a", x[1])), field(lambda x: (np.sinc(x[0]), x[1])),
-     field(lambda x: (gamma(x[0]), x[1])), field(lambda x: np.fft.fft(x)),
+     field(None)),
+    (TypeError, "^f", field(lambda x: ((0 < x[0] < 1) * 1.0, x[1])),
+     field(lambda x: (max(x[0], 0), x[1])), field(lambda x: (int(x[0]), x[1])),
+     field(lambda x: (x["u"], x[1]), "u v"), field(lambda x: (gamma(x[0]), x[1])),
      field(lambda x: np.add(x, 1, out=np.zeros(2))), field(lambda x: np.exp(x, where=x > 0)),
-     field(lambda x: (x[x > 0], x[1])), field(lambda x: (sum(range(x[0])), x[1])),
-     field(lambda x: (x[0] & 1, x[1])), field(lambda x: (np.bitwise_and(x[0], 1), x[1])),
-     field(lambda x: (np.interp(x[0], [0, x[1]], [1, 2]), x[1])),
+     field(lambda x: (x[x > 0], x[1])), field(lambda x: (x[0] & 1, x[1])),
      field(lambda x: (np.interp(x[0], [1, 0], [1, 2]), x[1]))),
     (ValueError, "^f", field(lambda x: (x[0],)), field(lambda x: None),
      field(lambda x: (x[0] * random.random(), x[1])),
      field(lambda x, kept=[]: (kept.append(1) or len(kept) * x[0], x[1]))),
-    (TypeError, "lambdify", lambda: field(lambda x: (x[0] * symbols("a"), x[1]))(),
-     lambda: field(lambda x, a: (a * x[0], 1), a=symbols("a"))(),
-     lambda: BODY.first_integral(symbols("u v"), 0.1)),
     (ValueError, "f", field(lambda x: (x[0] * x[1], x[0]), 3),
      field(lambda x: (x[0] * x[2], x[0]))),
     (TypeError, "field", lambda: sf.integrability.kahan(SMOOTH),
@@ -202,8 +168,7 @@ TABLE = [
     (sf.NotIntegrableError, "first_integral", lambda: ND.first_integral([1, 2, 3], 0.1)),
     (TypeError, "H", hamiltonian(lambda q, p: q * p), hamiltonian(None),
      hamiltonian(lambda x: (x[0], x[1]))),
-    (ValueError, "equations", changed(HENON, H=[1.0]), changed(HENON, H="x1 +"),
-     changed(HENON, H=None), changed(HENON, equations=["x1"])),
+    (ValueError, "equations", changed(HENON, H="x1 +"), changed(HENON, equations=["x1"])),
     (ValueError, "I", lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]),
      lambda: SuslovND.from_mass_tensor([[1.0]]), inertia(np.eye(2)),
      inertia(np.triu(np.ones((3, 3)))), inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]),
@@ -221,8 +186,7 @@ TABLE = [
     (ValueError, "I3", body(I3=9e-51)),
     (IndexError, "index", lambda: BATCH[2]),
     (TypeError, "index", lambda: BATCH["a"]),
-    (ValueError, "indices", changed(names=["x"]), changed(indices=[[0.5], [0], [0]]),
-     changed(indices=[[0, 0, 0], [0, 0, 1]])),
+    (ValueError, "indices", changed(names=["x"]), changed(indices=[[0.5], [0], [0]])),
     (sf.NotIntegrableError, "invariant_density",
      lambda: sf.kahan.invariant_density(SuslovND(J=[1, 2, 3], I=[0.5, 0.5, 0]), [1, 2, 3], 0.1)),
     (ValueError, "J", lambda: SuslovND(J=[1, 0], I=[0.5, 1]),
@@ -230,22 +194,17 @@ TABLE = [
     (ValueError, "J and I", lambda: SuslovND(J=[1, 2], I=[1, 2, 3])),
     (TypeError, "K", hamiltonian(len, 3, len), hamiltonian(lambda x: x[0], 3, poisson=ID)),
     (TypeError, "k", rotor(k=None), lambda: Suslov3D.figure("1")),
-    (ValueError, "K", changed(HENON, K=[[0, 2], [2, 0]]),
-     changed(HENON, K={"indices": [[0], [2]], "values": [1]}),
-     hamiltonian(lambda x: x[0], 2, np.eye(2))),
-    (ValueError, "k", rotor(k=[1, 1e-70]), changed(HENON, k=1), lambda: Suslov3D.figure(5)),
+    (ValueError, "K", hamiltonian(lambda x: x[0], 2, np.eye(2))),
+    (ValueError, "k", rotor(k=[1, 1e-70]), lambda: Suslov3D.figure(5)),
     (ValueError, "levels", lambda: sf.plot_phase(BODY, 0.2, 4, levels=0)),
     (ValueError, "linear", lambda: Field.from_terms(np.zeros((2, 2, 2)), np.eye(3)),
-     lambda: Field.from_terms([[[1]]], [1, 2]),
      lambda: Field.from_terms([[[1]]], [[Fraction(1, 10**61)]]),
      lambda: Field.from_terms(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1)))),
     (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
     (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),
-    (ValueError, "method", lambda: BATCH.sel(I2=2, method="pad"),
-     hamiltonian(lambda x, method: 1, method=1),
-     run(method="rk4"), run(method=np.ones(2)), run(method="order4"),
+    (ValueError, "method", run(method="rk4"), run(method=np.ones(2)), run(method="order4"),
      lambda: sf.kahan.jacobian(ROTOR, [1, 0.5], 0.1, method="order6"),
      lambda: sf.compiled.system(ND, 0.1, method="order8")),
     (TypeError, "monomials",
@@ -266,16 +225,13 @@ TABLE = [
      run(body=BATCH, omega0=np.ones((4, 2)))),
     (ValueError, "on_singular", run(on_singular="stop"), ),
     (TypeError, "overwrite", lambda: a_run().save("run.npz", "yes")),
-    (TypeError, "p", field(lambda x, p: (p["k"] * x[0],), 1, p={"k": 2})),
     (TypeError, "parameters", lambda: Suslov3D.from_dict(json.dumps(BODY.to_dict())),
-     lambda: Suslov3D.from_dict("body.json"), lambda: FAMILY.parameters.__setitem__("rho", 3)),
-    (ValueError, "parameters", changed(HENON, parameters={"x": 1.0})),
+     lambda: FAMILY.parameters.__setitem__("rho", 3)),
     (TypeError, "path", lambda: a_run().save(None)),
     (ValueError, "path", lambda: a_run().save("run")),
     (ValueError, "period", orbit(period=[6.5, 6.6]), orbit(period=-6.5)),
     (ValueError, "periodic_orbit", orbit([[1.0, 2.0]])),
     (TypeError, "progress", run(progress=0), motion(progress=3)),
-    (ValueError, "q", changed(q=1)),
     (TypeError, "quadratic", lambda: Field.from_terms(lambda x: x),
      lambda: Field.from_terms([[["1"]]])),
     (ValueError, "quadratic",
@@ -284,14 +240,8 @@ TABLE = [
     (ValueError, "r", lambda: FAMILY.sel(r=20)),
     (TypeError, "rho", lambda: FAMILY["rho"]),
     (KeyError, "rho", lambda: FAMILY.sel(rho=21)),
-    (TypeError, "rtol", motion(rtol=None), *(
-        call  # also with the number that is the default
-        for rtol in (1e-6, 1e-9, 1 / 10**9, np.float64(1e-9), None, "1e-9")
-        for call in (
-            section(rtol=rtol, time=None, eps=0.1, steps=4),
-            lambda rtol=rtol: sf.lyapunov_exponents(FIELD, [1.0, 0.0], 0.1, 4, rtol=rtol),
-        )
-    )),
+    (TypeError, "rtol", motion(rtol=None),  # also the number that is the default
+     lambda: sf.lyapunov_exponents(FIELD, [1.0, 0.0], 0.1, 4, rtol=1e-9)),
     (ValueError, "rtol", motion(rtol=0), motion(rtol=NAN), orbit(rtol=0.5), section(rtol=0.0),
      exponents(time=1.0, rtol=1.0)),
     (KeyError, "run", lambda: a_run()["time"]),
@@ -304,29 +254,19 @@ TABLE = [
     (ValueError, "steps", run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0)),
     (TypeError, "stiff", motion(stiff="auto"), motion(stiff=np.ones(2))),
-    (TypeError, "surface", crossings(lambda x: None), crossings(27.0),
-     crossings(lambda x: math.sin(x[..., 0])), crossings(lambda t, x: x),
-     crossings(lambda x: x[..., 0] > 1),
-     crossings(lambda x: np.ma.masked_where(x[..., 0] > 1e9, x[..., 0])),
-     crossings(surface_with(terminal=True)), section(surface=lambda x: x[..., 0] > 0),
-      section(surface=[lambda x: x[..., 0], len, 3]),
-     section(surface=(1, 0.5))),
-    (ValueError, "surface",  crossings("Omega1 = 1"),
-     crossings("Omega3"), crossings("foo(Omega1)"),
-     crossings(lambda x: [a for a, b, c in [x]]), section(surface=())),
+    (TypeError, "surface", crossings(27.0), crossings(lambda x: math.sin(x[..., 0])),
+     crossings(lambda t, x: x), crossings(lambda x: x[..., 0] > 1)),
+    (ValueError, "surface",  crossings("Omega1 = 1"), crossings("Omega3")),
     (ValueError, "threads", motion(threads=0)),
     (ValueError, "surface or times", changed_by()),
     (ValueError, "surface", changed_by("x9"), changed_by("x1 +"), changed_by(lambda x: 1.0)),
-    (ValueError, "parentheses", changed_by("interp(x1, [0, 1], [0, 1]) - 0.5")),
-    (TypeError, "surface", changed_by(3.0), changed_by(lambda t, y: y[0]),
-     changed_by(lambda x: (x[0], x[1])), changed_by(lambda x: math.sin(x[0])),
-     changed_by(lambda x, a: x[0] - a), changed_by(surface_with(terminal=True))),
+    (TypeError, "surface", changed_by(3.0), changed_by(lambda x: (x[0], x[1])),
+     changed_by(lambda x, a: x[0] - a)),
     (TypeError, "times", changed_by(times=["a"])),
     (ValueError, "times of events", lambda: sf.flow(
         SMOOTH, np.zeros((3, 2)), time=1.0, events=sf.Event(times=np.ones((4, 2))))),
     (TypeError, "to", changed_by("x1", to={}), changed_by("x1", to=lambda x, a: (x[0], a))),
     (ValueError, "to", changed_by("x1", to=lambda x: (x[0],)), changed_by("x1", to=("x1",)),
-     changed_by("x1", to=3),
      changed_by("x1", to=("x1", "y")), changed_by("x1", to=lambda x: x * random.random())),
     (TypeError, "to_dict", lambda: sf.Event(lambda x: x[0]).to_dict()),
     (ValueError, "description", lambda: sf.Event.from_dict({"surface": "x1", "at": 1})),
@@ -337,8 +277,7 @@ TABLE = [
     (ValueError, "transient", section(transient=-1.0), exponents(time=1.0, transient=-1.0)),
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
     (ValueError, "which", lambda: sf.Field(lambda x, which: x, 1, which=1)),
-    (ValueError, "values", changed(values=["a", 1]), changed(values=[1, 2, 3]),
-     changed(values=[NAN, 1]), changed(values=[1e70, 1]), changed(values=[[1e70, 1]])),
+    (ValueError, "values", changed(values=[1, 2, 3]), changed(values=[1e70, 1])),
     (TypeError, "x", lambda: FAMILY[0](0.0, [1.0]), lambda: FIELD([True, 1]),
      lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1)),
     (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.energy([1, 2, 3])),
@@ -363,97 +302,7 @@ def test_bad_calls(exception, name, call):
     assert "\n" not in message
 
 
-def forced(t, x):
-    return [t + 0 * x[0]]
-
-
-def decay(x, k):
-    return (-k * x[0],)
-
-
-WAVE = sf.Field(lambda s: (-s[0] / 2 + 0 * s[1], 1.0), "x t")
-HALF = sf.Field(lambda x: (-x[0] / 2,), "x")
 PAIR = Field(lambda x: (x[1], -x[0] / 2), "u v")
-
-
-# First tries of users, what the error names, and the second try that it leads to, whose last
-# number is known.
-SECOND_TRIES = [
-    (lambda: sf.Field(forced, "x"),
-     r'lambda s: \(\*f\(s\[-1\], s\[:-1\]\), 1\.0\), "x t"\)',
-     lambda: sf.flow(sf.Field(lambda s: (*forced(s[-1], s[:-1]), 1.0), "x t"),
-                     [0.0, 1.0], time=2.0).states[..., 0], 4.0),
-    (lambda: sf.Field(lambda x, t: forced(t, x), "x"), r"pass lambda x: f\(x, 0\)",
-     lambda: sf.Field(lambda x: forced(0, x), "x")([3.0]), 0.0),
-    (lambda: sf.Field(lambda x, t: -x, "x", t=0.0), r'rate 1.*"x t"\).* x0',
-     lambda: sf.flow(WAVE, [3.0, 5.0], time=2.0).states, 7.0),
-    (lambda: sf.Field(decay, "x"), r"\bk=1\.0",
-     lambda: sf.Field(decay, "x", k=1.0)([3.0]), -3.0),
-    (lambda: sf.Field(decay, "x", kk=2.0), r"'kk', but k\b",
-     lambda: sf.Field(decay, "x", k=2.0)([3.0]), -6.0),
-    (lambda: sf.Field(lambda q, p: (p, -q), "q p"), r"lambda x: f\(\*x\)",
-     lambda: sf.Field(lambda x: (lambda q, p: (p, -q))(*x), "q p")([1.0, 2.0]), -1.0),
-    (field(lambda q, p, k: (p, -k * q), "q p", k=2.0), r"lambda x, \*\*p: f\(\*x, \*\*p\)",
-     lambda: field(lambda x, **p: (lambda q, p, k: (p, -k * q))(*x, **p), "q p", k=2.0)()([1.0, 0]),
-     -2.0),
-    (lambda: PAIR(u=1.0, v=2.0), "a dict", lambda: PAIR({"u": 1.0, "v": 2.0}), -0.5),
-    (field(lambda x: -x.q, "q"), r"x\[0\]", lambda: field(lambda x: -x[0], "q")()([2.0]), -2.0),
-    (field(lambda x, k: (k["a"] * x[0],), "x", k={"a": 2.0}), r"\*\*k, .*take a\b",
-     lambda: field(lambda x, a: (a * x[0],), "x", a=2.0)()([3.0]), 6.0),
-    (field(lambda x, k: (k[0] * x[0],), "x", k=[1.0, 2.0]), "p0=",
-     lambda: field(lambda x, p0, p1: (p0 * p1 * x[0],), "x", p0=1.0, p1=2.0)()([3.0]), 6.0),
-    (lambda: sf.Field(lambda x: np.fmod(x, 0.3), 1), r"x - y\*np\.trunc",
-     lambda: sf.Field(lambda x: x - 0.3 * np.trunc(x / 0.3), 1)([-0.5]),
-     math.fmod(-0.5, 0.3)),
-    (lambda: sf.Field(lambda x: np.linalg.solve(ID[:2, :2], x), 2), "mass=M",
-     lambda: sf.Field(lambda x: np.linalg.inv(ID[:2, :2]) @ x, 2)([1.0, 2.0]), 2.0),
-    (lambda: sf.flow(HALF, [3.0], time=2, dt=0.5), r"time=np\.arange",
-     lambda: sf.flow(HALF, [3.0], time=np.arange(0, 2.5, 0.5)).states, 3 * math.exp(-1)),
-    (lambda: sf.flow(HALF, [3.0], time=2, jumps=[(1, 1.0)]), r"events=Event\(times=.*, to=",
-     lambda: sf.flow(HALF, [3.0], time=2, events=sf.Event(times=1, to=lambda x: x + 1)).states,
-     3 * math.exp(-1) + math.exp(-0.5)),
-    (lambda: sf.flow(PAIR, [1, 0], time=9, events=len), r"Event\(len\)",
-     lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0], direction=0).time,
-     1.5 * math.pi * 2**0.5),
-    (lambda: sf.crossings(PAIR, [1, 0], time=[0, 9], surface=lambda x: x[..., 0]), "last number",
-     lambda: sf.crossings(PAIR, [1, 0], time=9, surface=lambda x: x[..., 0]).time,
-     1.5 * math.pi * 2**0.5),
-    (lambda: sf.iterate(FIELD, a_run(), 0.1, 1), r"states\[-1\]",
-     lambda: sf.iterate(FIELD, a_run().states[-1], 0.1, 1).states[-1]
-     - sf.iterate(FIELD, a_run().states[0], 0.1, 2).states[-1], 0.0),
-    (lambda: a_motion()(0.5), r"flow\(system, x0, time=t\)",
-     lambda: sf.flow(HALF, [3.0], time=2.0).states, 3 * math.exp(-1)),
-    (lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]")), r"\(time\) / np\.timedelta64",
-     lambda: sf.flow(HALF, [3.0], time=np.array([1, 2], "m8[s]") / np.timedelta64(1, "s")).states,
-     3 * math.exp(-1)),
-    (lambda: sf.flow(HALF, [3.0], time=2, derivatives=True), r"names, such as \('x0',\)",
-     lambda: sf.flow(HALF, [3.0], time=2, derivatives=("x0",)).derivatives["x0"], math.exp(-1)),
-    (lambda: SuslovND(J=[1.0, 2, 3, 4], I=[0.1, 0.2, 0.3]), r"J_i = I_ii \+ I_nn.*from_mass_tensor",
-     lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2, 3, 4])).J, 7.0),
-    (lambda: sf.Field(lambda x, p: p[0] * x[0], "x", parameters="mu"),
-     r"each by its name, as .*lambda x, a, b: \.\.\., names, a=1\.0",
-     lambda: sf.Field(lambda x, mu: mu * x[0], "x", mu=2.0)([3.0]), 6.0),
-    (hamiltonian(lambda q, p: (p @ p + q @ q) / 4, 4), r"lambda x: H\(x\[0:2\], x\[2:4\]\)",
-     lambda: hamiltonian(lambda x: (lambda q, p: (p @ p + q @ q) / 4)(x[0:2], x[2:4]), 4)()
-     ([0.0, 4.0, 0, 0]), -2.0),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("first", "said", "second", "value"), SECOND_TRIES)
-def test_what_an_error_says_works(first, said, second, value):
-    with pytest.raises((TypeError, ValueError, AttributeError), match=said):
-        first()
-    assert np.ravel(second())[-1] == pytest.approx(value, abs=1e-7)
-
-
-def test_whole_floats_are_integers():
-    assert run(steps=3.0)() == run(steps=3)()
-
-
-def test_one_variable_needs_no_brackets():
-    decay = sf.Field(lambda x: -x[0] / 2, "x")
-    assert decay == HALF
-    assert (sf.flow(decay, 3.0, time=2.0).states == sf.flow(HALF, [3.0], time=2.0).states).all()
 
 
 def test_states_by_name():
@@ -469,19 +318,6 @@ def test_states_by_name():
     assert pairs({"x1": 1.0, "x2": 2.0, "v1": 3.0, "v2": 4.0}).tolist() == [-1, -3, -2, -4]
     with pytest.raises(TypeError, match="u, v"):
         PAIR({"u": 1.0, "w": 2.0})
-
-
-def test_public_functions_stay_what_they_were():
-    assert pickle.loads(pickle.dumps(sf.iterate)) is sf.iterate is copy.deepcopy(sf.iterate)
-
-    @public
-    def raising(a=1):
-        raise TypeError("its own")
-
-    with pytest.raises(TypeError, match="its own"):
-        raising(a=2)
-    with pytest.raises(TypeError, match="steps"):
-        sf.iterate(BODY, [1, 0], 0.1)
 
 
 class WithUnit(np.ndarray):
@@ -542,16 +378,3 @@ def test_errors_that_tell_of_the_mathematics_have_one_base_class():
         assert type(told.value) is kind
     assert issubclass(sf.SingularStepError, ArithmeticError)
     assert issubclass(sf.NotIntegrableError, ValueError)
-    for wrong in (lambda: sf.iterate(blow_up, [1.0, 2.0], 1.0, 3), lambda: sf.step(1, [1.0], 1.0)):
-        with pytest.raises((ValueError, TypeError)) as told:
-            wrong()
-        assert not isinstance(told.value, sf.SuslovError)
-
-
-def test_versions_for_reports(capsys):
-    sf.show_versions()
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == f"suslov_fast {sf.__version__}"
-    assert lines[1] == f"python {platform.python_version()}"
-    assert f"numpy {np.__version__}" in lines
-    assert any(line.startswith("llvmlite ") for line in lines)

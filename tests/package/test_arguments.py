@@ -7,7 +7,6 @@ import numpy as np
 import pandas
 import pytest
 import xarray
-from numba import njit
 from samples import Tensor
 
 import suslov_fast as sf
@@ -23,21 +22,9 @@ def field(f, dimension=2, **parameters):
     return Field(f, dimension, **parameters)
 
 
-def test_a_compiled_function_is_traced():
-    assert field(njit(lambda x: (x[1], x[0] * x[0]))) == field(lambda x: (x[1], x[0] ** 2))
-
-
 def test_arrays_of_other_packages_are_welcome():
     assert (sf.step(BODY, Tensor(OMEGA), 0.1) == sf.step(BODY, OMEGA, 0.1)).all()
     assert field(lambda x, a: (a * x[0], 1), a=Tensor(2.0)).parameters == {"a": 2.0}
-
-
-def test_a_bad_call_changes_nothing():
-    out = np.full((4, 2, 2), 7.0)
-    for bad in ({"eps": NAN}, {"omega0": [1, INF]}, {"steps": True}):
-        with pytest.raises((TypeError, ValueError)):
-            sf.iterate(BODY, **{"eps": 0.2, "steps": 3, "out": out, **bad})
-        assert (out == 7).all()
 
 
 def test_values_at_the_ends_of_the_range():
@@ -77,12 +64,6 @@ def test_variables_of_our_datasets_are_arrays():
             BODY.energy(value)
 
 
-def test_lazy_arrays_are_computed():
-    dask = pytest.importorskip("dask.array")
-    assert (BODY.energy(dask.asarray(OMEGA)) == BODY.energy(OMEGA)).all()
-    assert Suslov3D(dask.asarray([4.0, 3.0]), 1, -0.5, -0.3).shape == (2,)
-
-
 # Without those that loops of users call: they are functions only where nothing is compiled.
 FUNCTIONS = [
     (f"{module.__name__}.{name}", getattr(module, name))
@@ -102,19 +83,6 @@ def test_body_and_state_are_positional_only(name, function):
     if name == "suslov_fast.iterate":
         with pytest.raises(TypeError, match=r"omega0.*the second argument"):
             function(BODY, omega0=OMEGA, eps=0.2, steps=3)
-
-
-def test_values_at_one_state_are_numbers():
-    body = sf.Suslov3D(4, 2, -0.5, -0.3)
-    for function in (
-        sf.Suslov3D.criticality,
-        sf.Suslov3D.first_integral,
-        sf.kahan.modified_energy,
-        sf.Suslov3D.rotation_number,
-    ):
-        assert isinstance(function(body, [1.0, 0.5], 0.1), np.float64), function
-    nd = sf.SuslovND(J=[2.0, 2.0, 2.0], I=[0.4, -0.7, 0.5])
-    assert isinstance(nd.criticality([1.0, 0.5, 0.2], 0.1), np.float64)
 
 
 def test_arrays_of_pandas_are_arrays():

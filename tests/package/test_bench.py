@@ -62,22 +62,3 @@ def test_a_comparison_of_nothing_fails(compared):
     """Of no case, of which the pools do not start, too."""
     status, text = compared(HERE, "-k", "no-case-has-this-name")
     assert (status, text.splitlines()[-1]) == (2, "no case was compared")
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_a_case_that_fails_in_one_tree_is_listed(compared, tmp_path):
-    """A revision without `flow`, beside one that has it: the cases that need it, and no other."""
-    for path in (HERE / "suslov_fast").iterdir():
-        (tmp_path / "suslov_fast" / path.name).parent.mkdir(exist_ok=True)
-        (tmp_path / "suslov_fast" / path.name).symlink_to(path)
-    start = tmp_path / "suslov_fast" / "__init__.py"
-    text = start.read_text(encoding="utf-8")
-    start.unlink()
-    start.write_text(text + '\ndel MODULE_OF["flow"]\n', encoding="utf-8")
-    status, text = compared(tmp_path, HERE, "-k", "calls-f", "--threshold", "100")
-    assert status == 2
-    assert text.endswith("0 slower than allowed\n\n1 failed in A\n  calls-flow\n")
-    status, text = compared(HERE, tmp_path, "-k", "changes-patients-flow")
-    assert status == 2
-    assert text.endswith("1 failed in B\n  changes-patients-flow\nno case was compared\n")

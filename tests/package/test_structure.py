@@ -194,23 +194,6 @@ def test_the_core_is_pure_numerics():
             assert modules <= {"suslov_fast", "numba", "numpy", "scipy", *PURE}
 
 
-def test_compiled_functions_assign_no_arrays_to_slices():
-    """Numba would compile the text of its error for other shapes, in seconds: write a loop."""
-    kinds = {"function", "formula", "inlined", "kernel", "for_users", "universal", "c_function"}
-    compiled = 0
-    for path in filter(is_core, TEXTS):
-        for each in (node for node in nodes_of(path) if isinstance(node, ast.FunctionDef)):
-            names = {ast.unparse(decorator).partition("(")[0] for decorator in each.decorator_list}
-            compiled += bool(names & kinds)
-            for node in ast.walk(each) if names & kinds else ():
-                if isinstance(node, ast.Assign) and any(
-                    isinstance(part, ast.Slice) for t in node.targets for part in ast.walk(t)
-                ):
-                    is_number = isinstance(node.value, (ast.Constant, ast.Attribute))
-                    assert is_number, (path, ast.unparse(node))
-    assert compiled > 100
-
-
 def test_arrays_live_longer_than_those_without_reference_counts():
     """Numba frees an array after its last use, which has to be `keep` where a function made it."""
     kept_somewhere = set()
@@ -231,31 +214,6 @@ def test_arrays_live_longer_than_those_without_reference_counts():
 def test_the_architecture_names_each_room_of_the_core():
     page = (Path(__file__).parents[2] / "docs/architecture.md").read_text("utf-8")
     assert re.findall(r"\n\| `core/(\w+)/`", page) == [*IN_CORE]
-
-
-def test_tests_name_no_private_attributes():
-    """But those of the core, and those that take a system apart."""
-    folder, ours = Path(__file__).parents[1], {"self", "cls"}
-    apart = {"_axes", "_field", "_is_solved", "_operations", "_parts", "_right_hand_sides"}
-    apart |= {"_with_parts"}
-    standard = apart | {"_asdict", "_replace", "_fields", "_repr_html_", "_repr_latex_"}
-    for path in {*folder.rglob("*.py")} - {*folder.glob("core/*")}:
-        names = []
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") not in ours:
-                names.append(node.attr)
-            elif isinstance(node, ast.ImportFrom):
-                names += [each.name for each in node.names]
-            elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "setattr":
-                named = [each.value for each in node.args if isinstance(each, ast.Constant)]
-                names += [str(each).rpartition(".")[2] for each in named]
-        assert {name for name in names if re.match("_[^_]", name)} <= standard, path
-
-
-def test_no_test_imports_another():
-    """What several of them take is in a file of its own, which pytest does not collect."""
-    for path in Path(__file__).parents[1].rglob("*.py"):
-        assert not re.search(r"^\s*(?:from|import) test_", path.read_text("utf-8"), re.M), path
 
 
 def test_files_that_workflows_name_exist():

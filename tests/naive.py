@@ -239,29 +239,6 @@ def rational_step_nd(J, I, eps, omega):
     return solve_affine(lambda v: dsn(J, I, Fraction(eps), omega, v), len(J), Fraction)
 
 
-def determinant_of_step_nd(J, I, eps, omega, following):
-    """det of the derivative of a step, in fractions: (15) is affine in each of the two states."""
-    J, I, *states = ([*map(Fraction, each)] for each in (J, I, omega, following))
-    value, determinants = dsn(J, I, Fraction(eps), *states), []
-    for k in (0, 1):
-        rows = []
-        for j in range(len(J)):
-            moved = [list(state) for state in states]
-            moved[k][j] += 1
-            after = dsn(J, I, Fraction(eps), *moved)
-            rows.append([a - b for a, b in zip(after, value, strict=True)])
-        determinants.append(determinant(rows))
-    return (-1) ** len(J) * determinants[0] / determinants[1]
-
-
-def determinant(rows):
-    """The determinant of a matrix of fractions, by expansion along the first row."""
-    if not rows:
-        return Fraction(1)
-    minors = ([row[:j] + row[j + 1 :] for row in rows[1:]] for j in range(len(rows)))
-    return sum((-1) ** j * rows[0][j] * determinant(m) for j, m in enumerate(minors) if rows[0][j])
-
-
 def parts_by_eigenvalue(J, I, omega):
     """For each eigenvalue of diag(J), in the order in which it first stands there:
 

@@ -112,8 +112,21 @@ def test_in_n_dimensions(rng, m):
 ALONG = [sf.SuslovND(J=[1.3, 2.1, 3.7], I=I) for I in np.diag([0.7, -1.3, 0.4])]
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, HENON_HEILES])
+SOME_EQUAL = [
+    ([2, 5, 2, 2, 2], [0, 0.75, 0, 0, 0]),
+    ([2, 2, 3], [1, 2, 0]),
+    ([5, 3, 3, 7], [1, 0, 0, 0]),
+    ([5, 5, 5, 3, 3], [2, 0, 0, 0, 0]),
+    # A distance from I has no sign, and an odd power.
+    ([2, 2, 2, 2], [1, -2, 2, 4]),
+    ([5, 5, 3, 3, 3], [0.5, -1, 0, 0, 0]),
+    ([2, 2, 7, 7, 7, 7], [0, 0, 0, 1, 2, -1]),
+]
+EQUAL = [sf.SuslovND(J=J, I=I) for J, I in SOME_EQUAL]
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("body", [sf.Suslov3D(4, 1, -0.5, -0.3), *ALONG, *EQUAL, HENON_HEILES])
 def test_densities_are_those_of_invariant_measures(rng, body):
     """rho(next) det DPhi = rho."""
     omega, eps = rng.normal(size=(9, body.dimension)), rng.uniform(-1, 1, 9)
@@ -121,7 +134,8 @@ def test_densities_are_those_of_invariant_measures(rng, body):
         sf.kahan.invariant_density(body, w, eps) for w in (omega, sf.step(body, omega, eps))
     )
     det = np.linalg.det(sf.kahan.jacobian(body, omega, eps))
-    np.testing.assert_allclose(after * det, before, rtol=1e-11)
+    ratio = after * det / before
+    np.testing.assert_allclose(abs(ratio) if body in EQUAL[4:] else ratio, 1.0, rtol=1e-11)
 
 
 def test_a_density_where_a_pivot_is_small():
@@ -141,20 +155,12 @@ def test_special_cases(body, unit):
     assert sf.kahan.invariant_density(unit, [0.0, 1.0], 0.3) == np.inf
     assert sf.kahan.invariant_density(ALONG[0], [0.5, 1.0, -0.25], 0.0) == -4
     assert sf.kahan.invariant_density(ALONG[1], [0.0, 1.0, 0.5], 0.3) == np.inf
-    assert (sf.Suslov3D(4, 1, -0.5, -0.25)([[0.375, -0.75], [0, 0]]) == 0).all()
     assert (sf.kahan.jacobian(body, [1, 2], 0) == np.eye(2)).all()
     assert (sf.kahan.jacobian(still, [1, 2], 0.3) == np.eye(2)).all()
     far_apart = sf.SuslovND(J=[0.6, 1.2, 0.8], I=[-0.95, 0.0, 0.0])  # terms in A that cancel
     assert sf.kahan.matrix(far_apart, [-0.86, -1e-12, 7e-6], 6e8)[0, 0] == 1
     constant = sf.Field.from_terms(np.zeros((2, 2, 2)), constant=[1, 2])
     assert constant([[5.0, 6.0]]).tolist() == [[1, 2]]
-    for function, eps in (
-        (lambda field, x: field(x), ()),
-        (sf.kahan.matrix, (0.1,)),
-        (sf.kahan.jacobian, (0.1,)),
-    ):
-        assert np.isnan(function(constant, [[np.nan, 6.0]], *eps)).all()
-    assert sf.Field.from_terms(np.zeros((2, 2, 2)))([5.0, 6.0]).tolist() == [0, 0]
 
 
 def test_out_of_range_there_is_a_warning_and_no_number(body):

@@ -5,9 +5,8 @@ import json
 import math
 import pickle
 import random
-import re
 from fractions import Fraction as F
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -29,12 +28,10 @@ from suslov_fast.integrability import (
     growth as growth_of,
     hk_bases,
     kahan,
-    polynomials,
     rational_map,
     report,
     zoo,
 )
-from suslov_fast.integrability.search import Search
 
 
 @functools.cache
@@ -121,35 +118,27 @@ def test_the_map_its_inverse_and_its_derivative(n):
     assert pickle.loads(pickle.dumps(symbolic.inverse)).inverse == symbolic != symbolic.inverse
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("letter", [pytest.param("h", marks=pytest.mark.slow), "λ"])
-def test_a_letter_in_the_coefficients(letter):
-    """What is found for it holds for its values; so do maps, inverses, formulas, and text."""
-    forward = f"lambda x, {letter}: (x[1], {letter} * (x[1] + 1) / (x[0] * ({letter} - 2)))"
-    backward = f"lambda x, {letter}: ({letter} * (x[0] + 1) / (x[1] * ({letter} - 2)), x[0])"
+def test_a_letter_in_the_coefficients():
+    """What is found for it holds for its values; so do maps, inverses and formulas."""
     map = rational_map(
-        Map(eval(forward), 2, **{letter: 1}), Map(eval(backward), 2, **{letter: 1}), letters=letter
+        Map(lambda x, λ: (x[1], λ * (x[1] + 1) / (x[0] * (λ - 2))), 2, λ=1),
+        Map(lambda x, λ: (λ * (x[0] + 1) / (x[1] * (λ - 2)), x[0]), 2, λ=1),
+        letters="λ",
     )
     assert pickle.loads(pickle.dumps(map)) == map
-    assert letter in repr(map)
     assert map.degenerate_eps == (0, 2)
     found, value, x = report(map), F(5, 3), (F(1, 2), F(3))
     assert (found.special_eps, found.planar.proved) == ((0, 2), True)
-    assert f"at {letter} = 0, 2." in repr(found)
-    at_number = map.subs(**{letter: value})
-    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs(**{letter: "5/3"})((1, 2))
-    assert tuple(f.subs(**{letter: value})([]) for f in map((1, 2))) == at_number((1, 2))
+    at_number = map.subs(λ=value)
+    assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs(λ="5/3")((1, 2))
+    assert tuple(f.subs(λ=value)([]) for f in map((1, 2))) == at_number((1, 2))
     assert at_number.inverse(at_number(x)) == x
     (integral,) = found.integrals
-    assert integral.letter == letter in str(integral)
-    named = {letter: value}
-    assert integral(at_number(x), **named) == integral(x, **named) == integral.subs(**named)(x)
-    assert_holds(report(at_number), at_number, x)
+    assert integral.letter == "λ" in str(integral)
+    assert integral(at_number(x), λ=value) == integral(x, λ=value) == integral.subs(λ=value)(x)
     assert degrees(map, 9) == degrees(at_number, 9)
-    bases = hk_bases(map, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (1, 2), (2, 0), (0, 2)])
-    assert bases.complete
     with pytest.raises(ArithmeticError, match="no map"):
-        map.subs(**{letter: 2})
+        map.subs(λ=2)
 
 
 # Degrees and their growth.
@@ -190,24 +179,14 @@ def test_growth_of_sequences(sequence, kind, entropy):
     assert found.entropy == pytest.approx(entropy, abs=1e-14, nan_ok=True)
 
 
-# Maps of three lines whose singularities are confined late: exponents, degrees, entropy.
-LATE = {
-    (2, 2): ([2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856, 3649, 7174, 14104], 0.6759746921),
-    (F(5, 2), F(5, 2)): ([2, 4, 8, 16, 32, 64, 127, 252, 500, 992, 1968, 3904], 0.684905),
-    (F(5, 2), F(1, 2)): ([2, 4, 8, 16, 31, 60, 116, 224, 431, 829, 1594, 3064], 0.653433),
-}
-
-
-@pytest.mark.parametrize("exponents", LATE)
-def test_a_singularity_that_is_confined_late(exponents):
+def test_a_singularity_that_is_confined_late():
     """From the step of confinement on all degrees obey a recurrence for a while, by accident."""
-    sequence, entropy = LATE[exponents]
+    # Exponents (2, 2) of the maps of three lines.
+    sequence = [2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856, 3649, 7174, 14104]
     for n in range(8, len(sequence) + 1):
-        found = growth_of(sequence[:n], planar=True)
-        if {*sequence[:n]} != {2**k for k in range(1, n + 1)}:  # of these nothing else can be said
-            assert math.isnan(found.entropy) or found.entropy == pytest.approx(entropy, abs=1e-6)
-    exact = growth_of(LATE[2, 2][0])
-    assert exact.entropy == pytest.approx(0.6759746921034222, abs=1e-14)
+        found = growth_of(sequence[:n], planar=True).entropy
+        assert math.isnan(found) or found == pytest.approx(0.6759746921034222, abs=1e-6)
+    assert growth_of(sequence).entropy == pytest.approx(0.6759746921034222, abs=1e-14)
 
 
 def test_recurrences_that_are_refused():
@@ -426,22 +405,10 @@ def test_a_map_without_inverse_and_no_map():
     assert report(nowhere).special_eps == (-1, 1)
 
 
-LINES = from_hamiltonian(
-    lambda x: (
-        -4 * (x[0] ** 2 * x[1] + 2 * x[0] * x[1] ** 2 + x[1] ** 3 + x[0] + x[1])
-        - 8 * x[0] ** 2
-        - 18 * x[0] * x[1]
-        - 10 * x[1] ** 2
-    ),
-    2,
-)
-
-
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("field", "eps"),
     [
-        pytest.param(LINES, 1, marks=pytest.mark.slow),
         (Field(lambda x: (x[0], 2 * x[1]), 2), -1),
         (Field(lambda x: (x[0], 2 * x[1]), 2), 2),
         pytest.param(
@@ -463,20 +430,11 @@ def test_degenerate_step_sizes(field, eps):
     for a in listed:
         with pytest.raises((ZeroDivisionError, AssertionError)):
             assert kahan(field, a).determinant(x) != 0
-    with pytest.raises(ArithmeticError):  # the image consists of poles
-        degrees(kahan(LINES, 1), 3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("with_relations", [pytest.param(True, marks=pytest.mark.slow), False])
-def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
-    """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them.
-
-    Relations between monomials give them, and so do Darboux polynomials of higher degree.
-    """
-    if not with_relations:
-        monkeypatch.setattr(Search, "quotients_of_relations", lambda self, k: ())
-        monkeypatch.setattr(Search, "integrals_between_few_monomials", lambda self, k: ())
+def test_integrals_with_irrational_coefficients():
+    """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them."""
 
     def nambu(x):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
@@ -536,44 +494,7 @@ def test_systems_of_the_zoo_have_the_integrals_of_the_literature(name, rng):
         np.testing.assert_allclose(along, 0.0, atol=1e-13)
 
 
-@pytest.mark.slow
-def test_names_of_variables():
-    """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
-    names = "S", "ω_1", "x"
-    other = Field(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], names)
-
-    def plain(thing):
-        text = polynomials.decoded(repr(thing))
-        for k, name in enumerate(names, start=1):
-            text = re.sub(rf"\b{name}\b(?! ->)", f"x{k}", text)
-        return text.replace("x3 ->", "x ->")
-
-    found, expected = report(other, degree=2), reported(CYCLE, None, 2)
-    assert r"ω_{1}" in found.integrals[1]._repr_latex_()
-    pairs = [(found, expected), (hk_bases(kahan(other), 3), hk_bases(kahan(CYCLE), 3))]
-    for mine, there in zip(found.polynomials, expected.polynomials, strict=True):
-        pairs += [
-            (P, Q) for P, Q in ((mine, there), (mine.subs(eps=F(1, 3)), there.subs(eps=F(1, 3))))
-        ]
-        pairs += [(P.cofactor, Q.cofactor) for P, Q in pairs[-2:]]
-    assert [plain(mine) for mine, _ in pairs] == [repr(there) for _, there in pairs]
-
-
 # Numbers, limits and bad input.
-
-
-@pytest.mark.slow
-def test_decimals():
-    """5 Omega1 + 3 Omega2 is the line of steady states of the body of the README."""
-    body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    found = report(body, eps=0.2)
-    assert "5*Omega1 + 3*Omega2" in {str(P) for P in found.polynomials}
-    assert found.map.eps == F(1, 5)
-    assert found.map == kahan(body, 0.2) == kahan(body, F(1, 5))
-    binary = F(47205641, 2**19)  # its digits are too many to be a decimal
-    for number in (binary, F(8, 3), F(-1, 3), F(1234, 999), F(2, 3) * 10**6):
-        assert kahan(Field.from_terms([[[0.0]]], [[float(number)]])).terms.values == number
-    assert_holds(found)
 
 
 def test_fractions_of_a_body_are_exact():
@@ -631,10 +552,6 @@ def test_a_hamiltonian_that_was_not_given():
         energy = kahan(Field(reordered, 4)).hamiltonian
         points = ([F(a, 3) for a in each] for each in ((1, 2, 5, -1), (2, -7, 1, 4)))
         assert len({value(energy, (1, *x)) / H(*(x[k] for k in order)) for x in points}) == 1
-    found = report(Field(reordered, 4), eps=EPS, degree=1)
-    assert [each.degree for each in found.integrals] == [4]
-    assert_holds(found)
-    assert found.measures
     energy = kahan(Field(lambda x: (x[0] * x[1], -(x[1] ** 2) / 2), 2)).hamiltonian
     assert str(energy) == "x1*x2^2"
     for field in (PREY, CYCLE, FORCED):
@@ -658,28 +575,13 @@ def test_a_hamiltonian_that_was_not_given():
     ],
 )
 def test_reversing_symmetries(field, symmetries):
-    """They take the map to its inverse, and no other signed permutation does."""
+    """They take the map to its inverse."""
     found = report(field, eps=EPS, degree=1)
     assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
     assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
-    now, n = found.map, field.dimension
-    x = [F(2 * k + 3, 7) for k in range(n)]
+    now = found.map
+    x = [F(2 * k + 3, 7) for k in range(field.dimension)]
     assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
-    for order in permutations(range(n)):
-        for signs in product((1, -1), repeat=n):
-            S = [[s * (j == k) for j in range(n)] for s, k in zip(signs, order, strict=True)]
-            if any(
-                sum(S[i][k] * S[k][j] for k in range(n)) != (i == j)
-                for i in range(n)
-                for j in range(n)
-            ):
-                continue
-            y = [sum(map(math.prod, zip(row, x, strict=True))) for row in S]
-            rates = exactly(now.terms, x)
-            image = [-sum(map(math.prod, zip(row, rates, strict=True))) for row in S]
-            assert (exactly(now.terms, y) == image) == any(
-                [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
-            )
 
 
 @pytest.mark.slow
@@ -706,60 +608,34 @@ class Quantity(float):
     ("error", "argument", "call"),
     [
         (ValueError, "field", lambda: kahan(Suslov3D([1, 2], 1, 0, 1)._field, 1)),
-        (TypeError, "eps", lambda: kahan(CUBIC, [1])),
         (TypeError, "eps", lambda: kahan(CUBIC, Quantity(1))),
-        (ValueError, "eps", lambda: kahan(CUBIC, "1/0")),
         (ZeroDivisionError, r"\(1\)", lambda: kahan(Field.from_terms([[[1]]]), 1)([1])),
         (TypeError, "eps", lambda: kahan(CUBIC).jacobian([1, 2])),
-        (TypeError, "eps", lambda: reported(BODY).integrals[0]([1, 2])),
         (TypeError, "map", lambda: degrees(len, 3)),
         (ValueError, "n", lambda: degrees(MAP, -1)),
-        (TypeError, "degrees", lambda: growth_of(CUBIC)),
         (TypeError, "degrees", lambda: growth_of([1, 2.5])),
-        (ValueError, "degrees", lambda: growth_of([1, -2])),
-        (TypeError, "planar", lambda: growth_of([1, 2], planar=2)),
         (ValueError, "monomials .* 30 .*999", lambda: hk_bases(MAP, 999)),
-        (TypeError, "monomials", lambda: hk_bases(MAP, 2.5)),
-        (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0), (1, 0)])),
         (ValueError, "monomials", lambda: hk_bases(MAP, [(1, 0, 0)])),
-        (ValueError, "degree", lambda: report(BODY, eps=EPS, degree=0)),
         (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
         (ValueError, "eps", lambda: report(MAP, eps=EPS)),
         (TypeError, r"report.* as degree=2", lambda: report(BODY, 2)),
         (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=3)),
-        (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, "x")),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
-        (TypeError, "map", lambda: rational_map(lambda x: x)),
         (TypeError, "map", lambda: rational_map(Map(lambda x: (np.sin(x[0]), 1), 2))),
         (ValueError, "map", lambda: rational_map(Map(lambda x: (1 / (x[0] - x[0]), 1), 2))),
-        (TypeError, "map", lambda: rational_map(Map(lambda x: (x[0] ** 0.5, 1), 2))),
         (ValueError, "inverse", lambda: rational_map(SWAP, Map(lambda x: x, 2))),
-        (ValueError, "inverse", lambda: rational_map(SWAP, Map(lambda x: x, 3))),
-        *((ValueError, "letters", lambda a=a: rational_map(SWAP, letters=a)) for a in (3, "x1")),
-        (
-            *(ValueError, "inverse .*not the inverse"),  # its denominator is 0 everywhere
-            lambda: rational_map(
-                Map(lambda x: (x[0], 1 - x[0]), 2), Map(lambda x: (1 / (x[0] + x[1] - 1), x[1]), 2)
-            ),
-        ),
-        (TypeError, "h", lambda: OF_H.subs(q=2)),
+        (ValueError, "letters", lambda: rational_map(SWAP, letters="x1")),
         (TypeError, "h", lambda: OF_H.subs()),
-        (ValueError, "h", lambda: OF_H.subs(h="x")),
         (ValueError, "h", lambda: OF_H.subs(h=math.nan)),
-        (TypeError, ".*no letter", lambda: LYNESS.subs(h=1)),
         (TypeError, ".*quotient", lambda: report(Map(np.sin, "x"))),
-        (TypeError, ".*quotient", lambda: degrees(Map(lambda x: x**0.5, "x"), 3)),
         (ValueError, ".*a single one", lambda: report(Map(lambda x, a: a * x, 1, a=[1, 2]))),
         (ValueError, ".*left out", lambda: report(SWAP, eps=0.1)),
         (TypeError, ".*iterate", lambda: kahan(SWAP)),
         (ValueError, ".*names of its", lambda: report(SWAP, letters="b")),
         (ValueError, ".*I1, I2", lambda: report(BODY, letters="I4")),
         (ValueError, ".*eps", lambda: report(BODY, letters="I1", eps=1)),
-        (ValueError, ".*I1, I2", lambda: report(BODY, letters=3)),
         (ValueError, ".*single", lambda: report(Suslov3D([4, 3], 1, -0.5, 0), letters="I1")),
-        (ValueError, ".*none", lambda: report(Field(lambda x: (x[0],), 1), letters="a")),
         (TypeError, ".*letters", lambda: report(ROOT, letters="a")),
-        (TypeError, ".*map", lambda: report(LYNESS, letters="a")),
     ],
 )
 def test_bad_input(error, argument, call):
@@ -776,18 +652,18 @@ def test_the_normal_form_at_a_number_is_that_of_a_symbolic_eps():
 
 def test_functions_along_orbits_are_floats():
     """Integrals at the states of a run are arrays; at one point they are fractions."""
-    field = Field(lambda x: (x[1] * x[2], -2 * x[0] * x[2], x[0] * x[1]), 3)
-    found = report(field, degree=2)
-    run = iterate(field, [[0.1, 0.2, 0.3], [0.3, 0.1, 0.2]], 1 / 8, 40)
+    field = Field(lambda x: (x[1], 6 * x[0] ** 2), 2)
+    found = report(field, degree=3)
+    run = iterate(field, [[0.1, 0.2], [0.3, 0.1]], 1 / 8, 3)
     for f in (*found.integrals, *found.measures, *found.polynomials):
         values = f(run.states, eps=F(1, 8))
-        assert (values.shape, values.dtype) == ((41, 2), float)
+        assert (values.shape, values.dtype) == ((4, 2), float)
         assert values[3, 1] == pytest.approx(
             float(f(run.states[3, 1].tolist(), eps=F(1, 8))), rel=1e-13
         )
     for f in found.integrals:
-        assert np.ptp(f.subs(eps=F(1, 8))(run.states[:, 0])) < 1e-15
+        assert np.ptp(f.subs(eps=F(1, 8))(run.states[:, 0])) < 1e-14
         with pytest.raises(ValueError, match=r"shape \(\.\.\., \d\)"):
-            f(run.states[..., :2], eps=F(1, 8))
+            f(run.states[..., :1], eps=F(1, 8))
     huge = found.integrals[0] * 10**400 / 10**399
     np.testing.assert_allclose(huge(run.states, eps=1), 10 * found.integrals[0](run.states, eps=1))

@@ -26,7 +26,7 @@ from suslov_fast.integrability import (
     singular_orbits,
     zoo,
 )
-from suslov_fast.integrability.contracted_curves import Passage, Plane
+from suslov_fast.integrability.contracted_curves import Plane
 from suslov_fast.integrability.degrees_of_iterates import agreed_degrees
 from suslov_fast.integrability.singular_orbits import has_no_zero
 
@@ -180,23 +180,6 @@ def test_zeros_of_recurrences(q, s):
                 terms.append(q * terms[-1] + s * terms[-2])
             assert has_no_zero(a, b, q, s) == (0 not in terms)
     assert has_no_zero(3, 2, 0, -1) is False  # of finite order, so it is not decided
-
-
-@pytest.mark.slow
-def test_a_wrong_passage_is_no_proof():
-    map = kahan(*ZOO["Nahm, octahedral"])
-    plane = Plane(map)
-    passages = planar.passages_across(plane, 80)
-    for number, right in enumerate(passages):
-        assert contracted_curves.is_proved(plane, number, right)
-        longer = Passage(
-            (0, *right.common_orders), (right.curve_orders[0], *right.curve_orders), right.steps + 1
-        )
-        *before, last = right.curve_orders
-        tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
-        for wrong in (longer, tangent, right._replace(steps=None)):
-            assert not contracted_curves.is_proved(plane, number, wrong)
-        assert singular_orbits.why_never(plane, number, longer) == ""
 
 
 def test_a_wrong_order_is_no_proof():

@@ -117,15 +117,15 @@ MOTIONS = """
     import suslov_fast as sf
 
     fields = {
-        lambda x: (x[1], 50 * (1 - x[0] ** 2) * x[1] - x[0]): "x v",
+        lambda x: (x[1], 5 * (1 - x[0] ** 2) * x[1] - x[0]): "x v",
         lambda x: (x[1], -np.sin(x[0]) - np.where(x[1] > 0, 0.1, 0.2)): "x v",
         lambda x: (x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2): "x y p q",
     }
-    bounce = sf.Event(lambda x: x[0] - 0.1, to=lambda x: [0.2, *x[1:]], direction="down")
+    bounce = sf.Event(lambda x: x[0] - 0.1, to=lambda x: [x[0], *(-each for each in x[1:])])
     for f, names in fields.items():
         for x0 in np.full(len(names.split()), 0.3), np.full((5, len(names.split())), 0.3):
             motion = sf.flow(f, x0, time=np.linspace(0, 9, 10), events=[bounce])
-            assert np.isfinite(motion.states).all() and motion.events.count.all()
+            assert np.isfinite(motion.states).all() and motion.events.count.all(), motion
             print(motion.states.tobytes().hex(), motion.events.time.tobytes().hex())
 """
 

@@ -24,6 +24,7 @@ from .motions.events import checked_events
 from .motions.flow import flow
 from .motions.motion_arguments import either_map_or_motion
 from .orbits.iterate import iterate
+from .results.frames import to_xarray
 from .status import IntegrationWarning, Status
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def ensemble(
             count = 1 + 8 * len(empty.states) * math.prod(batch) * system.dimension // _BYTES
         length = math.ceil(N / count)
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
-        whole, encoding = _whole(empty.to_xarray(names), given, N, length)
+        whole, encoding = _whole(to_xarray(empty, names), given, N, length)
         run = {k: _digest(value) for k, value in given.items() if k != "threads"}
         whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
         status = _prepared(store, whole, encoding)
@@ -298,7 +299,7 @@ def _write(
     """Compute chunk k, and write it to the store, the status last; return its place."""
     system, x0 = given.pop("system"), given.pop("x0")
     states = checks.states(f"x0({k})", x0(k), system._labels) if callable(x0) else x0
-    data = function(system, states, **given).to_xarray(names)
+    data = to_xarray(function(system, states, **given), names)
     if data.sizes[_AXIS] != where.stop - where.start:
         raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")
     data = data.drop_vars({*data.variables} - {*columns})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,10 @@ from ..checks import FloatArray, common_shape, short, warn, wrong
 from ..core.expressions.event_formulas import EventAction, in_order_of_code
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
-from ..keywords import public
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event, field_of, traced
-
-if TYPE_CHECKING:
-    import xarray
-
 
 _DERIVATIVES = [column.name for column in OF_EVENTS if column.when]
 _NEAR = 2.0**-16  # part of the size of x0, at which surfaces are looked at near it
@@ -143,11 +138,7 @@ class Events(Result):
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Events:
         given = tuple(Event.from_dict(each) for each in about["events"])
-        events = cls._of(attributes | {"_given": given})
-        size, numbers = events.count.size, events.trajectory * len(given) + events.which
-        if not np.array_equal(np.bincount(numbers, minlength=size), events.count.ravel()):
-            raise ValueError("count is not that of the events")
-        return events
+        return cls._of(attributes | {"_given": given})
 
     def __eq__(self, other: Any) -> bool:
         are_equal = super().__eq__(other)
@@ -160,10 +151,6 @@ class Events(Result):
     def _batch(self) -> tuple[int, ...]:
         return self.count.shape[:-1]
 
-    @property
-    def _heading(self) -> str:
-        return str(self._titles["title"])
-
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
         own = self.trajectory == np.ravel_multi_index(index, self._batch)
@@ -172,11 +159,9 @@ class Events(Result):
                 attributes[column.name] = values[own]
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
-    def _at_events(self, values: Any, axes: int = 0) -> Any:
-        """Return the values (...) of the trajectories of all events; a value has `axes` axes."""
-        inner = values.shape[values.ndim - axes :]
-        by_trajectory = np.broadcast_to(values, (*self._batch, *inner)).reshape(-1, *inner)
-        return by_trajectory[self.trajectory]
+    def _at_events(self, values: Any) -> Any:
+        """Return the values (...) of the trajectories of all events."""
+        return np.broadcast_to(values, self._batch).ravel()[self.trajectory]
 
     def __repr__(self) -> str:
         count = ", ".join(map(str, self.count.reshape(-1, len(self._given)).sum(axis=0).tolist()))
@@ -184,38 +169,6 @@ class Events(Result):
         time = f"{times.min():g} to {times.max():g}" if times.size else "none"
         ended = ended_in_words(self.status)
         return f"Events({states}, time: {time}, count: {count}{ended})"
-
-    @public
-    def to_xarray(self) -> xarray.Dataset:
-        """Return a labelled dataset of all events, as :meth:`Motion.to_xarray` does of states.
-
-        Dimensions: "event" and "component". Coordinates along "event": `trajectory`, `which`,
-        `time`, and parameters of the system that vary:
-        ``data.where(data.rho > 24.74, drop=True)``.
-        """
-        from ..results.frames import events_to_xarray
-
-        return events_to_xarray(self)
-
-    @public
-    def plot(
-        self,
-        *names: int | str,
-        color: Any = None,
-        title: str | bool | None = None,
-        ax: Any = None,
-        label: str | None = None,
-    ) -> Any:
-        """Draw the points, as :meth:`Trajectories.plot` does states: ``events.plot("y", "py")``.
-
-        By default the components are the first two that vary; of a canonical Hamiltonian field a
-        coordinate and its momentum. `color` may also be "trajectory", "which" or "time", or a
-        number for each point (K,). Of more than 1,000,000 points it draws as many, chosen at
-        random.
-        """
-        from ..results import figures  # which imports Matplotlib
-
-        return figures.plot_events(self, names, color, title, ax, label)
 
 
 # ---------------------------------------------------------------------- lists of events for motions

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.systems import BodyOrField
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray
 from ..results.result import States
 from ..results.schema import OF_EVENTS
 from ..status import ended_in_words
@@ -92,10 +92,7 @@ class Motion(States):
         motion = cls._of(attributes | {"events": None})
         if not given and count is None:
             return motion
-        events = events_of(parts, given, motion)
-        if not np.array_equal(events.count, count):
-            raise wrong("count", "that of the events", short(count.tolist()))
-        return cls._of(attributes | {"events": events})
+        return cls._of(attributes | {"events": events_of(parts, given, motion)})
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
@@ -120,17 +117,6 @@ class Motion(States):
         if not len(self.time):
             raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]
-
-    _is_whole = True
-
-    @property
-    def _heading(self) -> tuple[str, str, int]:
-        last = max(self.time, key=abs, default=0.0)
-        return self._titles["title"], f"to t = {last:g}", len(self.time)
-
-    def _in_order(self) -> Motion:
-        order = np.argsort(self.time, kind="stable")
-        return replace(self, states=self.states[order], time=self.time[order])
 
     def __repr__(self) -> str:
         time = self.time

@@ -81,17 +81,6 @@ class Trajectories(States):
     save_every: int | None
     attitude: FloatArray | Any = None  # `Any`, so that type checkers ask for no test of None
 
-    @property
-    def _is_whole(self) -> bool:
-        return bool(self.n[-1] == len(self.states) - 1)
-
-    @property
-    def _heading(self) -> tuple[str, str, int]:
-        from ..results.figures import titled
-
-        N = int(self.n[-1])
-        return titled(self), f"of {N:,} steps", N + 1
-
     @cached_property
     def n(self) -> NDArray[np.int64]:
         """Step numbers of the saved states, shape (n_saved,): 0, save_every, 2 save_every, ..."""

@@ -139,7 +139,7 @@ def plot_phase(
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
     >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
     """
-    from ..results.figures import COLOURS, axes_for, spelled
+    from ..results.figures import COLOURS, axes_for
 
     extent = positive("extent", extent)
     if not isinstance(body, Suslov3D):
@@ -174,7 +174,7 @@ def plot_phase(
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={spelled(eps)}$"
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
     axes.set_title(moments + (", " if ax is None else "\n") + products, fontsize="small")
     if ax is None:

@@ -35,17 +35,6 @@ class Result:
     status: Any
     _called: ClassVar[str] = "a run"  # in messages
 
-    @property
-    def _titles(self: Any) -> dict[str, str]:
-        """The attributes of datasets that describe the result; titles of plots begin with them."""
-        if (map := vars(self).get("map")) is None:
-            return {"title": f"Motion of a {type(self.body).__name__}"}
-        return {"title": map.title, "map": map.name}
-
-    @property
-    def _meaning(self) -> str:
-        return "state" if self.body._variable == "x" else "angular velocity"
-
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
         arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
@@ -204,14 +193,7 @@ class Result:
 
 
 class States(Result):
-    """The base of `Trajectories` and `Motion`, which have states with time on the first axis.
-
-    For plots they have `_is_whole`, whether states follow one another, and `_heading`: what they
-    are, how far orbits go, and the number of states of one.
-    """
-
-    _is_whole: Any
-    _heading: Any
+    """The base of `Trajectories` and `Motion`, which have states with time on the first axis."""
 
     @public
     def energy(self) -> FloatArray:
@@ -232,10 +214,9 @@ class States(Result):
     @public
     def plot(
         self,
-        *names: int | str | Sequence[int | str],
+        *names: int | str,
         lines: bool | None = None,
         color: Any = None,
-        title: str | bool | None = None,
         ax: Any = None,
         label: str | None = None,
     ) -> Any:
@@ -249,18 +230,15 @@ class States(Result):
         *names : int or str
             The components to draw, by default the first two: two or three indices or labels, or
             "time", as in ``run.plot("time", "x1")``; three are drawn in space. ``run.plot("x1")``
-            draws one over time, ``run.plot("time")`` all, and
-            ``run.plot("time", ("x1", "x3"))`` these.
+            draws one over time, ``run.plot("time")`` all.
         lines : bool, optional
-            Whether to join consecutive states, those of a motion in the order of time; by default
-            if all states of a run are saved, at most 100,000, and they lie close together.
+            Whether to join consecutive states; by default if they are at most 100,000, and lie
+            close together.
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, or else the colours of Matplotlib one after another,
             with a legend of up to 8 orbits; several components over time have a colour each.
             ``color=run.energy()[0]`` shows levels.
-        title : str or bool, optional
-            True: the map, or the tolerance, and the number of orbits. By default none.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default axes of a new figure.
         label : str, optional
@@ -284,8 +262,7 @@ class States(Result):
         count = len(self.states)
         if count < 3 and self.status.size == 1 and "map" not in vars(self):
             warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
-        given = names or (0, 1)
-        return figures.plot_run(self._in_order(), given, lines, color, title, ax, label)
+        return figures.plot_run(self, names or (0, 1), lines, color, ax, label)
 
     @public
     def member(self, k: int | tuple[int, ...], /) -> Self:
@@ -325,45 +302,30 @@ class States(Result):
         places = tuple(number % n for number, n in zip(numbers, batch, strict=True))
         return self._of(self._members(places))
 
-    def _in_order(self) -> Any:
-        """Return the run with its states in the order of time."""
-        return self
-
     @public
-    def to_xarray(self, dims: str | Sequence[str] | None = None) -> xarray.Dataset:
+    def to_xarray(self) -> xarray.Dataset:
         """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
-
-        Parameters
-        ----------
-        dims : str or sequence of str, optional
-            Names of the batch axes. By default that of the first named parameter of a field that
-            varies along the axis alone; without one "trajectory", or "batch_0", "batch_1", ... An
-            axis with the name of a parameter, or "eps", has its values as the coordinate:
-            ``data.sel(eps=0.2)``. For others see `xarray.Dataset.assign_coords`.
 
         Returns
         -------
         xarray.Dataset
             Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
-            "component"; ``to_dataframe()`` has a row for each component of each state.
-
-        Raises
-        ------
-        ValueError
-            If the number of names differs from the number of axes, or a name is taken.
+            "component"; ``to_dataframe()`` has a row for each component of each state. An axis of
+            the batch along which one parameter or "eps" alone varies has its name and its values:
+            ``data.sel(eps=0.2)``. Others are "trajectory", or "batch_0", "batch_1", ...
 
         Examples
         --------
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
-        >>> data = orbits.to_xarray(dims="start").assign_coords(start=["fast", "slow"])
-        >>> data.states.sel(start="slow", n=0, component="Omega2").item()
+        >>> data = orbits.to_xarray().assign_coords(trajectory=["fast", "slow"])
+        >>> data.states.sel(trajectory="slow", n=0, component="Omega2").item()
         -0.7
         """
         from .frames import to_xarray
 
-        return to_xarray(self, dims)
+        return to_xarray(self)
 
 
 @public

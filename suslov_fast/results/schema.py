@@ -7,8 +7,6 @@ lack a column.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..core.flow.batch_solver import Settings
@@ -25,7 +23,7 @@ class Column(NamedTuple):
     # Of the attribute; in datasets and stores, states have the name of their map, and "a.b" is b.
     name: str
     type: str
-    axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
+    axes: str  # names, of which "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
     when: str = ""  # the condition under which results have it
 
@@ -38,11 +36,6 @@ class Column(NamedTuple):
     def is_public(self) -> bool:
         """True if datasets and stores have the column."""
         return not self.name.startswith(_PRIVATE)
-
-    @property
-    def is_saved(self) -> bool:
-        """True if it has a row for each saved state; others have one for all steps."""
-        return self.axes.startswith(("n ", "time "))
 
 
 RUN = (
@@ -88,8 +81,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Motion": (*Settings._fields, "_by"),
 }
 
-Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
-
 
 def in_datasets(kind: str, *conditions: str) -> list[Column]:
     """Return the columns that datasets have of results under these conditions."""
@@ -104,29 +95,6 @@ def value_of(result: Any, name: str) -> Any:
     return result
 
 
-def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:
-    """Return the lengths of all axes of a result."""
-    sizes = {"batch": batch, "component": (D,), "space": (D + 1,), "body": (D + 1,)}
-    return sizes | {name: (n,) for name, n in (others | {"trajectory": math.prod(batch)}).items()}
-
-
-def shape_of(column: Column, sizes: Sizes) -> tuple[int, ...]:
-    """Return the shape of a column."""
-    return sum((sizes[axis] for axis in column.axes.split()), ())
-
-
 def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
     """Return the dimensions of a column in a dataset with these dimensions of the batch."""
     return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())
-
-
-class OtherFormat(ValueError):
-    """A file or store of another format; the message names the format, and what to do."""
-
-    def __init__(self, number: Any, version: Any) -> None:
-        age, how = "an earlier", "compute it anew"
-        if isinstance(number, int) and number > FORMAT:
-            age, how = "a later", "a newer suslov_fast reads it: pip install -U suslov_fast"
-        numbers = f"this version reads {FORMAT}" if number is None else f"{number}, not {FORMAT}"
-        writer = str(version).removeprefix("suslov_fast ")
-        super().__init__(f"of {age} format ({numbers}), written by suslov_fast {writer}: {how}")

@@ -1,4 +1,4 @@
-"""The class `Event` and the results of changes: text, equality, pickles, datasets, batches."""
+"""The class `Event` and the results of changes: text, equality, pickles, batches."""
 
 import json
 import pickle
@@ -87,20 +87,6 @@ def test_no_trajectories_and_no_times():
     never = flow(PK, [0.0, 0.0], time=[], events=DOSES)
     assert (never.states.shape, len(never.events.states)) == ((0, 2), 0)
     assert never.events.count.tolist() == [0]
-
-
-def test_dataset_and_plot():
-    pytest.importorskip("xarray")
-    own = PK.with_parameters(dose=[50.0, 100.0])
-    changes = flow(own, [0.0, 0.0], time=30.0, events=DOSES).events
-    data = changes.to_xarray()
-    assert data.dose.values.tolist() == [50.0, 50.0, 100.0, 100.0]
-    np.testing.assert_array_equal(data.states, changes.states)
-    np.testing.assert_array_equal(data.before, changes.before)
-    assert dict(data.sizes) == {"event": 4, "component": 2}
-    pytest.importorskip("matplotlib")
-    dots = changes.plot("time", "gut", color="which").collections[0].get_offsets()
-    np.testing.assert_allclose(dots, np.stack([changes.time, changes["gut"]], axis=1))
 
 
 def test_times_broadcast_with_the_batch():

@@ -14,6 +14,7 @@ from systems import lorenz
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, Suslov3D, ensemble, flow, iterate
+from suslov_fast.results.frames import to_xarray
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 WELL = Field(lambda x, c: (x[1], x[0] - x[0] ** 3 - c * x[1]), "q p", c=0.2)
@@ -30,7 +31,7 @@ def starts(k, n=3):
 def same(data, run):
     """Compare all variables of a store with those of a run, bit for bit."""
     names = [*run.to_xarray().status.dims[:-1], "trajectory"]
-    expected = run.to_xarray(names)
+    expected = to_xarray(run, names)
     assert {*data.variables} >= {*expected.variables} - {"time"}
     for name in {*data.variables}:
         found, other = data[name], expected[name]

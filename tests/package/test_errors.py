@@ -136,8 +136,6 @@ TABLE = [
      field(lambda x: (1,), 1.5)),
     (ValueError, "names", field(lambda x: (x[1], 1), r"\theta w"), hamiltonian(lambda x: x[0], 3),
      hamiltonian(lambda x: x[0], "x px y py"), field(lambda x: x, 0), field(lambda x: x, "u u")),
-    (TypeError, "dims", lambda: a_run().to_xarray(3)),
-    (ValueError, "dims", lambda: a_run().to_xarray("a")),
     (TypeError, "direction", section(direction="left")),
     (ValueError, "direction", section(direction=2), changed_by("x1", direction=2),
      changed_by(times=[1.0], direction=1)),

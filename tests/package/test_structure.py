@@ -89,7 +89,7 @@ ARROWS = {
     "results": "core words checks keywords errors status fields maps bodies",
     "orbits": "core checks keywords status maps bodies kahan results",
     "motions": "core checks keywords errors status fields maps bodies results",
-    "ensembles": "checks keywords status fields maps orbits motions",
+    "ensembles": "checks keywords status fields maps orbits results motions",
     "plots": "checks keywords status bodies results orbits motions",
     "integrability": "checks keywords fields bodies",
     "compiled": "core checks keywords fields maps",

@@ -3,9 +3,6 @@
 import contextlib
 import errno
 import os
-import stat
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +34,6 @@ def test_a_file_holds_all_of_a_run(name, path):
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, None])
 def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatch, code):
-    """The error of a full disk has the file."""
     run = run_of("one")
     run.save(path)
 
@@ -47,10 +43,8 @@ def test_what_interrupts_a_save_leaves_no_part_and_the_old_file(path, monkeypatc
 
     monkeypatch.setattr(np, "savez", filled)
     for target in (path, path.with_name("other.npz")):
-        with pytest.raises((OSError, KeyboardInterrupt)) as told:
+        with pytest.raises((OSError, KeyboardInterrupt)):
             run.save(target, overwrite=True)
-        if code is not None:
-            assert (told.value.errno, told.value.filename) == (code, str(target))
     assert os.listdir(path.parent) == [path.name]
     assert sf.load(path) == run
 
@@ -151,78 +145,15 @@ def test_a_lost_or_renamed_entry_is_told(kind, path):
                 sf.load(path)
 
 
-@pytest.mark.parametrize("kind", OF_EACH_KIND)
-def test_arrays_that_do_not_belong_together(kind, path):
-    result = OF_EACH_KIND[kind]()
-    result.save(path)
-    found = entries(path)
-    for name, array in found.items():
-        if array.dtype.kind == "U":
-            continue
-        others = [array.astype("c16")] if name != "eps" else []
-        others += [array[..., np.newaxis]] if array.ndim else []
-        others += [array[:-1]] if array.ndim and name != "_carry" else []  # of any length
-        others += [np.full(array.shape, x) for x in (np.inf, np.nan) if name == "eps"]
-        if name == "time":
-            others += [np.where(np.arange(len(array)) == 0, x, array) for x in (np.inf, np.nan)]
-        for other in others:
-            np.savez(path, **found | {name: other})
-            with pytest.raises(ValueError, match=r"run\.npz "):
-                sf.load(path)
-
-
-@pytest.mark.parametrize("links", [True, False])
-def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
-    """On file systems without links, too; the file is that of the one that succeeded."""
-    if not links:
-
-        def link(*_):
-            raise OSError(errno.EOPNOTSUPP, "no links")
-
-        monkeypatch.setattr(os, "link", link)
-    runs = [sf.iterate(BODY, [1.0, 0.5], 0.1 * k, 5) for k in range(1, 5)]
-    start = threading.Barrier(len(runs), timeout=60)
-
-    def attempt(run):
-        start.wait()
-        try:
-            run.save(path)
-        except FileExistsError as error:
-            return str(error)
-        return ""
-
-    with ThreadPoolExecutor(len(runs)) as pool:
-        for _ in range(5):
-            told = [*pool.map(attempt, runs)]
-            assert told.count("") == 1
-            assert all(f"pass overwrite=True: {os.fspath(path)!r}" in text for text in told if text)
-            assert sf.load(path) == runs[told.index("")]
-            assert os.listdir(path.parent) == [path.name]
-            path.unlink()
-
-
-posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
-
-
-@posix
-def test_overwriting_keeps_mode_and_link(path, monkeypatch):
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+def test_overwriting_keeps_links(path):
     run, other = run_of("one"), run_of("batch")
     real = path.with_name("real.npz")
     run.save(real)
     path.symlink_to(real.name)
-    seen, savez = [], np.savez
-
-    def watched(file, **arrays):
-        seen.append(stat.S_IMODE(os.fstat(file.fileno()).st_mode))
-        savez(file, **arrays)
-
-    monkeypatch.setattr(np, "savez", watched)
-    for mode in (0o600, 0o640):
-        real.chmod(mode)
-        other.save(path, overwrite=True)
-        assert path.is_symlink()
-        assert stat.S_IMODE(real.stat().st_mode) == mode == seen[-1]
-        assert sf.load(real) == other
+    other.save(path, overwrite=True)
+    assert path.is_symlink()
+    assert sf.load(real) == other
     with pytest.raises(FileExistsError, match=r"run\.npz"):
         run.save(path)
     real.unlink()  # the link now names a file that is yet to be made

@@ -11,7 +11,7 @@ from steps_in_numpy import explicit_step, implicit_step
 from systems import LORENZ, SPRING, rates_of_henon_heiles, robertson
 
 from suslov_fast import Field, flow
-from suslov_fast.core.flow import batch_solver, single_steps, vector_functions
+from suslov_fast.core.flow import batch_solver, integrator, single_steps
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -137,30 +137,27 @@ def test_bits_do_not_depend_on_the_batch(name, monkeypatch):
     assert_same(flow(field, x0, time=times), whole)
 
 
-@pytest.mark.sampled(6)
-@pytest.mark.parametrize("by", [(), ("x0",)])
-@pytest.mark.parametrize("name", CASES)
-def test_runs_have_the_bits_of_straight_line_code(name, by, monkeypatch):
-    """Lists of operations that are long are carried out by a loop, also those of derivatives."""
-    field, x0, last = case(name)
-    if field.dimension > 20 and by:
-        return
-    given = {"time": [0.3 * last, last], "derivatives": by}
-    usual = flow(field, x0, **given)
-    monkeypatch.setattr(vector_functions, "LONGEST", -1)
-    again = field.with_parameters()
-    own = again._right_hand_sides[0].f
-    monkeypatch.setitem(own.__dict__, "key", f"runs of {own.key}")
-    assert_same(flow(again, x0, **given), usual)
+# The rows and columns of coefficients of linear systems.
+PATTERNS = {
+    "dense": np.indices((12, 12)).reshape(2, -1),
+    "scattered": np.random.default_rng(60).integers(0, 24, (2, 60)),
+}
 
 
-@pytest.mark.parametrize("D", [12, 48])
-def test_elimination_of_small_and_large_systems(D):
-    """By a list of operations, and by columns, with one rate of -1,000."""
-    A = random(D, D, D) / np.sqrt(D) - np.eye(D) - 1000 / D
-    start = random(1, D)
-    found = flow(Field(lambda s: A @ s, D), start, time=2.0, stiff=True, atol=1e-9).final
-    np.testing.assert_allclose(found, expm(2.0 * A) @ start, atol=1e-7)
+@pytest.mark.parametrize("longest", [20_000, -1])
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_elimination(pattern, longest, monkeypatch):
+    """By a list of operations, and by columns, of one orbit and of eight."""
+    monkeypatch.setattr(integrator, "LONGEST", longest)
+    D = int(np.max(PATTERNS[pattern])) + 1 + (longest < 0)  # each way has code of its own
+    A = np.diag(-np.geomspace(1.0, 1000.0, D))
+    A[*PATTERNS[pattern]] += 0.3 * random(D, len(PATTERNS[pattern][0]))
+    near = [np.flatnonzero(row) for row in A]
+    field = Field(lambda s: [sum(A[i, j] * s[j] for j in near[i]) for i in range(D)], D)
+    x0, given = random(1, 8, D), {"time": 1.0, "stiff": True, "atol": 1e-9}
+    found = flow(field, x0, **given)
+    np.testing.assert_allclose(found.final, x0 @ expm(A).T, atol=1e-7)
+    assert_same(flow(field, x0[3], **given), found, 3)
 
 
 def test_growth_below_allowed_errors_does_not_depend_on_other_lanes():
@@ -214,22 +211,3 @@ def test_stiff_problems(f, x0, last, right, steps):
         found = flow(Field(f, len(x0)), x0, time=last, rtol=rtol)
         np.testing.assert_allclose(found.final[0], right, rtol=20.0 * rtol + 1e-8)
         assert found.steps <= most
-
-
-TEXTS = """
-import hashlib
-import numpy as np
-import suslov_fast as sf
-from suslov_fast.core.flow import batch_solver, step_loop
-field = sf.Field(lambda s: (s[1], np.cos(s[2]) - abs(s[0]), 1.0), "x v t")
-for is_implicit in (False, True):
-    integrator = batch_solver.integrator_of(field._right_hand_sides[0].f, is_implicit, True)
-    text = step_loop.text_of_integrator(integrator, "f", 8, True)
-    print(hashlib.sha256(text.encode()).hexdigest())
-"""
-
-
-def test_texts_are_those_of_every_process():
-    """Machine code, and so its bits and its cache, depend on no seed of hashes."""
-    one, other = (children.run(TEXTS, PYTHONHASHSEED=seed) for seed in "12")
-    assert one == other

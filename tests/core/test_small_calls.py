@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import threading
 
 import children
 import numpy as np
@@ -13,7 +12,6 @@ from numba import config
 import suslov_fast as sf
 from suslov_fast.core.maps import pivoting
 from suslov_fast.core.numba import decorators
-from suslov_fast.core.suslov.steps import steps
 
 pytestmark = [
     pytest.mark.compiled,
@@ -119,19 +117,6 @@ def test_same_bits(name, as_in_an_empty_process, monkeypatch):
         assert np.array_equal(one, other, equal_nan=True)
 
 
-def test_the_kernel_takes_batches_for_which_numpy_lacks_memory(as_in_an_empty_process, monkeypatch):
-    def fail(*arguments):
-        tried.append(True)
-        raise MemoryError
-
-    tried, expected = [], CALLS["last states"]()
-    as_in_an_empty_process()
-    monkeypatch.setattr(steps, "in_numpy", fail)
-    for one, other in zip(CALLS["last states"](), expected, strict=True):
-        assert np.array_equal(one, other, equal_nan=True)
-    assert tried
-
-
 @pytest.fixture
 def of_pivoting(as_in_an_empty_process, monkeypatch):
     """Return a function that replaces what Python does where a step of a field needs pivots."""
@@ -157,57 +142,6 @@ def test_errors_and_ctrl_c_in_python_that_machine_code_calls(error, of_pivoting)
         sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
     assert called
     assert not decorators._raised
-
-
-def test_compiled_after_a_second(as_in_an_empty_process, monkeypatch):
-    """Calls count that Python carried out; one that would take too long compiles at once."""
-    as_in_an_empty_process()
-    monkeypatch.setattr(decorators, "PATIENCE", 0.1)
-    in_python, in_code = [], []
-
-    @decorators.kernel
-    def count(part, parts, numbers):
-        numbers[0] += 1
-
-    monkeypatch.setattr(decorators, "as_python", lambda _: lambda *_: in_python.append(1))
-    monkeypatch.setattr(count, "compiled", lambda *_: in_code.append(1))
-    monkeypatch.setattr(decorators, "perf_counter", iter(np.arange(0, 2, 0.04)).__next__)
-    for seconds, calls in ((0.01, (1, 0)), (0.01, (2, 0)), (0.01, (3, 0)), (0.01, (3, 1))):
-        count.briefly(seconds, np.zeros(1))
-        assert (len(in_python), len(in_code)) == calls
-    other = decorators.Kernel(count.py_func)
-    other.compiled = count.compiled
-    other.briefly(0.2, np.zeros(1))
-    assert (len(in_python), len(in_code)) == (3, 2)
-
-
-def test_a_user_at_a_terminal_is_told_once_that_it_compiles(monkeypatch, capsys):
-    """After a while, which is a timer's; here it has come, or not."""
-    waiting = []
-
-    class Timer:
-        def __init__(self, seconds, function):
-            assert seconds == decorators.SILENT
-            self.function = function
-
-        def start(self):
-            waiting.append(self.function)
-
-        def cancel(self):
-            waiting.clear()
-
-    monkeypatch.setattr(threading, "Timer", Timer)
-    monkeypatch.setattr(decorators, "_said", [])
-    for is_long, is_terminal in ((False, True), (True, False), (True, True), (True, True)):
-        monkeypatch.setattr(sys.stderr, "isatty", lambda told=is_terminal: told)
-        with decorators._compiling():
-            for function in waiting * is_long:
-                function()
-        assert not waiting
-    told = capsys.readouterr()
-    assert len(told.err.splitlines()) == 1
-    assert str(decorators.folder_of(decorators._loop)) in told.err
-    assert told.out == ""
 
 
 # One after the other, with what Numba compiles.

@@ -3,7 +3,6 @@
 import os
 import sys
 import textwrap
-import threading
 import time
 from itertools import count
 from types import SimpleNamespace
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.flow import batch_solver
 from suslov_fast.core.numba import threads as core_threads
 from suslov_fast.maps import batch, kernel_calls as threads
 
@@ -174,43 +172,14 @@ def test_ctrl_c_at_each_place_of_a_call_in_parts():
 
 def test_motions_take_the_threads_asked_for(monkeypatch):
     """And not one for each block of trajectories."""
-    started, counts = [], []
-    in_parts, start = core_threads.in_parts, core_threads.start_new_thread
-
-    def counted(*arguments):
-        started.clear()
-        in_parts(*arguments)
-        counts.append(len(started))
-
-    def counted_start(*arguments):
-        started.append(True)
-        return start(*arguments)
-
-    monkeypatch.setattr(core_threads, "start_new_thread", counted_start)
-    monkeypatch.setattr(batch_solver, "in_parts", counted)
+    started, start = [], core_threads.start_new_thread
+    monkeypatch.setattr(
+        core_threads, "start_new_thread", lambda *own: started.append(own) or start(*own)
+    )
     field = sf.Field(lambda x: (x[1], -np.sin(x[0])), "x v")
     x0 = np.linspace((0.1, 0.0), (1.0, 0.5), 4096)
-    for call, options in ((sf.flow, {}), (sf.crossings, {"surface": "x"})):
-        counts.clear()
-        call(field, x0, time=0.01, rtol=1e-3, threads=children.TWO_THREADS, **options)
-        assert {*counts} == ({1} if children.TWO_THREADS else set())
-
-
-def test_a_call_during_a_parallel_call_is_serial():
-    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
-    calls = []
-    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
-
-    def parallel(count):
-        threads.call_kernel(inner, threads.CROSSOVER, 2)
-        other = threading.Thread(target=threads.call_kernel, args=(inner, threads.CROSSOVER, None))
-        other.start()
-        other.join()
-        calls.append("parallel")
-
-    threads.call_kernel(SimpleNamespace(parallel=parallel), threads.CROSSOVER, 2)
-    assert calls == ["serial", "serial", "parallel"]
-    assert not threads._one_at_a_time._is_owned()
+    sf.flow(field, x0, time=0.01, rtol=1e-3, threads=children.TWO_THREADS)
+    assert len(started) == (children.TWO_THREADS is not None)
 
 
 @pytest.mark.compiled

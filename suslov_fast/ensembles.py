@@ -127,7 +127,6 @@ def ensemble(
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
     states = checks.states("x0", x0(0) if callable(x0) else x0, system._labels)
-    own = _checked(system, eps, steps, time, options)
     given = {"system": system, "x0": states, **options, **own}
     batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]

@@ -11,8 +11,6 @@ from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..orbits.iterate import iterate
 
-# Least distance of t from 1, because at 1 a level is two lines, which have no phases.
-_NEAR_1 = 1e-6
 # Orbits are drawn while abs(l), which is 0 at steady states, exceeds this part of its value in the
 # middle of the orbit.
 _AT_THE_LINE = 0.07
@@ -44,23 +42,13 @@ class Plane:
         z = R * (g / abs(g) if g else 1.0) * turned / (1 - e * A * np.sin(psi))
         return np.stack([z.real, z.imag], axis=-1) / self.roots
 
-    def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
-        """Return the branches, as states (N, 2), of the level R, a conic; for eps = 0, of energy.
-
-        Unbounded branches are cut off at sinh(reach) times their width.
-        """
+    def level(self, R: float) -> FloatArray:
+        """Return 300 states (300, 2) on the level R, an ellipse."""
         t = abs(self.e * R * self.g)
-        if abs(t - 1.0) < _NEAR_1:
-            R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
-        # With u = tan(psi / 2 - pi / 4), states are quotients of quadratic polynomials in u; their
-        # denominator is proportional to u**2 + v**2 if t < 1, else to u**2 - v**2.
-        v, s = np.sqrt(abs((1.0 - t) / (1.0 + t))), np.linspace(-0.5, 0.5, 300)
-        if t < 1.0:
-            branches = [v * np.tan(np.pi * s)]
-        else:
-            branches = [v * np.tanh(reach * s), v / np.tanh(reach * s)]
-        middle = np.copysign(0.5 * np.pi, self.eps)
-        return [self.on_level(R, middle + 2.0 * np.arctan(u)) for u in branches]
+        half = np.arctan(
+            np.sqrt((1.0 - t) / (1.0 + t)) * np.tan(np.pi * np.linspace(-0.5, 0.5, 300))
+        )
+        return self.on_level(R, 0.5 * np.pi + 2.0 * half)
 
     def orbits(self, R: float, most: int = 500) -> list[FloatArray]:
         """Return states (N, 2) of orbits on the level R.
@@ -161,8 +149,7 @@ def plot_phase(
     axes = axes_for(ax, (5.2, 5.8))
     colours = COLOURS(np.linspace(0.05, 0.9, levels))
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
-        (curve,) = plane.level(R)
-        axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
+        axes.plot(*plane.level(R).T, "-", color=colour, linewidth=0.8, alpha=0.7)
         for orbit in plane.orbits(R):
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .bodies.systems import BodyOrField
 from .checks import FloatArray, Reals, first_index, spell
-from .fields.terms import Terms, slopes_at, sums_at
+from .fields.terms import Terms, slopes_at, sums_at, with_one
 from .keywords import public
 from .maps import Method, map_of
 from .maps.evaluation import evaluate
@@ -241,7 +241,7 @@ def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
     x, terms = checked.omega, Terms(*checked.body._terms)
     (i, j, k), values = terms
-    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    y = with_one(x)
     products = values * y[..., j] * y[..., k]
     # f, and the sum of the moduli of its terms.
     f, sizes = (sums_at(i, each, x.shape[-1]) for each in (products, abs(products)))

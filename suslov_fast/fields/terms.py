@@ -74,9 +74,14 @@ def without_zeros(indices: Any, values: Any) -> Terms:
     return Terms(np.ascontiguousarray(indices[:, is_there]), values[..., is_there])
 
 
+def with_one(x: FloatArray) -> FloatArray:
+    """Return states (..., D + 1) with x_D = 1."""
+    return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+
+
 def values_at(terms: Terms, x: FloatArray) -> FloatArray:
     """Return the values (..., D) of a field at states (..., D)."""
-    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    y = with_one(x)
     (i, j, k), values = terms.floats
     with np.errstate(all="ignore"):
         return sums_at(i, values * y[..., j] * y[..., k], x.shape[-1]) + 0.0 * x
@@ -94,8 +99,7 @@ def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
 
 def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
     """Return the derivatives (..., D, D) of the terms of a field at states (..., D)."""
-    D = x.shape[-1]
-    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    D, y = x.shape[-1], with_one(x)
     (i, j, k), values = terms.floats
     # v x_j x_k has the derivative v x_k by x_j, and v x_j by x_k.
     places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])

@@ -1,21 +1,21 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-They call `core.maps.growth`.
+A small field has an expression program for a state with columns (`kahan_step.ExtendedStep`), which
+the kernel of steps runs. For larger fields NumPy multiplies the columns by the derivative of a
+step, A(x; eps)**-1 A(x_next; -eps).
 """
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, common_shape
-from ..core.maps import growth as tangents
-from ..core.maps.driver import WIDTH
-from ..core.maps.field_quantities import densities
-from ..core.maps.kernel import field_steps
+from ..checks import FloatArray
+from ..core.maps.kernel import field_steps, scheme_of
+from ..core.maps.stages import Scheme
 from ..core.numba.status import PASSED_POLE
+from ..fields.terms import Terms, slopes_at
 from .batch import Report
 from .kernel_arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
@@ -24,53 +24,46 @@ from .problem import Problem
 CHUNK_WORK = 2**28
 
 
-def groups_of_alike(problem: Problem, batch: tuple[int, ...]) -> Iterator[tuple[Any, Any]]:
-    """Yield groups of a batch, as indices, and the scheme, values and step sizes of each."""
-    own = problem.map.methods[problem.method]
-    is_field = own.divide is not None or own.kernel is not field_steps
-    make = in_stages(problem.map.stages) if is_field else own.arguments
-    arguments = make(problem.body, problem.eps, batch)
-    yield from by_zeros(arguments) if is_field else [(ALL, arguments)]
+def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
+    """Return A = 1 - (eps / 2) f' (..., D, D) at states (..., D) of fields with these terms."""
+    half = 0.5 * np.asarray(eps)[..., np.newaxis, np.newaxis]
+    return np.asarray(np.eye(x.shape[-1]) - half * slopes_at(Terms(*terms), x))
 
 
-def _at_states(
-    compute: Callable[..., None], problem: Problem, own: tuple[int, ...], shape: tuple[int, ...]
-) -> FloatArray:
-    """Return the values (..., *shape) that compute(scheme, values, eps, states, out) writes.
+def units_of(sizes: FloatArray) -> FloatArray:
+    """Return factors (..., D, D) for the entries of A, if units are near these sizes (..., D).
 
-    `own`, the last axes of the batch, are the axes of parameters; the axes before them are more
-    states of the same fields. A call gets states (rows, fields, D).
+    Units are powers of two. In them partial pivoting keeps more digits.
     """
-    D, batch = problem.body.dimension, problem.batch
-    rows, fields = math.prod(batch[: len(batch) - len(own)]), math.prod(own)
-    x = flat_arrays(problem.omega, batch).reshape(rows, fields, D)
-    out = np.empty((rows, fields, *shape))
-    for where, of_group in groups_of_alike(problem, own) if out.size else ():
-        values = out[:, where]  # a view if where is ALL, else a copy
-        compute(*of_group, x[:, where], values)
-        if where is not ALL:
-            out[:, where] = values
-    return out.reshape((*batch, *shape))
+    units = 2.0 ** np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))
+    return np.asarray(units[..., np.newaxis, :] / units[..., np.newaxis])
 
 
-def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    rows, fields, D = x.shape
-    states = x.reshape(-1, D)
-    if rows > 1 and fields > 1:
-        values, eps = (np.tile(a, (rows, 1)[: a.ndim]) if len(a) > 1 else a for a in (values, eps))
-    arguments = tangents.of_lists(scheme, values, eps, lengths=False)
-    if arguments is None:
-        found = tangents.ByNumPy(scheme, values, eps).columns_after(states, _one_step)[1]
-    else:
-        end = _one_step(arguments, tangents.begun(states, lengths=False))
-        found = end[:, D:].reshape(-1, D, D).swapaxes(1, 2)
-    out[:] = found.reshape(rows, fields, D, D)
+def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
+    """Return A(x; eps)**-1 A(x_next; -eps) (B, D, D), NaN where it does not exist."""
+    units = units_of(abs(x) + abs(after))
+    A, back = units * matrix(terms, eps, x), units * matrix(terms, -eps, after)
+    exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
+    A[~exists] = np.eye(x.shape[1])
+    found = np.linalg.solve(A, back) / units
+    found[~exists] = np.nan
+    return found
 
 
-def _one_step(arguments: Any, x: FloatArray) -> FloatArray:
-    """Return the states after a step."""
-    notes = np.zeros((1, len(x))), np.zeros(len(x), np.int8), np.full(len(x), -1)
-    return _take(arguments, x, notes, 0, 1)
+def _with_derivative(arguments: Any, x: FloatArray, notes: Any, n: int) -> Any:
+    """Return the states after step n, and the derivatives (B, D, D) of the step at x."""
+    (own, stages), values, eps = arguments
+    if (f := own.of) is not None:
+        slopes = f.jacobian(x.T, f.table_of(values.T))
+        return _take(arguments, x, notes, n, n + 1), np.moveaxis(slopes, 2, 0)
+    scheme, product = scheme_of(own.indices, own.D), np.eye(own.D)
+    for fraction in stages.fractions:
+        of_stage = scheme, values, fraction * eps
+        after = _take(of_stage, x, notes, n, n + 1)
+        with np.errstate(all="ignore"):
+            own_part = _derivative((own.indices, values), fraction * eps, x, after)
+            product, x = own_part @ product, after
+    return x, product
 
 
 def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
@@ -82,25 +75,28 @@ def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> F
     return final
 
 
+def _no_notes(B: int) -> Any:
+    return np.zeros((1, B)), np.zeros(B, np.int8), np.full(B, -1)
+
+
+def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
+    """Yield groups of the batch, as indices, and the kernel arguments of each."""
+    own = problem.map.methods[problem.method]
+    is_field = own.divide is not None or own.kernel is not field_steps
+    make = in_stages(problem.map.stages) if is_field else own.arguments
+    arguments = make(problem.body, problem.eps, problem.batch)
+    yield from by_zeros(arguments) if is_field else [(ALL, arguments)]
+
+
 def jacobian(problem: Problem) -> FloatArray:
     """Return the derivatives (..., D, D) of a step."""
-    D, batch, eps = problem.body.dimension, problem.batch, problem.eps
-    of_eps = () if type(eps) is float else np.shape(eps)
-    own = common_shape({"body": problem.body.shape, "eps": of_eps})
-    if own:
-        axes = len(batch) - len(own)
-        few = math.prod(batch[:axes]) < WIDTH  # states of a field, which do not fill a line
-        own = batch if few else batch[axes:]
-    return _at_states(_fill_jacobians, problem, own, (D, D))
-
-
-def density(problem: Problem) -> FloatArray:
-    """Return 1 / det A (...), the invariant density of a Hamiltonian field."""
-
-    def fill(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-        out[0] = densities(scheme, values, eps, x[0])
-
-    return _at_states(fill, problem, problem.batch, ())
+    x = flat_arrays(problem.omega, problem.batch)
+    B, D = x.shape
+    out = np.empty((B, D, D))
+    for where, arguments in groups_of_alike(problem) if B else ():
+        states = x[where]
+        out[where] = _with_derivative(arguments, states, _no_notes(len(states)), 0)[1]
+    return out.reshape(*problem.batch, D, D)
 
 
 class TangentGrowth(NamedTuple):
@@ -119,10 +115,13 @@ class _Part:
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
         self.where, self.n = where, 0
-        self.arguments = tangents.of_lists(scheme, values, eps)
-        self.by_numpy = tangents.ByNumPy(scheme, values, eps)
-        self.notes = np.zeros((1, B)), np.zeros(B, np.int8), np.full(B, -1)
-        self.x = tangents.begun(x)
+        extended = scheme.step.with_columns()
+        self.by_numpy = not extended.usual  # there is no program
+        of_step = scheme if self.by_numpy else Scheme(extended, scheme.stages)
+        self.arguments, self.notes = (of_step, values, eps), _no_notes(B)
+        # The state, orthonormal columns, and the sums of logarithms of their lengths.
+        columns = np.tile(np.eye(self.D).ravel(), (B, 1))
+        self.x = np.concatenate([x, columns, np.zeros((B, self.D))], axis=1)
 
     def begin(self) -> None:
         """Set the sums to 0."""
@@ -130,35 +129,24 @@ class _Part:
 
     def take(self, stop: int) -> None:
         """Take the steps up to state `stop`."""
-        if self.arguments is not None:
-            self.x = _take(self.arguments, self.x, self.notes, self.n, stop)
-        else:
+        if self.by_numpy:
             for n in range(self.n, stop):
                 self._step(n)
+        else:
+            self.x = _take(self.arguments, self.x, self.notes, self.n, stop)
         self.n = stop
 
     def _step(self, n: int) -> None:
         D = self.D
         own = self.x[:, :D], self.x[:, D:-D].reshape(-1, D, D), self.x[:, -D:]
         x, columns, sums = own
-
-        def step(arguments: Any, states: FloatArray) -> FloatArray:
-            return _take(arguments, states, self.notes, n, n + 1)
-
-        after, product = self.by_numpy.columns_after(x, step)
+        after, product = _with_derivative(self.arguments, x, self.notes, n)
         V = product @ columns.swapaxes(1, 2)
         V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(D)
         Q, R = np.linalg.qr(V)
         with np.errstate(divide="ignore"):
             sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
         x[:], columns[:] = after, Q.swapaxes(1, 2)
-
-    def sums(self) -> FloatArray:
-        """Return the sums (B, D), with the lengths of columns that are not orthonormal yet."""
-        V = self.x[:, self.D : -self.D].reshape(-1, self.D, self.D).swapaxes(1, 2)
-        R = np.linalg.qr(np.where(np.isfinite(V).all(axis=(1, 2), keepdims=True), V, 0.0))[1]
-        rest = abs(np.diagonal(R, axis1=1, axis2=2))
-        return self.x[:, -self.D :] + np.log(np.where(rest > 0.0, rest, 1.0))
 
 
 def growth(
@@ -173,7 +161,7 @@ def growth(
     B, D = start.shape
     parts = [
         _Part(where, scheme, values, eps, start[where])
-        for where, (scheme, values, eps) in groups_of_alike(problem, problem.batch)
+        for where, (scheme, values, eps) in groups_of_alike(problem)
     ]
     sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
     by_signs, done = np.zeros(B, bool), 0
@@ -191,7 +179,7 @@ def growth(
         if not goes_on:
             break
     for part in parts:
-        sums[part.where] = part.sums()
+        sums[part.where] = part.x[:, -D:]
         carry, status[part.where], failed_at[part.where] = part.notes
         by_signs[part.where] = carry[0] < 0.0
         is_pole = (carry[0] != 0.0) & (part.notes[1] == 0)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, kind_of
-from ..core.maps.field_quantities import cubic_form, matrix
 from ..core.numba.decorators import Universal
 from ..core.suslov import quantities
+from ..fields.terms import with_one
 from .batch import states_after
-from .derivatives import density, jacobian
+from .derivatives import jacobian, matrix, units_of
 from .evaluation import Formula
 from .problem import Problem
 
@@ -51,16 +51,29 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    places, values = problem.body._field._energy_terms
-    # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
-    # places of x_next.
-    terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
-    return cubic_form(*terms, problem.omega, states_after(problem))
+    """Return H + grad H . (x_next - x) / 3, with terms v x_i x_j x_k of H.
+
+    It is the symmetric form H(x, x, x_next), the mean over the three places of x_next.
+    """
+    (i, j, k), values = problem.body._field._energy_terms
+    with np.errstate(all="ignore"):
+        x, after = with_one(problem.omega), with_one(states_after(problem))
+        y = x[..., i], x[..., j], x[..., k]
+        z = after[..., i], after[..., j], after[..., k]
+        means = (y[0] * y[1] * z[2] + y[0] * z[1] * y[2] + z[0] * y[1] * y[2]) / 3.0
+        found: FloatArray = (values * means).sum(axis=-1)
+    return found
 
 
 def _matrix(problem: Problem) -> FloatArray:
-    indices, values = problem.body._terms
-    return matrix(indices, values, np.asarray(problem.eps), problem.omega)
+    return matrix(problem.body._terms, problem.eps, problem.omega)
+
+
+def _density(problem: Problem) -> FloatArray:
+    """Return 1 / det A (...)."""
+    with np.errstate(all="ignore"):
+        A = units_of(problem.omega) * _matrix(problem)
+        return np.asarray(1.0 / np.linalg.det(A))
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
@@ -73,5 +86,5 @@ KAHAN = {
     "matrix": Formula(_matrix),
     "jacobian": Formula(jacobian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
-    "invariant_density": Formula(density, _check_hamiltonian, poles=True),
+    "invariant_density": Formula(_density, _check_hamiltonian, poles=True),
 }

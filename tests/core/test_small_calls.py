@@ -31,7 +31,6 @@ FAMILY = sf.Suslov3D(np.linspace(3, 4, 5), 1, -0.5, -0.3)
 SOLID = sf.SuslovND(J=[1.3, 2.1, 3.7, 4.2], I=[0.4, -0.7, 0.5, 0.2])
 # Its long steps lose digits, and pass poles.
 SQUARES = sf.Field(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
-CUBIC = sf.Field.from_hamiltonian(lambda x: x[0] ** 3 + x[1] ** 2, 2)
 
 
 def run(*arguments, **options):
@@ -72,7 +71,6 @@ CALLS = {
     "limits": call(sf.Suslov3D.limits, BODY, X2, 0.2),
     "first integral": call(sf.Suslov3D.first_integral, BODY, X2, 0.2),
     "energy": call(sf.Suslov3D.energy, SOLID, X4),
-    "density of a field": call(sf.kahan.invariant_density, CUBIC, X2, 0.1),
     "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
 }
 

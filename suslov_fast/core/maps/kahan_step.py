@@ -129,9 +129,9 @@ class Step:
         """A key that identifies the operations of this step."""
         return type(self), self.indices.tobytes(), self.D, self.keeps_signs
 
-    def with_columns(self, lengths=True):
+    def with_columns(self):
         """Return the step of x with columns; it has no operations if there would be too many."""
-        return _extended_step(self, lengths)
+        return _extended_step(self)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
@@ -215,19 +215,19 @@ class Step:
 
 
 class ExtendedStep(Step):
-    """The operations of a step of x, of columns q of derivatives, and of their lengths.
+    """The operations of a step of x, of D columns q of derivatives, and of their lengths.
 
     Kahan's method is a Runge-Kutta method, so that the derivative of its map is its map of the
     variational equations x' = f(x), q' = f'(x) q. All columns share the elimination of x,
 
     q_next = (1 - N(x))**-1 (1 + N(x_next)) q.
 
-    If `lengths` is true, columns are orthonormalised in each step, by Gram and Schmidt, and the
-    logarithms of their lengths are added to D more values.
+    Columns are orthonormalised in each step, by Gram and Schmidt, and the logarithms of their
+    lengths are added to D more values.
     """
 
-    def __init__(self, indices, D, keeps_signs=False, lengths=True):
-        size = D * (1 + D) + D * lengths
+    def __init__(self, indices, D, keeps_signs=False):
+        size = D * (2 + D)
         self._begin(indices, size, keeps_signs)
         order, fill, varying = _plan_of(indices, D)
         self.own_D, halves = D, range(size, size + indices.shape[1])
@@ -235,8 +235,7 @@ class ExtendedStep(Step):
             return
         increments = self._increments(indices, D, halves, order, fill)
         columns = self._columns(Matrix(indices, D, self.values, self.after[:D], halves), D)
-        if lengths:
-            columns = self._orthonormal(columns, D)
+        columns = self._orthonormal(columns, D)
         self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
         self.D = D
         self._add_tests(increments)
@@ -281,5 +280,5 @@ MOST_COLUMNS, MOST_WORK = 16, 4000
 
 
 @functools.lru_cache(32)
-def _extended_step(step, lengths):
-    return ExtendedStep(step.indices, step.D, step.keeps_signs, lengths)
+def _extended_step(step):
+    return ExtendedStep(step.indices, step.D, step.keeps_signs)

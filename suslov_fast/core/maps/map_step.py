@@ -18,20 +18,19 @@ _PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
 
 
 class MapStep(ExtendedStep):
-    """The program of f; if there are `columns`, D columns q_next = f'(x) q follow x.
+    """The program of f, a `RightHandSide`; with `columns` D columns q_next = f'(x) q follow x.
 
-    f        the `RightHandSide` with the programs of f and f'
-    lengths  True if columns are orthonormalised, with sums of logarithms, as in `ExtendedStep`
+    They are orthonormalised, with sums of logarithms, as in `ExtendedStep`.
     """
 
-    def __init__(self, f, columns=False, lengths=False):
+    def __init__(self, f, columns=False):
         D, self.of = f.D, f
-        size = D * (1 + D * columns + lengths)
+        size = D * (2 + D) if columns else D
         self.D, self.T, self.own_D, self.is_sparse = size, f.P, 0, True
         self.of_one_sign, self.keeps_signs = set(), False
         self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
         self.values = values = Expressions(size + f.P, range(size, size + f.P))
-        work = D * (len(f.pattern) + 2 * D * D * lengths) * columns
+        work = D * (len(f.pattern) + 2 * D * D) * columns
         if work > MOST_WORK or len(f.f.operations) > LONGEST:
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
@@ -43,22 +42,21 @@ class MapStep(ExtendedStep):
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in found[:D])
         self.after = [*of_x, *range(D, size)]
         if columns:
-            self._add_columns(dict(zip(f.pattern, found[D:], strict=True)), D, lengths)
+            self._add_columns(dict(zip(f.pattern, found[D:], strict=True)), D)
         self._add_test(D)
         self.after_rare = self.after
         self._separate_fixed()
 
-    def with_columns(self, lengths=True):
-        return _with_columns(self.of, lengths)
+    def with_columns(self):
+        return _with_columns(self.of)
 
-    def _add_columns(self, entries, D, lengths):
+    def _add_columns(self, entries, D):
         number, found = self.values.number, []
         for c in range(D):
             q = [number(D * (1 + c) + j) for j in range(D)]
             rows = [[number(a) * q[j] for (k, j), a in entries.items() if k == i] for i in range(D)]
             found.append([joined("fadd", row) if row else number(0.0) for row in rows])
-        if lengths:
-            found = self._orthonormal(found, D)
+        found = self._orthonormal(found, D)
         self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
 
     def _add_test(self, D):
@@ -90,8 +88,8 @@ class MapStep(ExtendedStep):
 
 
 @functools.lru_cache(64)
-def _with_columns(f, lengths):
-    return MapStep(f, True, lengths)
+def _with_columns(f):
+    return MapStep(f, True)
 
 
 map_step = functools.lru_cache(64)(MapStep)

@@ -77,7 +77,7 @@ def changes_sign(indices, x, after):
 
 @function
 def take_columns(indices, half, x, after, tangent, units):
-    """Multiply the columns of a lane by DPhi; orthonormalise them if it has sums of logarithms.
+    """Multiply the columns of a lane by DPhi; orthonormalise them.
 
     `x` contains the lane's state, columns and sums before the step, `after` (D,) the next state.
     """
@@ -91,19 +91,17 @@ def take_columns(indices, half, x, after, tangent, units):
     fill_system(indices, half, 1.0, x[:D], tangent)
     solve(tangent, units)
     for r in range(D):
-        for s in range(r if len(x) > D * (1 + D) else 0):
+        for s in range(r):
             part = 0.0
             for i in range(D):
                 part += tangent[i, D + s] * tangent[i, D + r]
             for i in range(D):
                 tangent[i, D + r] -= part * tangent[i, D + s]
-        length = 1.0
-        if len(x) > D * (1 + D):
-            square = 0.0
-            for i in range(D):
-                square += tangent[i, D + r] * tangent[i, D + r]
-            length = math.sqrt(square)
-            x[D * (1 + D) + r] += math.log(length) if length > 0.0 else -np.inf
+        square = 0.0
+        for i in range(D):
+            square += tangent[i, D + r] * tangent[i, D + r]
+        length = math.sqrt(square)
+        x[D * (1 + D) + r] += math.log(length) if length > 0.0 else -np.inf
         for i in range(D):
             tangent[i, D + r] = tangent[i, D + r] / length if length > 0.0 else 0.0
             x[D * (1 + r) + i] = tangent[i, D + r]

@@ -195,16 +195,3 @@ def balance(a, units):
                     a[j, i] *= factor
         if changes == 0:
             break
-
-
-@formula
-def parts_of_determinant(a, units):
-    """Return m and e of det A = m 2**e after `solve`; m = 0 if det A is 0 to rounding.
-
-    The product of many pivots may overflow or underflow.
-    """
-    product, exponent = 1.0, 0
-    for k in range(len(a)):
-        product, power = math.frexp(product * (a[k, k] / units[1, k]))
-        exponent += power
-    return 0.0 if np.isnan(product) else product, exponent

@@ -13,7 +13,6 @@ from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from importlib import import_module
-from itertools import chain
 from typing import Any, Protocol, SupportsFloat, get_args
 
 import numpy as np
@@ -138,9 +137,7 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not checked here: the caller checks them, by
     `real_array`, if its results are not finite.
     """
-    array = _plain(value)
-    if array is None:
-        array = _floats(name, _unlabelled(name, value, labels))
+    array = _floats(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
     if array.shape[-1:] != (len(labels),):
@@ -153,22 +150,12 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
 
 
 def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
-    """Return states without the names that a dictionary, table or labelled array gives them."""
-    if isinstance(value, dict) and {*labels} <= {*value}:
-        columns = (_floats(name, value[label]) for label in labels)
-        return np.stack(np.broadcast_arrays(*columns), axis=-1)
-    if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:  # of pandas
+    """Return states without the names that a table or series of pandas gives them."""
+    if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
         return value[[*labels]].to_numpy()
-    if isinstance(value, dict):
-        raise wrong(name, f"an array, or a dict of {', '.join(labels)}", short(value), TypeError)
     if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
         last = f"{kind_of(value)}: pass run.states[-1]"
         raise wrong(name, "states at one time", last, TypeError)
-    axes = [*value.dims] if hasattr(value, "dims") else []
-    if axes and axes[-1] == "component" and "n" not in axes[1:]:
-        coords = getattr(value, "coords", {})  # datasets of this package name the components
-        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
-            return getattr(value, "data", value)  # a Dataset has no data
     return value
 
 
@@ -194,8 +181,8 @@ def without_fractions(value: Any) -> tuple[Any, Any]:
 
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
-    if (array := _plain(value)) is not None:
-        return array
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
     refuse(name, value)
     try:
         array = np.asarray(value)
@@ -222,22 +209,6 @@ def _floats(name: str, value: Any) -> FloatArray:
             what += f": {OF_SYMBOLS}" * hasattr(item, "free_symbols")
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
-
-
-def _plain(value: Any) -> FloatArray | None:
-    """Return an array, a list of floats, or a long one of rows of floats as an array, else None."""
-    if type(value) is np.ndarray and value.dtype is _FLOAT64:
-        return value
-    # This takes about as long as `np.array`, and says of what types the numbers are, too.
-    kinds = {*map(type, value)} if type(value) is list else set()
-    if kinds == {float}:
-        return np.array(value)
-    if not kinds or len(value) <= _FEW or not kinds <= {list, tuple}:
-        return None
-    numbers, lengths = [*chain.from_iterable(value)], {*map(len, value)}
-    if len(lengths) > 1 or {*map(type, numbers)} != {float}:
-        return None
-    return np.array(numbers).reshape(len(value), -1)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:

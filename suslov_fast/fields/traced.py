@@ -124,7 +124,7 @@ class Traced(Body):
             how = ": for solve_ivp pass lambda t, x: field(x)" * (own == "field")
             if named:
                 how = f": for another value {own}.with_parameters({next(iter(named))}=...)(x)"
-            raise TypeError(f"a {own} takes the state alone, {own}(x), one array or a dict{how}")
+            raise TypeError(f"a {own} takes the state alone, {own}(x), one array{how}")
         if isinstance(x, Symbols):
             return self._traced_at(x)
         return self._value(checks.states("x", x, self.names, later=True))

@@ -6,7 +6,6 @@ from fractions import Fraction
 import numpy as np
 import pandas
 import pytest
-import xarray
 from samples import Tensor
 
 import suslov_fast as sf
@@ -48,20 +47,6 @@ def test_unusual_numbers_are_welcome():
     assert run == sf.iterate(body, [1, 0.5], 0.2, 3)
     for x in (FIELD(np.array([1, 2])), HENON.energy(np.array([1, 2]))):
         assert x.dtype == np.float64  # integers of NumPy are numbers of an array
-
-
-def test_variables_of_our_datasets_are_arrays():
-    names = ["Omega1", "Omega2"]
-    states = xarray.DataArray([OMEGA] * 3, dims=("n", "start", "component"))
-    for value in (states, states.assign_coords(component=names), states.variable, states.chunk()):
-        assert (BODY.energy(value) == BODY.energy([OMEGA] * 3)).all()
-    for value in (
-        states.assign_coords(component=names[::-1]), states.transpose("component", ...),
-        states.transpose("start", "n", "component"), states.rename(component="Omega"), [states],
-        states.to_dataset(name="omega"),
-    ):  # fmt: skip
-        with pytest.raises(TypeError, match=r"omega\b"):
-            BODY.energy(value)
 
 
 # Without those that loops of users call: they are functions only where nothing is compiled.

@@ -195,7 +195,7 @@ def report(options: argparse.Namespace) -> None:
     if not _has_map(system):
         raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
     found = report_of(system, eps=options.eps, degree=options.degree)
-    print(json.dumps(found.to_dict()) if options.json else found)
+    print(found)
 
 
 def _has_map(system: Any) -> bool:
@@ -322,5 +322,4 @@ def _parser() -> _Parser:
     add_system(of_report)
     of_report.add_argument("--eps", type=_fraction, metavar="X", help="step size, such as 1/3")
     of_report.add_argument("--degree", type=_count, metavar="D", default=3, help="default 3")
-    of_report.add_argument("--json", action="store_true", help="print one JSON object")
     return parser

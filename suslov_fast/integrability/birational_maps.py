@@ -16,7 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, wrong
+from ..checks import wrong
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point, Values
@@ -45,7 +45,6 @@ from .rational_functions import (
 TERMS = 300_000  # of the largest polynomial that is factored
 TERMS_IN_LETTERS = 20_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
-_POINTS = 3  # random points: their common roots in eps are those of all points
 FEW = 100  # products of polynomials times the degree of a map, of an image on a line
 
 
@@ -113,24 +112,6 @@ class RationalMap(WithLetters):
         if not self.is_symbolic:
             return self
         return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
-
-    @cached_property
-    def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational values of the letter for which there is no map, or det DPhi is 0 everywhere.
-
-        They are the common roots of `_degeneracy` for all x, computed for a few x.
-        """
-        rng, common = random.Random(0), self.ring.constant(0)
-        for _ in range(_POINTS):
-            numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
-            common = common.gcd(self._degeneracy([self.ring.constant(a) for a in numbers]))
-        return factored(common).special
-
-    def _degeneracy(self, x: Sequence[Any]) -> Any:
-        """Return F_0^(D + 1) det DPhi at a point, a polynomial in the letter."""
-        letters = self.ring.gens()[: len(self.letters)]
-        rows = ([P.compose(*letters, *x[:-1]) for P in row] for row in self._rows())
-        return determinant([*rows])
 
     @cached_property
     def coefficients(self) -> list[int]:
@@ -222,22 +203,6 @@ class RationalMap(WithLetters):
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         return self._in_letters(self.homogeneous_image(constants))
-
-    def __pow__(self, count: int) -> RationalMap:
-        """Return an iterate, with its inverse."""
-        count = integer("count", count, 1)
-
-        def forms(map: RationalMap) -> list[Any]:
-            x = map.variables
-            for _ in range(count):
-                x = map.coprime_image(x)
-            return x
-
-        forward, names = forms(self), (self.letters, self.names)
-        if self.inverse is None:
-            return RationalMap(forward, None, *names)
-        backward = RationalMap(forms(self.inverse), RationalMap(forward, None, *names), *names)
-        return RationalMap(forward, backward, *names)
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:

@@ -228,22 +228,6 @@ class KahanMap(RationalMap):
         return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
 
     @cached_property
-    def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational eps for which there is no map, or det DPhi is 0 everywhere.
-
-        They come in pairs eps, -eps: if the image of the map has a lower dimension, so has the
-        image of its inverse, or there is none.
-        """
-        return tuple(sorted({sign * eps for eps in super().degenerate_eps for sign in (1, -1)}))
-
-    def _degeneracy(self, x: Sequence[Any]) -> Any:
-        """Return det A times the numerator of det DPhi at a point."""
-        y = self.homogeneous_image(x)
-        # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
-        determinant = cramer(self.inverse._system(y))[-1]
-        return determinant // determinant.gcd(y[-1] ** (self.dimension + 1)) * y[-1]
-
-    @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
         if self.in_letters and (energy := self.in_letters.energy):

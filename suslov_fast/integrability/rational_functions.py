@@ -120,8 +120,7 @@ class RationalFunction(WithLetters):
     combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
     In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
     polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`
-    replaces it by a number, and `special` holds the rational values for which a factor of the
-    formula is 0 for all x.
+    replaces it by a number.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -194,18 +193,6 @@ class RationalFunction(WithLetters):
         factors = tuple((renamed(P, names, letter), e) for P, e in self.factors)
         cofactor = self.cofactor and self.cofactor.renamed(names, letter)
         return replace(self, factors=factors, cofactor=cofactor)
-
-    @property
-    def special(self) -> tuple[Fraction, ...]:
-        """The rational eps for which a factor is 0 for all x."""
-        values = set()
-        for P, _ in self.factors:
-            if (
-                len(self.letters) == 1 and degree_of(P) == 0 and P.total_degree() == 1
-            ):  # a * eps + b
-                a, *b = map(int, P.coeffs())
-                values.add(Fraction(-sum(b), a))
-        return tuple(sorted(values))
 
     def __mul__(self, other: Any) -> RationalFunction:
         other = as_function(other)

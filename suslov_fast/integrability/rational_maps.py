@@ -47,8 +47,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     Returns
     -------
     RationalMap
-        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`; ``map**2`` is
-        its second iterate.
+        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
 
     Raises
     ------

@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import sys
-from fractions import Fraction
-from time import perf_counter
 from typing import Any
 
 from ..checks import integer, is_false, kind_of, wrong
 from ..fields.base import Body
-from ..fields.field import Field
 from ..fields.map import Map
 from ..keywords import public
 from .birational_maps import RationalMap, check_map
 from .darboux import check_unknowns
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
-from .interpolation import SEARCHES, Watch, watch
+from .interpolation import Watch, watch
 from .kahan_maps import KahanMap
 from .letters import exact_map
 from .levels import Level
-from .linear_relations import ImplicitIntegral, count_relations
-from .polynomials import exponents_up_to
+from .linear_relations import ImplicitIntegral
 from .rational_functions import IDENTITY, MODULAR, RationalFunction
-from .search import Search, Task
+from .search import Search
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
-_SHOWN = 64  # sets of numbers from which on `progress` prints a line, with twice as many the next
 _NO_INVERSE = "No inverse was given: it is not checked that the map is birational."
 Functions = tuple[RationalFunction, ...]
 
@@ -48,9 +41,7 @@ class Report:
     rho(Phi) det DPhi = -rho, it is listed with the `cofactor` -1, and abs(rho) is a density.
     Independent integrals without a short formula are in `implicit`, and can be called as well;
     `independent` is the number of all integrals that are known.
-    The growth is evidence, not a proof. If eps is symbolic, formulas are functions of x and eps,
-    and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
-    det DPhi is 0 everywhere.
+    The growth is evidence, not a proof. If eps is symbolic, formulas are functions of x and eps.
     """
 
     map: RationalMap
@@ -65,7 +56,6 @@ class Report:
     level: Level | None = None  # the generic one of D - 2 integrals
     on_level: PlanarEntropy | None = None  # of the map on it
     relations: int | None = None  # the number of independent integrals that orbits show
-    special_eps: tuple[Fraction, ...] = ()
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)
     finished: bool = False
@@ -131,27 +121,9 @@ class Report:
         if self.symmetries:
             lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
         lines += self._lines_of_level_sets()
-        if self.special_eps:
-            what = "A formula has no meaning, or there is no birational map"
-            values = ", ".join(map(str, self.special_eps))
-            lines.append(f"{what}, at {self.map.letter} = {values}.")
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
-
-    def _repr_latex_(self) -> str | None:
-        """Return the formulas for notebooks; a report without formulas is shown as text."""
-        kinds = {
-            "First integrals": self.integrals,
-            "Densities of measures": self.measures,
-            "Darboux polynomials": self.polynomials,
-        }
-        lines = []
-        for title, functions in kinds.items():
-            lines += [rf"\text{{{title}:}}"] * bool(functions)
-            lines += [rf"\quad {f._repr_latex_().strip('$')}" for f in functions]
-        rows = r" \\ ".join(lines)
-        return rf"$\begin{{array}}{{l}}{rows}\end{{array}}$" if lines else None
 
     def _title(self) -> str:
         D = self.map.dimension
@@ -215,35 +187,6 @@ class Report:
             lines.append(f"Level sets of the integrals have dimension {dimension}{more}.")
         return lines
 
-    @public
-    def to_dict(self) -> dict[str, Any]:
-        """Return the attributes by name, with `field` and `eps`, for JSON; formulas are strings."""
-        parts = _attributes(self)
-        parts |= {name: getattr(self.map, name, None) for name in ("field", "eps")}
-        parts |= {"growth": self.growth._asdict(), "dimension": self.dimension}
-        text = json.dumps(parts, default=_plain)
-        return json.loads(text, parse_constant=lambda nan: None)
-
-
-def _attributes(instance: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass; `dataclasses.asdict` would convert their values, too."""
-    return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
-
-
-def _plain(value: Any) -> Any:
-    """Return the JSON form of a value that JSON does not support."""
-    if isinstance(value, Field):
-        return value.to_dict()
-    if isinstance(value, PlanarEntropy):
-        lengths, contractions = value.lengths, [*map(str, value.contractions)]
-        return _attributes(value) | {"lengths": lengths, "contractions": contractions}
-    if isinstance(value, ImplicitIntegral):
-        return {"relation": str(value), "degree": value.degree, "basis": value.basis}
-    if not isinstance(value, RationalFunction):
-        return str(value)
-    plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}
-    return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
-
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
     """Return the line of a kind of functions, with at most `most` formulas."""
@@ -283,13 +226,11 @@ def report(
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     letters : str or sequence of str, optional
         Names of parameters of a system that stay symbols, ``"a b"``, beside eps. Formulas hold for
-        all their values, and so do degrees and numbers of integrals, except at special values. If
-        the values in `system` are such, a note tells how many integrals they have.
-    progress : bool or callable, optional
-        True prints the time, kind and degree of each part of the search to the standard error, and
-        how many sets of numbers in place of letters are done. A function is called as
-        ``progress(done, parts)`` after each part, and while formulas with letters are interpolated.
-        If it returns False, the search ends, and the report has the results found so far.
+        all their values, and so do degrees and numbers of integrals, except at special values.
+    progress : callable, optional
+        Called as ``progress(done, parts)`` after each part of the search, and while formulas with
+        letters are interpolated. If it returns False, the search ends, and the report has the
+        results found so far.
 
     Returns
     -------
@@ -300,8 +241,7 @@ def report(
     ------
     ArithmeticError
         If there is no map, because the equations have no solution at any x, or if det DPhi of the
-        map of a field is 0 everywhere, so that the image is a curve, for example. Without `eps`,
-        such step sizes are in `special_eps`.
+        map of a field is 0 everywhere, so that the image is a curve, for example.
     KeyboardInterrupt
         After Ctrl-C, when the operation at hand ends. The attribute `report` of this error, and of
         any other one during the search, is the report with the results found so far.
@@ -335,9 +275,9 @@ def report(
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
-    if progress not in (None, True, False) and not callable(progress):
-        expected = "True, for lines of text, or a function that is called as progress(done, parts)"
-        raise wrong("progress", expected, type(progress).__name__, TypeError)
+    if progress is not None and not callable(progress):
+        expected = "a function that is called as progress(done, parts)"
+        raise wrong("progress", expected, kind_of(progress), TypeError)
     found, facts = Report(map, degree, notes=notes), Search(map, degree)
     watched = _Watched(facts, progress)
     token = watch.set(watched)
@@ -346,8 +286,6 @@ def report(
             facts.fill(found)
             watched.tell()
         facts.fill(found)
-        if letters is not None:
-            notes += _special_values(system, facts)
         if not facts.is_complete:
             notes += watched.left_out
     except _Stopped:
@@ -363,34 +301,18 @@ def report(
 
 
 class _Watched(Watch):
-    """Calls `progress`, or prints a line for each kind of task; collects notes on omissions."""
+    """Calls `progress`, and collects notes on omissions."""
 
     def __init__(self, facts: Search, progress: Any) -> None:
-        self._facts, self._progress, self._start = facts, progress, perf_counter()
+        self._facts, self._progress = facts, progress
         self._left_out: dict[str, list[str]] = {}  # kinds of tasks by reason
-        self._task: Any = None
-        if progress is True:
-            letters, D = ", ".join(facts.map.letters) or "none", facts.map.dimension
-            self._print(f"letters {letters}; {math.comb(D + facts.degree, D)} monomials to degree "
-                        f"{facts.degree}")  # fmt: skip
-        facts.queue.at_start = self._begin
 
-    def _print(self, text: str) -> None:
-        print(f"{perf_counter() - self._start:7.1f} s  {text}", file=sys.stderr)
-
-    def _begin(self, task: Task) -> None:
-        if self._progress is True and str(task) != str(self._task):
-            self._print(str(task))
-        self._task = task
-
-    def at_values(self, done: int) -> None:
-        if self._progress is True and done >= _SHOWN and done.bit_count() == 1:
-            self._print(f"{self._task}: {done} of at most {SEARCHES} sets of numbers")
+    def at_values(self) -> None:
         self.tell()
 
     def gave_up(self, reason: str) -> None:
-        kinds = self._left_out.setdefault(reason, [])
-        kinds += [self._task.kind] * (self._task.kind not in kinds)
+        kinds, kind = self._left_out.setdefault(reason, []), self._facts.queue.kind
+        kinds += [kind] * (kind not in kinds)
 
     @property
     def left_out(self) -> list[str]:
@@ -402,30 +324,12 @@ class _Watched(Watch):
         """Report the number of tasks to `progress`; end the search if that returns False."""
         done = self._facts.queue.done
         parts = done + len(self._facts.queue.waiting)
-        if callable(self._progress) and is_false(self._progress(done, parts)):
+        if self._progress and is_false(self._progress(done, parts)):
             raise _Stopped
 
 
 class _Stopped(BaseException):
     """A report ends, because `progress` returned False."""
-
-
-def _special_values(system: Any, facts: Search) -> list[str]:
-    """Return a note if there are more integrals at the values of a system than for letters."""
-    degree = facts.queue.finished().get("relations", 0)
-    exponents = exponents_up_to(degree, facts.map.dimension)
-    try:
-        special = count_relations(exact_map(system, None, None), exponents).integrals
-    except ArithmeticError:  # there is no map at these values
-        return []
-    if special <= (facts.relations or 0):
-        return []
-    names = [name for name in facts.map.letters if name in system.parameters]
-    values = ", ".join(f"{name} = {system.parameters[name]:g}" for name in names)
-    return [
-        f"At {values}, relations up to degree {degree} show {special} independent integrals; for "
-        f"general letters they show {facts.relations or 0}."
-    ]
 
 
 def _map_of(field: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:

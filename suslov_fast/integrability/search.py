@@ -82,9 +82,6 @@ class Task:
     needed: bool = True
     turn: int = 0
 
-    def __str__(self) -> str:
-        return self.kind + f", degree {self.degree}" * (self.degree > 0)
-
     @property
     def place(self) -> tuple[int, int, int]:
         """The sort key of the task in the queue."""
@@ -94,13 +91,12 @@ class Task:
 class Queue:
     """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True. Before a task runs,
-    `at_start` is called with it.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
-        self.at_start: Callable[[Task], None] = lambda task: None
+        self.kind = ""  # of the task that runs
         self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
         self._add(tasks)
 
@@ -116,7 +112,7 @@ class Queue:
             if not ready:
                 break
             task = min(ready, key=attrgetter("place"))
-            self.at_start(task)
+            self.kind = task.kind
             self._add(task.run())
             self.waiting.remove(task)
             self.done += 1
@@ -185,10 +181,6 @@ class Search:
         report.level, report.on_level = self.level, self.on_level
         report.planar = proved_by_integral(self.planar, self.known.integrals)
         report.searched = [*self._searched()]
-        if len(self.map.letters) == 1:
-            formulas = (*report.integrals, *report.measures, *report.polynomials)
-            special = {eps for f in formulas for eps in f.special}
-            report.special_eps = tuple(sorted(special.union(self.map.degenerate_eps)))
 
     @property
     def known(self) -> Known:

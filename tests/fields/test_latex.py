@@ -71,10 +71,8 @@ def test_formulas_of_reports():
 
     field = Field(lambda x: (x[1], -x[0]), 2)
     found = report(field, degree=2)
-    text = found._repr_latex_()
-    assert text.startswith(r"$\begin{array}{l}\text{First integrals:} \\ \quad \displaystyle x_{1}")
-    for f in (*found.integrals, *found.measures, *found.polynomials):
-        assert f._repr_latex_().strip("$") in text
+    text = found.integrals[0]._repr_latex_()
+    assert text.startswith(r"$\displaystyle x_{1}")
     latex = pytest.importorskip("sympy").latex
     assert field._repr_latex_() == rf"$\displaystyle {latex(field)}$"
     assert latex([found.integrals[0]]) == rf"\left[ {latex(found.integrals[0])}\right]"

@@ -1,7 +1,6 @@
 """Exact computations for Kahan maps and other birational maps, against published results."""
 
 import functools
-import json
 import math
 import pickle
 import random
@@ -126,9 +125,8 @@ def test_a_letter_in_the_coefficients():
         letters="λ",
     )
     assert pickle.loads(pickle.dumps(map)) == map
-    assert map.degenerate_eps == (0, 2)
     found, value, x = report(map), F(5, 3), (F(1, 2), F(3))
-    assert (found.special_eps, found.planar.proved) == ((0, 2), True)
+    assert found.planar.proved
     at_number = map.subs(λ=value)
     assert at_number((1, 2)) == (2, value * 3 / (value - 2)) == map.subs(λ="5/3")((1, 2))
     assert tuple(f.subs(λ=value)([]) for f in map((1, 2))) == at_number((1, 2))
@@ -384,9 +382,6 @@ def test_report(given, degree, kind, integrals, measure, planes):
     assert_text(found)
     for each in (*found.integrals, *found.measures, *found.polynomials):
         assert each.basis == "identity"
-    plain = json.loads(json.dumps(found.to_dict()))
-    assert [each["degree"] for each in plain["integrals"]] == integrals
-    assert is_map or Field.from_dict(plain["field"]) == given._field
     assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
     assert any("not checked" in note for note in found.notes) == (found.map.inverse is None)
 
@@ -402,7 +397,7 @@ def test_a_map_without_inverse_and_no_map():
     for call in (report, lambda map: degrees(map, 3), lambda map: hk_bases(map, 1)):
         with pytest.raises(ArithmeticError, match=r"eps=1.*no solution"):
             call(no_map)
-    assert report(nowhere).special_eps == (-1, 1)
+    assert report(nowhere).finished
 
 
 @pytest.mark.sampled(1)
@@ -419,17 +414,11 @@ def test_a_map_without_inverse_and_no_map():
     ],
 )
 def test_degenerate_step_sizes(field, eps):
-    """They raise an error, and are listed if eps is symbolic: -eps, too."""
+    """They raise an error; others, and a symbolic eps, do not."""
     with pytest.raises(ArithmeticError, match=f"eps={eps}"):
         report(field, eps=eps)
-    symbolic = report(field, degree=1)
-    assert {F(eps), -F(eps)} <= {*symbolic.special_eps}
+    assert report(field, degree=1).finished
     assert report(field, eps=F(eps) / 3, degree=1).finished
-    listed = kahan(field).degenerate_eps
-    x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
-    for a in listed:
-        with pytest.raises((ZeroDivisionError, AssertionError)):
-            assert kahan(field, a).determinant(x) != 0
 
 
 @pytest.mark.slow
@@ -619,7 +608,7 @@ class Quantity(float):
         (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
         (ValueError, "eps", lambda: report(MAP, eps=EPS)),
         (TypeError, r"report.* as degree=2", lambda: report(BODY, 2)),
-        (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=3)),
+        (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=True)),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
         (TypeError, "map", lambda: rational_map(Map(lambda x: (np.sin(x[0]), 1), 2))),
         (ValueError, "map", lambda: rational_map(Map(lambda x: (1 / (x[0] - x[0]), 1), 2))),

@@ -16,6 +16,7 @@ from suslov_fast.integrability import (
     darboux_polynomials,
     degrees,
     hk_bases,
+    interpolation,
     kahan,
     planar_entropy,
     rational_map,
@@ -211,18 +212,6 @@ def test_fractions_of_a_body_beside_letters_are_exact():
     assert len({F(x, **numbers) / paper(x, **numbers, **others) for x in points}) == 1
 
 
-def test_what_holds_at_special_values_alone():
-    """x' = a x, y' = b y has the integral x / y where a = b."""
-
-    def linear(x, a, b):
-        return a * x[0], b * x[1]
-
-    found = report(Field(linear, "x y", a=2, b=2), letters="a b", degree=1)
-    assert (found.integrals, found.relations) == ((), 0)
-    assert [n for n in found.notes if "a = 2, b = 2" in n and "1 independent" in n]
-    assert not report(Field(linear, "x y", a=2, b=3), letters="a b", degree=1).notes
-
-
 def lagrange(x, a, b, c):
     """With the moments 1/a, 1/a, 1/b, and the weight times the distance of the centre c."""
     m, p, w = x[:3], x[3:], (a * x[0], a * x[1], b * x[2])
@@ -303,3 +292,10 @@ def test_a_report_with_letters_ends_when_progress_says_so():
     assert not found.finished
     assert found.relations == 1
     assert max(calls) < 30  # the others came while a formula was interpolated
+
+
+def test_a_report_tells_what_it_leaves_out(monkeypatch):
+    monkeypatch.setattr(interpolation, "SEARCHES", 70)
+    found = report(Suslov3D(4, 1, -0.5, -0.25), letters=BODY, degree=2)
+    assert (found.integrals, found.independent) == ((), 1)
+    assert any("too many terms: quotients" in note for note in found.notes)

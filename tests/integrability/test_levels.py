@@ -207,11 +207,8 @@ def test_components_of_levels():
         Map(lambda x: (-x[0], x[1] - 1, x[2] / (x[1] - 1)), 3),
     )
     for point in ((1, 2, 3), None):
-        with pytest.raises(ArithmeticError, match=r"to itself, .* second iterate"):
+        with pytest.raises(ArithmeticError, match="to itself"):
             on_level(swapped, [lambda x: x[0] ** 2], point=point)
-    twice = swapped**2
-    assert twice((1, 2, 3)) == swapped(swapped((1, 2, 3)))
-    assert on_level(twice, [lambda x: x[0]], point=(1, 2, 3)).map((2, 3)) == (4, 18)
 
 
 PERIODIC = third_order(lambda x, y, z: 1 / (y * z) - x)  # the fifth iterate is
@@ -223,13 +220,8 @@ def test_a_map_with_as_many_integrals_as_variables():
     assert (found.proved_entropy, found.dimension) == (0.0, 0)
     assert "points" in repr(found)
     (squared,) = (f for f in found.integrals if f.factors[0][1] == 2)
-    with pytest.raises(ArithmeticError, match="second iterate"):
+    with pytest.raises(ArithmeticError, match="to itself"):
         on_level(PERIODIC, [squared])
-    J = lambda x: 2 * x[0] * x[1] * x[2] - 1  # noqa: E731
-    level = on_level(PERIODIC**2, [J])
-    assert planar_entropy(level.map).entropy == 0.0
-    prey = kahan(Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), 1)
-    assert (prey**2)((F(1, 3), 2)) == prey(prey((F(1, 3), 2)))
 
 
 @pytest.mark.slow
@@ -248,7 +240,6 @@ def test_reports_say_the_entropy_on_the_generic_level():
     assert "Entropy (proved): 0.881374, log of the largest root of x^2 - 2*x - 1" in repr(found)
     assert found.level.how in repr(found)
     assert "h = " in str(found.on_level)
-    assert found.to_dict()["on_level"]["proved"] is True
     in_five = of_zoo("Kharlamova")
     assert "Entropy on a level (proved): 0.881374" in repr(in_five)
     assert "Entropy (proved): 0, because" in repr(of_zoo("Euler top"))

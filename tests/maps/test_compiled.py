@@ -133,14 +133,6 @@ def test_a_system_that_is_a_global_of_a_cached_function(tmp_path):
         assert done.stderr.count("Cannot cache compiled function") == 2
 
 
-def test_kinds_are_told_by_type():
-    """A tuple of the same length and numbers is of no kind."""
-    numbers = tuple(system(BODY, EPS))
-    with pytest.raises((TypingError, AttributeError)):
-        compiled.step(numbers, 0.1, 0.2)
-    assert {*compiled.__all__} == {*dir(compiled)}
-
-
 @pytest.mark.slow_to_compile
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_what_does_not_exist_is_nan():
@@ -179,10 +171,9 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
     memory = work(constants)
     for call in (one_step, step_system):
         for arguments, words in (
-            ((np.ones(3, int), three), "^x.*int64"),
-            ((three, np.ones(3, np.float32)), "^out.*float32"),
-            (([1.0, 2.0, 3.0], three), "^x must"),
-            ((np.ones((3, 1)), three), "^x.* 2d"),
+            ((np.ones(3, int), three), "^x"),
+            ((three, np.ones(3, np.float32)), "^out"),
+            ((np.ones((3, 1)), three), "^x"),
         ):
             with pytest.raises(TypeError, match=words):
                 call(constants, *arguments, memory)

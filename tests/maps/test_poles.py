@@ -9,7 +9,7 @@ import pytest
 from systems import HENON_HEILES as HENON, PREY
 
 import suslov_fast as sf
-from suslov_fast import Field, IntegrationWarning, Status, SuslovND, compiled, iterate, kahan
+from suslov_fast import Field, IntegrationWarning, Status, SuslovND, iterate, kahan
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 SQUARE = Field.from_terms([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
@@ -97,7 +97,7 @@ def test_rows_that_are_exchanged_change_no_sign(c):
 
 
 def test_the_number_of_the_step_is_the_time_of_escape():
-    """x' = x**2 + a, and x'' = 6 x**2 with x = (t0 - t)**-2."""
+    """x' = x**2 + a."""
     for a, x, eps in ((0.0, 1.0, 0.03), (1.0, 0.0, 0.01), (1.0, -5.0, 0.002), (4.0, 1.0, 0.01)):
         root = math.sqrt(a)
         end = (math.pi / 2 - math.atan(x / root)) / root if a else 1 / x
@@ -105,11 +105,6 @@ def test_the_number_of_the_step_is_the_time_of_escape():
         assert run.status == Status.PASSED_POLE
         assert 0 <= run.failed_at - end / eps < 2
         assert len(messages) == 1
-    for end, eps in ((1.0, 0.01), (2.0, 0.003)):
-        field = Field(lambda x: (x[1], 6 * x[0] ** 2), 2)
-        run, _ = told(iterate, field, [end**-2, 2 * end**-3], eps, 2000)
-        assert run.status == Status.PASSED_POLE
-        assert abs(run.failed_at - end / eps) < 5
 
 
 def test_the_last_state_is_not_looked_at():
@@ -132,29 +127,19 @@ SAID = {
     "a body": ((LONG_BODY, [1.0, 2.0, 30.0], 1.0, 50), "1 of 1 0 1", "too long$"),
     "linear": ((LINEAR, [1.0], 1.0, 50), "1 of 1 0 1", "too long$"),
     "a sign": ((DECAY, [1.0], 0.01, 5), "1 of 1 0 1", "change its sign"),
-    # Its states are right, because each stage multiplies by a factor near -1.
-    "fast decay": ((DECAY, [1.0], 0.01, 5, "order8"), "1 of 1 0 1", "decays .*may be right"),
     "failures, too": ((PREY, THREE, 0.1, 1000), "3 of 3 0 100 3", "had passed a pole before"),
 }
 
 
 @pytest.mark.parametrize("name", SAID)
 def test_one_warning_for_all(name):
-    (system, x, eps, steps, *method), numbers, cause = SAID[name]
-    options = dict(zip(["method"], method, strict=False))
-    run, (message,) = told(iterate, system, x, eps, steps, **options)
+    problem, numbers, cause = SAID[name]
+    run, (message,) = told(iterate, *problem)
     parts = re.compile(r"\(\d, \d\)|\d[.\d]*(?: of \d)?")
     assert parts.findall(message) == parts.findall(numbers)
     assert re.search(cause, message)
-    if run.ok.all() and not method:
-        assert told(sf.lyapunov_exponents, system, x, eps, steps)[1] == [message]
-
-
-def test_where_some_pass_a_pole():
-    run = iterate(HENON, SIX, 1 / 16, 400, on_singular="ignore")
-    assert run.ok.all()
-    assert run.failed_at.tolist() == [[-1, -1, -1], [-1, 52, 52]]
-    assert not np.isnan(run.states).any()
+    if run.ok.all():
+        assert told(sf.lyapunov_exponents, *problem)[1] == [message]
 
 
 def test_what_says_nothing():
@@ -195,13 +180,6 @@ def test_a_failure_has_a_status_of_its_own():
 
 
 # ---------------------------------------------------------------- components that keep their signs
-def first_change(run):
-    """Return the number of the first state after a step from det A < 0 or a change of sign."""
-    with np.errstate(all="ignore"):
-        dets = np.linalg.det(np.nan_to_num(kahan.matrix(run.body, run.states[:-1], run.eps)))
-    return beyond(dets < 0, changed(run.body, run.states))
-
-
 def test_a_failure_does_not_hide_the_pole_before_it():
     run = iterate(PREY, THREE, 0.1, 1000, on_singular="ignore")
     assert (run.status == Status.SINGULAR).all()
@@ -215,21 +193,6 @@ def test_a_failure_does_not_hide_the_pole_before_it():
     alive = iterate(body, [np.nan, 0.0], 0.1, 3, on_singular="ignore")
     assert alive.first_pole == -1
     assert not alive.valid.any()
-
-
-@quiet
-def test_signs_agree_for_all_ways_to_compute(rng):
-    """Widths and saved states find the same pole."""
-    starts = rng.uniform(0.05, 3, (40, 2))
-    given = PREY, starts, 0.1
-    run = iterate(*given, 300, on_singular="ignore")
-    assert (run.first_pole == first_change(run)).all()
-    assert 3 < (run.first_pole >= 0).sum() < 37
-    assert (run.status[run.first_pole >= 0] != Status.OK).all()
-    for k in np.flatnonzero(run.first_pole >= 0)[:3]:
-        one = iterate(PREY, starts[k], 0.1, 300, on_singular="ignore")
-        assert (one.first_pole, one.status) == (run.first_pole[k], run.status[k])
-        assert np.array_equal(one.states, run.states[:, k], equal_nan=True)
 
 
 @pytest.mark.sampled(1)
@@ -278,18 +241,3 @@ def test_zeros_and_negative_components_keep_their_signs(rng):
     assert abs(iterate(fading, [[-1.0], [1.0]], 1.0, 400).final).max() < 1e-300
     tiny = Field.from_terms([[[0]]], [[-3]])
     assert iterate(tiny, [[-1e-300], [1e-300]], 1.0, 1).first_pole.tolist() == [1, 1]
-
-
-@pytest.mark.slow
-@quiet
-def test_steps_of_users_loops_tell_changes_of_sign():
-    for method in ("auto", "order4"):
-        system = compiled.system(PREY, 0.1, method=method)
-        run = iterate(PREY, [0.05, 0.05], 0.1, 30, method=method)
-        out, work = np.empty(2), compiled.work(system)
-        for n in range(run.failed_at):
-            code = compiled.step_system(system, run.states[n], out, work)
-            assert (code == Status.PASSED_POLE) == (n + 1 == run.first_pole), (method, n)
-    system, x = compiled.system(DECAY, 0.01), np.ones(1)
-    for _ in range(3):  # in place
-        assert compiled.step_system(system, x, x, compiled.work(system)) == Status.PASSED_POLE

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, is_false, short, wrong
-from ..core.maps.step_system import FieldSystem
+from ..core.maps.kernel import field_steps
+from ..core.maps.step_system import FieldSystem, step_of_one
 from ..core.numba.decorators import Kernel
 from ..core.numba.status import OK, PASSED_POLE
 from ..core.suslov import orientations
@@ -195,6 +196,12 @@ class BatchRun:
             return self.final[np.newaxis]
         return saved.reshape(len(saved), *self.problem.batch, D)
 
+    def of_one(self) -> FloatArray | None:
+        """Return the next state of one field or map; None if a run has to take the step."""
+        if self.steps.kernel is not field_steps or self.problem.batch:
+            return None
+        return step_of_one(self.arguments, self.omega0[0])
+
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
         """Continue without orientations to state `stop`, or until `report` returns False."""
         if report is None:
@@ -312,22 +319,6 @@ def _rows(begin: int, end: int, every: int) -> int:
 
 def states_after(problem: Problem) -> FloatArray:
     """Return the states (..., D) after one step; NaN where there is none."""
-    after = few_after(problem, problem.method)
-    if after is None:
-        batch_run = BatchRun(problem)
-        batch_run.to(1)
-        after = batch_run.final
-    return after
-
-
-def few_after(problem: Problem, method: str) -> FloatArray | None:
-    """Return the states (..., D) after one step of a few trajectories, or None: see `Kernel.few`.
-
-    It takes a fourth of the time of a batch run, which matters if users call `step` in a loop.
-    """
-    body, x, batch, steps = problem.body, problem.omega, problem.batch, problem.map.methods[method]
-    if steps.kernel.few is None or body.shape or x.shape[:-1] != batch:
-        return None
-    arguments = steps.arguments(body, problem.eps, batch)
-    after = steps.kernel.few(arguments, x.reshape(-1, x.shape[-1]), (0, 1, 0, 0))
-    return None if after is None else after.reshape(x.shape)
+    batch_run = BatchRun(problem)
+    batch_run.to(1)
+    return batch_run.final

@@ -9,7 +9,7 @@ from ..bodies.systems import MapOrField
 from ..checks import FloatArray, Reals, integer, one_of, wrong
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
-from ..maps.batch import BatchRun, Progress, few_after, reporter
+from ..maps.batch import BatchRun, Progress, reporter
 from ..maps.evaluation import mask_and_warn
 from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
@@ -69,9 +69,9 @@ def step(
     problem = check(map, system, x, eps_of("step", system, eps), threads)
     if "step" in map.formulas:
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
-    if (after := few_after(problem, method)) is not None:
-        return after
     batch_run = BatchRun(problem, method)
+    if (after := batch_run.of_one()) is not None:
+        return after
     batch_run.to(1)
     batch_run.status[batch_run.status > 0] = 0  # `step` reports no passed poles
     # Not at step 0, where the given states are NaN.

@@ -141,4 +141,4 @@ def address_of(array):
 
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
-    return address.call(array.ctypes.data)
+    return address.call(address_of(array))

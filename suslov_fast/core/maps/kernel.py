@@ -22,12 +22,11 @@ from contextlib import nullcontext
 import numpy as np
 from numba import config
 
-from ..llvm.compiler import call, code_of
+from ..llvm.compiler import address_of, call, code_of
 from ..numba.decorators import Kernel, calling_python
 from ..numba.threads import in_parts
 from .dense import take_dense
-from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
-from .few_orbits import lanes_of, take_few
+from .driver import NOT_READY, SLOT, WIDTH, DriverArguments, text_of_steps
 from .kahan_step import Step, of_one_sign
 from .packs import (
     PLANS,
@@ -146,29 +145,30 @@ class _Lines:
         # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
+        row = saved.ctypes.data
         plan = plan_of(self.scheme.stages, self.table)
         numbers = DriverArguments(
-            x=self.x.ctypes.data,
+            x=address_of(self.x),
             lines=self.count,
             block=block,
             steps=steps,
-            plan=plan.ctypes.data,
+            plan=address_of(plan),
             stages=len(plan),
-            bases=0 if self.bases is None else self.bases.ctypes.data,
-            first_row=saved.ctypes.data,
+            bases=0 if self.bases is None else address_of(self.bases),
+            first_row=row,
             row_bytes=saved.strides[0],
             first_until=until,
             between=between,
             trajectories=self.B,
-            ended=self.marks[ENDED].ctypes.data,
-            passed=self.marks[PASSED].ctypes.data,
-            status=self.notes[0].ctypes.data,
-            failed_at=self.notes[1].ctypes.data,
+            ended=address_of(self.marks[ENDED]),
+            passed=address_of(self.marks[PASSED]),
+            status=address_of(self.notes[0]),
+            failed_at=address_of(self.notes[1]),
             first=start + 1,
             pivoting_step=pivoting,
             pivoting_arguments=own.ctypes.data if pivoting else 0,
             until=until,
-            row=saved.ctypes.data,
+            row=row,
         )
         return np.array(numbers, np.int64), (arrays, own, plan)
 
@@ -180,8 +180,6 @@ def _is_dense(step):
 
 class FieldSteps(Kernel):
     """The kernel of steps of fields, which calls the machine code of the field."""
-
-    few = staticmethod(take_few)
 
     def __init__(self):
         self.py_func = _iterate_part
@@ -196,14 +194,8 @@ class FieldSteps(Kernel):
         else:
             self(0, 1, arguments, *others)
 
-    def briefly(self, seconds, arguments, omega0, carry, span, saved, final, status, failed_at):
-        (begin, end, *steps), last = span, None
-        if begin == 0 and end == len(omega0) and not np.count_nonzero(status):
-            last = take_few(arguments, final if steps[0] else omega0, steps, saved)
-        if last is None:
-            self.serial(arguments, omega0, carry, span, saved, final, status, failed_at)
-        else:
-            final[:] = last
+    def briefly(self, _, *arguments):
+        self.serial(*arguments)
 
     def parallel(self, threads, arguments, *others):
         if _is_dense(arguments[0].step):
@@ -226,7 +218,7 @@ def _iterate_part(
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
-    W = lanes_of(end - begin)
+    W = WIDTH if end - begin > WIDTH else min(1 << (end - begin - 1).bit_length(), 4)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)

@@ -51,7 +51,7 @@ def common_table(step, stages, eps, values):
 
 def plan_of(stages, table):
     """Return the addresses (stages,) of the tables of the stages, `plan` of `DriverArguments`."""
-    return table.ctypes.data + table.strides[0] * distinct(stages.fractions)[1]
+    return address_of(table) + table.strides[0] * distinct(stages.fractions)[1]
 
 
 def compares_signs(step):

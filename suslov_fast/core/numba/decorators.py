@@ -326,9 +326,6 @@ def c_function(signature):
 class Kernel(Patient):
     """A compiled kernel; its arguments are numbers, arrays and tuples of them."""
 
-    # few(arguments, states, (start, stop, every, row), saved=None) returns the states (B, D) after
-    # a short run of a few trajectories, or None if the kernel has to take it.
-    few = None
     # in_numpy(*arguments) takes the work of a kernel of steps for all trajectories side by side,
     # with the same bits, and returns True; or False if only the kernel can take it.
     in_numpy = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,13 +17,12 @@ from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
 from . import coefficients, right_hand_sides
 from .base import Body, frozen
-from .equations import check_equalities, of_hamiltonian
+from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
 from .names import check_for_map, variables
 from .right_hand_sides import OfMembers
-from .symbolic import Symbols
-from .terms import Terms, slopes_at, texts_of, values_at, without_zeros
+from .terms import Terms, texts_of, without_zeros
 from .trace import check_function, operands_of_function
 from .traced import EQUATIONS, NAMES, Traced, operands_of_texts, parts_of
 
@@ -310,21 +308,24 @@ class Field(Traced):
         return self
 
     # ------------------------------------------------------------------------------ values
-    def _value(self, x: FloatArray) -> FloatArray:
-        return super()._value(x) if self._equations else values_at(self._own_terms, x)
-
-    def _slopes(self, x: FloatArray) -> FloatArray:
-        return super()._slopes(x) if self._equations else slopes_at(self._own_terms, x)
-
-    def _traced_at(self, x: Symbols) -> Any:
+    @property
+    def _program(self) -> Equations:
         if self._equations:
-            return super()._traced_at(x)
-        if self.shape:
-            raise TypeError("f(x) of a family has no symbols: take that of a single field")
-        rows: list[Any] = [0.0 * x[0] for _ in range(self.dimension)]
-        for (i, *factors), value in self._own_terms.floats.members():
-            rows[i] = rows[i] + value * math.prod(x[k] for k in factors if k < len(rows))
-        return Symbols.of(rows)
+            return super()._program
+        return right_hand_sides.equations_of(self._parts[INDICES].tobytes(), self.dimension)
+
+    @property
+    def _inputs(self) -> FloatArray:
+        if self._equations:
+            return super()._inputs
+        return np.moveaxis(np.asarray(self._parts[VALUES], np.float64), -1, 0)
+
+    @cached_property
+    def _with_table(self) -> tuple[Any, FloatArray]:
+        terms = None if self._equations else self._own_terms.floats
+        if terms is None or not right_hand_sides.is_full(terms.indices, self.dimension):
+            return super()._with_table
+        return right_hand_sides.full_quadratic(*terms, self.dimension)
 
     @public
     def energy(self, x: Any) -> FloatArray:

@@ -15,10 +15,11 @@ from ..core.expressions.event_formulas import EventAction, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions, emitted, in_order
-from ..core.expressions.quadratic import expressions_of, parameters_of
 from ..core.expressions.right_hand_side import RightHandSide
 from ..core.expressions.tables import is_table
+from ..core.expressions.values import operand_of
 from .equations import Equations
+from .names import labels
 from .terms import Terms
 
 _MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
@@ -117,42 +118,42 @@ def of_terms(
     for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
         members = np.flatnonzero(which.reshape(-1) == k)
         places, own = indices[:, pattern], rows[np.ix_(members, pattern)]
-        if not (actions or twice) and _LONG < places.shape[1] > D**3 / 4:
-            f, parameters = _dense(D), dense_parameters(places, own, D)
+        if is_full(places, D) and not (actions or twice):
+            f, table = full_quadratic(places, own, D)
+            found.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
         else:
-            units = (own == 1.0).all(axis=0), (own == -1.0).all(axis=0)
-            given = [*parameters_of(own, *units)]
-            of_code, constants = with_parameters(actions, D + len(given))
-            form = [each.tobytes() for each in (places, *units)]
-            f = _of_form(*form, D, of_code, twice, len(constants))
-            given += [np.full(len(members), c) for c in constants]
-            given += [np.zeros(len(members))] * (f.P - len(given))  # starts of clocks
-            parameters = np.array(given).reshape(-1, len(members))
-        found.append(OfMembers(members, f, np.ascontiguousarray(f.table_of(parameters).T)))
+            [each] = of_equations(equations_of(places.tobytes(), D), own.T, (), twice, actions)
+            found.append(each._replace(members=members))
     return found
 
 
-_dense = lru_cache(16)(DenseRightHandSide)
+def is_full(places: Any, D: int) -> bool:
+    """Return True for so many terms (3, T) that loops carry out the field."""
+    return _LONG < places.shape[1] > D**3 / 4
+
+
+def full_quadratic(places: Any, values: Any, D: int) -> tuple[DenseRightHandSide, FloatArray]:
+    """Return the right-hand side of most terms, and its table (P, ...) for values (..., T)."""
+    f = _full(D)
+    return f, f.table_of(dense_parameters(places, values, D))
+
+
+_full = lru_cache(16)(DenseRightHandSide)
 
 
 @lru_cache(256)
-def _of_form(
-    indices: bytes,
-    one: bytes,
-    minus_one: bytes,
-    D: int,
-    actions: tuple[EventAction, ...],
-    twice: bool,
-    constants: int,
-) -> Any:
-    """Return the right-hand side that fields of the same form share."""
-    places = np.frombuffer(indices, np.int64).reshape(3, -1)
-    is_one, is_minus_one = (np.frombuffer(each, bool) for each in (one, minus_one))
-    values, results, count = expressions_of(places, D, is_one, is_minus_one)
-    if not actions:
-        return RightHandSide(values, results, count)
-    values, results = in_order(values, results, constants)
-    return with_fixed_branches(values, results, count + constants, (), twice, actions)
+def equations_of(places: bytes, D: int) -> Equations:
+    """Return the equations of terms at places (3, T); the coefficients are their parameters."""
+    indices = np.frombuffer(places, np.int64).reshape(3, -1).T.tolist()
+    values = Expressions(D + len(indices), range(D, D + len(indices)))
+    rows: list[Any] = [0.0] * D
+    for c, (i, *factors) in enumerate(indices, D):
+        product = values.number(1.0)
+        for a in (*(k for k in factors if k < D), c):
+            product = product * values.number(a)
+        rows[i] = product if isinstance(rows[i], float) else rows[i] + product
+    names = [*map(str, range(len(indices)))]
+    return Equations(labels(D), names, values, [*map(operand_of, rows)])
 
 
 def with_events(

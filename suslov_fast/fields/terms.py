@@ -79,14 +79,6 @@ def with_one(x: FloatArray) -> FloatArray:
     return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
 
 
-def values_at(terms: Terms, x: FloatArray) -> FloatArray:
-    """Return the values (..., D) of a field at states (..., D)."""
-    y = with_one(x)
-    (i, j, k), values = terms.floats
-    with np.errstate(all="ignore"):
-        return sums_at(i, values * y[..., j] * y[..., k], x.shape[-1]) + 0.0 * x
-
-
 def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
     """Return the sums (..., count) of those numbers (..., T) that have the same place."""
     order = np.argsort(places, kind="stable")

@@ -131,7 +131,8 @@ class Traced(Body):
 
     def _value(self, x: FloatArray) -> FloatArray:
         """Return f(x) (..., D) at checked states."""
-        found = self._equations.right_hand_side.value(np.moveaxis(x, -1, 0), self._table)
+        f, table = self._with_table
+        found = f.value(np.moveaxis(x, -1, 0), table)
         return np.moveaxis(found, 0, -1)
 
     @public
@@ -163,8 +164,14 @@ class Traced(Body):
 
     def _slopes(self, x: FloatArray) -> FloatArray:
         """Return f'(x) (..., D, D) at checked states."""
-        found = self._equations.right_hand_side.jacobian(np.moveaxis(x, -1, 0), self._table)
+        f, table = self._with_table
+        found = f.jacobian(np.moveaxis(x, -1, 0), table)
         return np.moveaxis(found, (0, 1), (-2, -1))
+
+    @property
+    def _program(self) -> Equations:
+        """The equations, of terms with unnamed parameters."""
+        return self._equations
 
     @property
     def _inputs(self) -> FloatArray:
@@ -173,23 +180,24 @@ class Traced(Body):
         return np.array(rows, np.float64).reshape(len(rows), *self.shape)
 
     @cached_property
-    def _table(self) -> FloatArray:
-        """The values of f that depend on parameters alone, of all members."""
-        return self._equations.right_hand_side.table_of(self._inputs)
+    def _with_table(self) -> tuple[Any, FloatArray]:
+        """The right-hand side, and its values that depend on parameters alone, of all members."""
+        f = self._program.right_hand_side
+        return f, f.table_of(self._inputs)
 
     def _traced_at(self, x: Symbols) -> Any:
         """Return f(x) of symbols."""
-        tracer, D = x[0].tracer, self.dimension
+        tracer, D, program = x[0].tracer, self.dimension, self._program
         known = {i: x[i].operand for i in range(D)}
         given = tracer.parameters
-        for k, (name, value) in enumerate(self.parameters.items(), D):
+        for k, (name, value) in enumerate(zip(program.parameters, self._inputs, strict=True), D):
             if self.shape and name not in given:
                 raise TypeError(f"f(x) of a family needs its parameter {name} here")
             known[k] = given[name].operand if name in given else float(value)
-        for instruction, number, operands in self._equations.values.operations:
+        for instruction, number, operands in program.values.operations:
             of = (a if isinstance(a, float) else known[a] for a in operands)
             known[number] = tracer.values.emit(instruction, *of)
-        results = (a if isinstance(a, float) else known[a] for a in self._equations.results)
+        results = (a if isinstance(a, float) else known[a] for a in program.results)
         return Symbols.of([Symbol(tracer, a) for a in results])
 
     # ------------------------------------------------------------------------------ texts

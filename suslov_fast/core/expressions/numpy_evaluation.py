@@ -1,6 +1,7 @@
-"""Expression programs evaluated in NumPy: each operation for all states at once, or in groups."""
+"""Expression programs evaluated in NumPy: each operation for all states at once."""
 
 import math
+import operator
 
 import numpy as np
 
@@ -73,12 +74,12 @@ OF_BITS = {
     "bits_lshr": _of_bits(np.right_shift),
 }
 OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
-# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
-# second operand if either is NaN.
+# Instructions by their names in LLVM. For one state Python's operators are faster than NumPy's.
+# "max" and "min" are a comparison and a `select` there: the second operand if either is NaN.
 OF_NUMBERS = {
-    "fadd": np.add,
-    "fsub": np.subtract,
-    "fmul": np.multiply,
+    "fadd": operator.add,
+    "fsub": operator.sub,
+    "fmul": operator.mul,
     "fdiv": np.divide,
     "sum": _sum,
     "fabs": np.absolute,
@@ -114,58 +115,5 @@ FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 def evaluate(operations, values):
     """Evaluate operations on numbers or arrays; add their results to the dict `values`."""
     for instruction, number, operands in operations:
-        numbers = (a if isinstance(a, float) else values[a] for a in operands)
+        numbers = [a if isinstance(a, float) else values[a] for a in operands]
         values[number] = FUNCTIONS[instruction](*numbers)
-
-
-_JOINING = ("and", "or", "xor")
-
-
-class Groups:
-    """The operations of a program, grouped by instruction, each after those of its operands.
-
-    NumPy evaluates a group at once: for one state of many variables, a NumPy call for each
-    operation would take most of the time. Each value has a row in a table: first constants, then
-    given values, then the groups one after another. Truth values stand there as 0 and 1.
-    """
-
-    def __init__(self, program, given):
-        operations, results = program
-        read = [a for *_, operands in operations for a in operands] + results
-        self.constants = {repr(a): a for a in read if isinstance(a, float)}
-        rows = {text: row for row, text in enumerate(self.constants)}
-        rows |= {number: len(rows) + k for k, number in enumerate(given)}
-
-        def row_of(a):
-            return rows[repr(a) if isinstance(a, float) else a]
-
-        levels, groups = {}, {}
-        for instruction, number, operands in operations:
-            below = (levels.get(a, 0) for a in operands if not isinstance(a, float))
-            levels[number] = 1 + max(below, default=0)
-            groups.setdefault((levels[number], instruction), []).append((number, operands))
-        self.groups, self.count = [], len(rows)
-        for (_, instruction), group in sorted(groups.items()):
-            end = self.count + len(group)
-            rows |= {number: self.count + k for k, (number, _) in enumerate(group)}
-            columns = zip(*(operands for _, operands in group), strict=True)
-            places = [np.array([*map(row_of, column)]) for column in columns]
-            self.groups.append((instruction, slice(self.count, end), places))
-            self.count = end
-        self.results = np.array([*map(row_of, results)], np.intp)
-
-    def carried_out(self, given, shape):
-        """Return the results (R, ...) for given values, arrays that broadcast to `shape`."""
-        table, first = np.empty((self.count, *shape)), len(self.constants)
-        for row, constant in enumerate(self.constants.values()):
-            table[row] = constant
-        for row, values in enumerate(given, first):
-            table[row] = values
-        for instruction, place, operands in self.groups:
-            numbers = [table[rows] for rows in operands]
-            if instruction in _JOINING:
-                numbers = [number != 0.0 for number in numbers]
-            elif instruction == "select":
-                numbers[0] = numbers[0] != 0.0
-            table[place] = FUNCTIONS[instruction](*numbers)
-        return table[self.results]

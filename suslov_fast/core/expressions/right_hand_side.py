@@ -1,18 +1,13 @@
 """Right-hand sides of x' = f(x) as expression programs, with derivatives and properties."""
 
 import functools
-import math
 
 import numpy as np
 
 from .derivative import gradients
 from .function_records import RECORDS
-from .numpy_evaluation import OF_TRUTH_VALUES, Groups, evaluate
+from .numpy_evaluation import OF_TRUTH_VALUES, evaluate
 from .programs import Program, needed_for
-
-# Programs of more operations are carried out in groups, at fewer than MANY states: one state of
-# many variables then takes an eighth of the time.
-_FEW, _MANY = 32, 1024
 
 
 class RightHandSide:
@@ -71,7 +66,7 @@ class RightHandSide:
         count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
         self.f = Program(needed_for(varying, results), self._results)
-        self._fixed, self._groups = fixed, {}
+        self._fixed = fixed
         self._find_properties(values)
         varying += [a for a in values.operations[count:] if a[1] not in fixed]
         self.f = Program(needed_for(varying, [*results, *self.denominators]), self._results)
@@ -90,7 +85,6 @@ class RightHandSide:
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-        self._of_table = Program(self.fixed, self.table)
         self.with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, events, offsets, columns = False, None, {}, 0
@@ -138,8 +132,8 @@ class RightHandSide:
     def table_of(self, parameters):
         """Return the values of the table (n, ...) for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
-        given = range(self.D, self.D + self.P)
-        return self._carried_out("_of_table", given, parameters, parameters.shape[1:])
+        given = dict(enumerate(parameters, self.D))
+        return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
         """Return the table (n, ...) for other parameters; `table` is the present table."""
@@ -160,22 +154,18 @@ class RightHandSide:
     def _at(self, name, x, table):
         """Return the results of the program with this name, at states and for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
-        return self._carried_out(name, [*range(self.D), *self.table], [*x, *table], shape)
+        given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
+        return _carried_out(getattr(self, name), given, shape)
 
-    def _carried_out(self, name, given, arrays, shape):
-        """Return the results of the program with this name for given values."""
-        program = getattr(self, name)
-        with np.errstate(all="ignore"):
-            if len(program.operations) > _FEW and math.prod(shape) < _MANY:
-                if name not in self._groups:
-                    self._groups[name] = Groups(program, given)
-                return self._groups[name].carried_out(arrays, shape)
-            values = dict(zip(given, arrays, strict=True))
-            evaluate(program.operations, values)
-        results = np.empty((len(program.results), *shape))
-        for k, a in enumerate(program.results):
-            results[k] = a if isinstance(a, float) else values[a]
-        return results
+
+def _carried_out(program, values, shape):
+    """Return the results of a program (R, ...) for given values, a dict."""
+    with np.errstate(all="ignore"):
+        evaluate(program.operations, values)
+    results = np.empty((len(program.results), *shape))
+    for k, a in enumerate(program.results):
+        results[k] = a if isinstance(a, float) else values[a]
+    return results
 
 
 def _signs_of_poles(values, f, quotients):

@@ -113,22 +113,3 @@ def test_states_far_apart_are_dots():
     for run, style in ((sf.iterate(henon, [0.1, 0.1], 99), "None"), (saddle_run(), "-")):
         assert {line.get_linestyle() for line in run.plot().lines} == {style}
         assert {line.get_linestyle() for line in run.plot(lines=True).lines} == {"-"}
-
-
-def test_components_over_time_have_a_colour_each():
-    run = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
-    axes = run.plot("time")
-    colours = [line.get_color() for line in axes.lines]
-    assert colours == ["C0", "C0", "C1", "C1"]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
-        r"$\Omega_{1}$", r"$\Omega_{2}$",
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize("names", [(0, 1), ("time", "Omega1", "Omega2")])
-def test_what_is_no_axes_is_refused(names):
-    run = sf.iterate(BODY, [1.0, 0.5], 0.2, 9)
-    flat = Figure() if len(names) == 2 else Figure().add_subplot()
-    with pytest.raises(TypeError, match=r"add_subplot\(\)|add_subplot\(projection='3d'\)") as told:
-        run.plot(*names, ax=flat)
-    assert ("3d" in str(told.value)) == (len(names) == 3)

@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,17 +78,6 @@ def test_files_of_other_formats_are_refused(path, change):
     np.savez(path, **found | {"about": about.replace(sf.__version__, "7.8.9")})
     with pytest.raises(ValueError, match=rf"run\.npz .*{FORMAT + change}.*7\.8\.9"):
         sf.load(path)
-
-
-def test_a_tilde_is_the_home_folder(path, monkeypatch):
-    """In names of files."""
-    monkeypatch.setenv("HOME", str(path.parent))
-    monkeypatch.setenv("USERPROFILE", str(path.parent))
-    monkeypatch.chdir(path.parent)
-    run = run_of("one")
-    run.save("~/run.npz")
-    assert sf.load(Path("~/run.npz")) == run
-    assert sorted(os.listdir()) == ["run.npz"]
 
 
 def test_damaged_files(path):

@@ -1,7 +1,5 @@
 """Results as tables of pandas."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -40,9 +38,3 @@ def test_tables_have_a_row_for_each_state(kind):
         "body": ["n", "time", "I2"],
     }
     assert [*table.columns[:-2]] == ["trajectory", *columns[kind]] if kind in columns else ["time"]
-
-
-def test_without_pandas_an_error_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match="pip install pandas"):
-        RESULTS["one"]().to_dataframe()

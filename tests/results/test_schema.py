@@ -2,24 +2,18 @@
 
 import json
 import zlib
-from dataclasses import fields
 
 import numpy as np
 import pytest
 from systems import PREY
 
 import suslov_fast as sf
-from suslov_fast.core.flow.batch_solver import Settings
 from suslov_fast.results import schema
 
 pytest.importorskip("xarray")
 # From these starts a failure after a pole, a pole, and neither.
 STARTS = [[0.05, 0.25], [0.05, 0.05], [4.5, 5.0]]
 NAMES = {column.name for column in schema.RUN if column.is_public}
-
-
-def test_results_of_motions_have_the_settings():
-    assert {*Settings._fields} <= {field.name for field in fields(sf.Motion)}
 
 
 def test_the_number_of_the_format_is_that_of_its_columns():

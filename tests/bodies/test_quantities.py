@@ -178,8 +178,6 @@ def test_out_of_range_there_is_a_warning_and_no_number(body):
     small = np.array([[1.0, 0.5, 2.0], [1e-200, 0.5e-200, 2e-200]])
     slow, slower = still.criticality(small, 1e-30)
     assert abs(slower / slow / 1e-200 - 1) < 1e-15
-    for size in (1e-155, 1e155):  # of which the criticality is in range: eps size / 2
-        assert abs(sf.Suslov3D(1, 1, 1, 0).criticality([0, size], 0.4) / size - 0.2) < 1e-15
     for size in (1e20, 1e180, 1e300):  # where eps ell is large: |g| |z| / |ell|
         t = sf.Suslov3D(1, 1, 1, 1).criticality([size, 0.0], 1e3)
         assert abs(t / 2**0.5 - 1) < 1e-15

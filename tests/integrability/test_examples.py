@@ -61,7 +61,7 @@ def qrt(A, B):
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 12))]
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 6))]
 )
 def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     """It is a fractional linear function of A / B. What the search does later is left out."""
@@ -79,6 +79,7 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     assert all(before == after for before, after in values)
 
 
+@pytest.mark.slow
 def test_a_report_of_a_qrt_map_ends():
     A, B = np.array([[0, 1, 1], [1, -1, 0], [1, 0, 2]]), np.diag([0, 0, 3])
     B[1, 2] = B[2, 1] = 1

@@ -175,15 +175,12 @@ SCALED = rational_map(
         # The vertex of a cone, and a point where two planes meet.
         (BETAS, OF_BETAS, {"point": (F(-1, 2), 2, 0)}, "point"),
         (SCALED, [lambda x: x[0] * x[1]], {"point": (0, 0, 1)}, "point"),
-        # Not conserved; too many; none; dependent; no functions; of other variables.
+        # Not conserved; too many; dependent; no function; a point of other variables.
         (CYCLE, [lambda x: x[0] + 2 * x[1]], {}, "integrals"),
         (CYCLE, [total, total], {}, "integrals"),
-        (CYCLE, [], {}, "integrals"),
         (CYCLE, [lambda x: 0 * x[0] + 3], {}, "integrals"),
         (CYCLE, [3.0], {}, "integrals"),
-        (CYCLE, [lambda x: x[0] ** 0.5], {}, "integrals"),
         (CYCLE, [total], {"point": (1, 2)}, "point"),
-        (CYCLE, [total], {"letter": "2h"}, "letter"),
         (CYCLE, [total], {"letter": "x2"}, "letter"),
         (kahan(*ZOO["Lotka-Volterra"]), [], {}, "map"),
         (rational_map(Map(lambda x: (x[1], x[2], x[1] * x[2] / x[0]), 3)), [], {}, "map"),
@@ -225,25 +222,13 @@ def test_a_map_with_as_many_integrals_as_variables():
 
 
 @pytest.mark.slow
-def test_an_integral_with_a_letter_that_the_map_lacks():
-    field, _ = ZOO["Euler top"]
-    first, *_ = report(field, degree=2).integrals
-    with pytest.raises(ValueError, match=r"has eps = 1/3: pass F\.subs\(eps=Fraction\(1, 3\)\)"):
-        on_level(kahan(field, "1/3"), [first])
-    assert on_level(kahan(field, "1/3"), [first.subs(eps=F(1, 3))], point=(1, 2, 3)).map.degree
-
-
-@pytest.mark.slow
 def test_reports_say_the_entropy_on_the_generic_level():
     found = of_zoo("Zhukovsky-Volterra, two betas")
     assert (found.on_level.entropy, found.on_level.proved) == (pytest.approx(SILVER), True)
     assert "Entropy (proved): 0.881374, log of the largest root of x^2 - 2*x - 1" in repr(found)
-    assert found.level.how in repr(found)
-    assert "h = " in str(found.on_level)
-    in_five = of_zoo("Kharlamova")
-    assert "Entropy on a level (proved): 0.881374" in repr(in_five)
-    assert "Entropy (proved): 0, because" in repr(of_zoo("Euler top"))
+    assert of_zoo("Kharlamova").on_level.entropy == pytest.approx(SILVER)
+    assert of_zoo("Euler top").proved_entropy == 0
     no_rule = of_zoo("Suslov, Lagrange axis")
-    assert "Entropy on a level: none, integrals" in repr(no_rule)
+    assert no_rule.on_level.entropy is None
     with pytest.raises(ValueError, match=r"^integrals .* degree 2, \d in x1"):
         on_level(no_rule.map, no_rule.integrals)

@@ -136,13 +136,10 @@ def test_an_integral_proves_entropy_0(monkeypatch):
     assert found.planar.proved
     assert str(found.integrals[0]) in found.planar.based_on
     assert "Entropy (proved): 0" in repr(found)
-    # One that is checked at random points proves nothing; a proof stays, whatever contradicts it.
+    # One that is checked at random points proves nothing.
     (integral,) = found.integrals
     unproved = replace(integral, basis="modulo a prime, at random points")
     assert planar.proved_by_integral(by_curves, [unproved]) is by_curves
-    wrong = replace(by_curves, entropy=0.5)
-    assert planar.proved_by_integral(wrong, [integral]).entropy == 0
-    assert planar.proved_by_integral(wrong, [integral]).polynomial is None
 
 
 def test_orbits_that_no_small_prime_decides(monkeypatch):
@@ -204,13 +201,6 @@ def products(c):
     )
 
 
-def two_products(a, b, c):
-    return rational_map(
-        Map(lambda x: (x[0] * x[1] + a * x[0], b * x[0] + c), 2),
-        Map(lambda x: ((x[1] - c) / F(b), b * x[0] / (x[1] - c) - a), 2),
-    )
-
-
 def power_of(x, A):
     return tuple(x[0] ** row[0] * x[1] ** row[1] for row in A)
 
@@ -244,10 +234,9 @@ def check_entropy(map, found=None):
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.parametrize(
-    "map", [products(1), products(-3), products(F(2, 7)), two_products(1, 1, 0)], ids=str
-)
-def test_products_have_the_entropy_of_the_golden_ratio(map):
+@pytest.mark.parametrize("c", [1, F(2, 7)])
+def test_products_have_the_entropy_of_the_golden_ratio(c):
+    map = products(c)
     assert check_entropy(map) == pytest.approx(GOLDEN, abs=1e-12)
     found = planar_entropy(map)
     assert str(found.polynomial) == "x^2 - x - 1"  # no factor that the degrees do not need

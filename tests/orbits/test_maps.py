@@ -148,7 +148,7 @@ def test_fixed_points_have_multipliers():
     assert abs(pair[0] - x).min() < 1e-12
 
 
-@pytest.mark.parametrize("B", [1, 2, 3, 5, 7, 8, 9, 16, 17, 39, 100, 1025])
+@pytest.mark.parametrize("B", [1, 7, 8, 17, 1025])
 def test_ends_are_those_of_a_loop(B):
     """Where f is infinite or NaN the orbit ends, and no other changes: statuses of a NumPy loop."""
     x = np.random.default_rng(B).uniform(-2.5, 2.5, (B, 2))
@@ -229,11 +229,8 @@ REFUSED = {  # what is called, and what the error names
     "crossings": ("iterate", lambda: sf.crossings(HENON, X, "x", time=1.0)),
     "periodic_orbit": ("equilibria", lambda: sf.periodic_orbit(HENON, X)),
     "kahan": ("iterate", lambda: sf.kahan.jacobian(HENON, X, 0.1)),
-    "multipliers": ("iterate", lambda: sf.kahan.multipliers(HENON, X, 0.1)),
     "eps": ("iterate", lambda: iterate(HENON, X, 0.1, 100)),
     "eps of a step": ("step", lambda: sf.step(HENON, X, 0.1)),
-    "eps of exponents": ("lyapunov", lambda: lyapunov_exponents(HENON, X, 0.1, 100)),
-    "eps of compiled": ("system", lambda: sf.compiled.system(HENON, 0.1)),
     "time of exponents": ("steps", lambda: lyapunov_exponents(HENON, X, time=100.0)),
     "no steps": ("iterate", lambda: iterate(HENON, X)),
     "a field": ("eps", lambda: iterate(Field(lambda x: (x[1], -x[0]), 2), X, 100)),

@@ -80,16 +80,16 @@ def iterated(step, omega, steps):
     return states
 
 
-def kahan_step(f, eps, x):
+def kahan_step(f, eps, x, number=mpf):
     """(y - x) / eps = -f(x) / 2 + 2 f((x + y) / 2) - f(y) / 2 for quadratic f, linear in y."""
-    x, eps = exactly(*x), mpf(eps)
+    x, eps = [*map(number, x)], number(eps)
 
     def residual(y):
         middle = f([(a + b) / 2 for a, b in zip(x, y, strict=True)])
         terms = zip(x, y, f(x), middle, f(y), strict=True)
         return [b - a - eps * (2 * m - (p + q) / 2) for a, b, p, m, q in terms]
 
-    return solve_affine(residual, len(x))
+    return solve_affine(residual, len(x), number)
 
 
 def step_full(I1, I2, I13, I23, eps, I3, omega):

@@ -143,7 +143,6 @@ def test_one_warning_for_all(name):
 
 
 def test_what_says_nothing():
-    assert told(sf.step, HENON, iterate(HENON, ESCAPES, 1 / 16, 51).final, 1 / 16)[1] == []
     given = HENON, ESCAPES, 1 / 16, 100
     run, messages = told(iterate, *given, on_singular="ignore")
     assert messages == []
@@ -154,9 +153,7 @@ def test_what_says_nothing():
     for body in (sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(1, 1, 1, 0, 0.5)):
         run = iterate(body, [1.0, -9.0], 1.0, 20)
         assert (run.status, run.failed_at) == (Status.SUPERCRITICAL, -1)
-        field = body.field()
-        assert told(iterate, field, [1.0, -9.0], 1.0, 20)[0].status == Status.PASSED_POLE
-        sf.lyapunov_exponents(body, [1.0, -9.0], 1.0, 20)
+        assert told(iterate, body.field(), [1.0, -9.0], 1.0, 20)[0].status == Status.PASSED_POLE
 
 
 def test_a_failure_has_a_status_of_its_own():

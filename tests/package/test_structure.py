@@ -257,21 +257,6 @@ def documented():
                 yield f"{thing.__name__}.{name}", getattr(method, "__func__", method)
 
 
-def test_dir_shows_what_docstrings_explain():
-    """Attributes of systems, results and events that have no docstring are in that of the class."""
-    field = suslov_fast.Field(lambda x, k: (x[1], -k * x[0]), "q p", k=2.0)
-    motion = suslov_fast.flow(field, [1.0, 0.0], time=4.0, events=suslov_fast.Event("q"))
-    run = suslov_fast.iterate(suslov_fast.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.0], 0.1, 4)
-    body, map = suslov_fast.SuslovND(J=[3, 4], I=[1, 0]), suslov_fast.Map(lambda x: -x, "x")
-    for thing in (field, motion, motion.events, run, body, run.body, map):
-        explained = " ".join(inspect.getdoc(kind) or "" for kind in type(thing).__mro__[:-1])
-        for name in dir(thing):
-            member = inspect.getattr_static(type(thing), name, None)
-            is_number = isinstance(member, (int, float, tuple, type(None)))
-            has_text = not is_number and inspect.getdoc(getattr(type(thing), name))
-            assert name.startswith("_") or has_text or re.search(rf"\b{name}\b", explained), name
-
-
 SECTIONS = [
     *"Parameters Attributes Returns Raises Warns".split(),
     *("See Also", "Notes", "References", "Examples"),

@@ -8,20 +8,17 @@ w_i -= l_ik w_k for i > k;    u_ij = w_i / d_i (i < j),    d_j = w_j,    l_ij = 
 
 The rows of a column in L, or in U, form spans of consecutive rows, so that a loop needs two
 integers for many products; dense matrices have one span a column. Spans that are less than NEAR
-apart are joined, because a span costs as much as some NEAR products with 0. If columns k and k + 1
-of L have the same rows from k + 2 on, both are subtracted in one loop.
+apart are joined, because a span costs as much as some NEAR products with 0.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from .symbolic_elimination import bits_of
 
-# On lattices of 144 to 4,096 variables 8 to 32 take the least time: joining adds 15 % of products,
-# and leaves a third of the spans.
-NEAR = 8
+# One orbit of a lattice of 144 variables takes .9 of the time with 8, of 784 the same time.
+NEAR = 4
 
 
 class ColumnOffsets(NamedTuple):
@@ -33,7 +30,6 @@ class ColumnOffsets(NamedTuple):
     lower: int  # in `spans`, the spans of L
     of_upper: int  # among the numbers of U
     of_lower: int  # among the numbers of L
-    skipped: int  # numbers of L before the pairs with numbers of the next column; 0 for no pair
 
 
 SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
@@ -45,10 +41,10 @@ class Sparse:
     Columns and rows are places in the order of pivots, except in `lower` and `upper`.
 
     order        (D,) the unknowns
-    offsets      (D + 1, 7) `ColumnOffsets` of each column
+    offsets      (D + 1, 6) `ColumnOffsets` of each column
     rows         of the entries, column by column
     numbers      of these entries in `places`
-    pivots       of each column j: 2 k for each k < j with u_kj != 0; 2 k + 1 for k with k + 1
+    pivots       of each column j: each k < j with u_kj != 0
     spans        (-, 2) first row and number of rows
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
@@ -66,8 +62,7 @@ class Sparse:
         first_upper, first_lower = (np.searchsorted(of[0], columns) for of in (of_upper, of_lower))
         spans = np.concatenate([of_upper, of_lower], axis=1)
         self.spans = spans[1:, np.argsort(spans[0], kind="stable")].T.astype(np.int32)
-        skipped = self._skipped(of_lower[1:].T, first_lower)
-        of_pivots, self.pivots = _in_pairs(*upper, skipped)
+        of_pivots, self.pivots = upper[0], upper[1].astype(np.int32)
         offsets = ColumnOffsets(
             entries=np.searchsorted(j[by_column], columns),
             pivots=np.searchsorted(of_pivots, columns),
@@ -75,22 +70,8 @@ class Sparse:
             lower=np.append(first_upper[1:], first_upper[-1]) + first_lower,
             of_upper=np.append(0, np.cumsum(of_upper[2]))[first_upper],
             of_lower=np.append(0, np.cumsum(of_lower[2]))[first_lower],
-            skipped=skipped,
         )
         self.offsets = np.stack(offsets, axis=1).astype(np.int64)
-
-    def _skipped(self, spans, firsts):
-        """Return `ColumnOffsets.skipped` of columns; their spans (-, 2) of L begin at `firsts`."""
-        own = [spans[a:b].tolist() for a, b in pairwise(firsts)]
-        found = np.zeros(len(firsts), np.int64)
-        for k, (this, following) in enumerate(pairwise(own)):
-            if this and following and this[0][0] == k + 1:
-                (first, count), *others = following
-                if this == [[k + 1, 1], *following]:
-                    found[k] = 1
-                elif this == [[k + 1, first + count - k - 1], *others]:
-                    found[k] = first - k - 1
-        return found
 
     def _in_full(self, spans):
         """Expand spans; return the unknowns (-, 2) of row and column of each of their numbers."""
@@ -110,18 +91,6 @@ def _below_and_above(sets):
         rows += own
     columns, rows = np.array(columns, np.int64), np.array(rows, np.int64)
     return [(columns[part], rows[part]) for part in (rows > columns, rows < columns)]
-
-
-def _in_pairs(columns, rows, skipped):
-    """Return columns, and for each its entries of `Sparse.pivots`: 2 k, or 2 k + 1 for a pair."""
-    found, last = [], (-1, -1)
-    for j, k in zip(columns.tolist(), rows.tolist(), strict=True):
-        if last == (j, k):  # the second one of a pair
-            continue
-        is_pair = bool(skipped[k]) and k + 1 < j
-        last = j, k + is_pair
-        found.append((j, 2 * k + is_pair))
-    return np.array(found, np.int32).reshape(-1, 2).T.copy()
 
 
 def _spans(columns, rows):

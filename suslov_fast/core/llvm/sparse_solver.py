@@ -88,29 +88,14 @@ def add_factors(text, name, plan):
                 w[text.short(of.rows, n)] = 0.0 - product
             w[j] = 1.0 + w[j]
             for n in _between(text, own.pivots, after.pivots):
-                pivot = text.short(of.pivots, n)
-                is_single = (pivot & 1).equals(0)
-                k = pivot >> 1
+                k = text.short(of.pivots, n)
                 (column, following), factor = _offsets(text, of, k), _for_rows(text, w[k])
                 numbers = lower + column.of_lower * size
-                with text.when(is_single):
-                    for inner, row, number in _along(
-                        text, of, column.lower, following.spans, w.at(), numbers
-                    ):
-                        product = inner.array(number)[0] * factor[inner.W]
-                        inner.array(row)[0] = inner.array(row)[0] - product
-                with text.when(~is_single):
-                    w[k + 1] = second = w[k + 1] - text.array(numbers)[0] * factor[text.W]
-                    second, numbers = _for_rows(text, second), numbers + column.skipped * size
-                    own_numbers = lower + following.of_lower * size
-                    apart = numbers - own_numbers
-                    _, last = _offsets(text, of, k + 1)
-                    for inner, row, number in _along(
-                        text, of, following.lower, last.spans, w.at(), own_numbers
-                    ):
-                        product = inner.array(number + apart)[0] * factor[inner.W]
-                        other = inner.array(number)[0] * second[inner.W]
-                        inner.array(row)[0] = inner.array(row)[0] - product - other
+                for inner, row, number in _along(
+                    text, of, column.lower, following.spans, w.at(), numbers
+                ):
+                    product = inner.array(number)[0] * factor[inner.W]
+                    inner.array(row)[0] = inner.array(row)[0] - product
             inverses[j] = inverse = 1.0 / w[j]
             inverse = _for_rows(text, inverse)
             numbers, apart = upper + own.of_upper * size, inverses.at() - w.at()

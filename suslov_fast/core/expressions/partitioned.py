@@ -5,9 +5,10 @@ colours. Variables of constant rate, such as clocks, may be in both sets.
 
 Columns over such sets evaluate f at half as many points of a step (`flow.stormer`). So f must not
 have features that fall within a gap and leave no trace beside it: Gaussians, tanh, and other
-functions that decay as fast. Polynomials, their quotients and roots, sin, cos, and exp of affine
-functions have none. Rates in A are not evaluated near the ends of a step, where a quotient may
-change abruptly: rates in A have no quotients and roots.
+functions that decay as fast, roots of x**2 + 1e-8, and quotients by it. Polynomials, sin, cos, exp
+of affine functions, and quotients and roots of polynomials without a constant have none. Rates in A
+are not evaluated near the ends of a step, where a quotient may change abruptly: rates in A have no
+quotients and roots.
 """
 
 import functools
@@ -89,6 +90,7 @@ class _Kind(NamedTuple):
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
     has_quotient: bool = False  # or a root
+    is_shifted: bool = False  # a number is added to what is not affine
 
 
 _STILL = _Kind()
@@ -109,16 +111,21 @@ def _kinds(f):
 
 def _kind_of(name, of):
     """Return the `_Kind` of an operation on values of these kinds, None if it has none."""
-    degree, has_exp, has_quotient = map(max, zip(*of, strict=True))
+    degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
-    if degree == 0 or name in ("fadd", "fsub", "select", "fabs"):
+    if degree == 0 or name in ("select", "fabs"):
         pass
+    elif name in ("fadd", "fsub"):
+        is_shifted = is_shifted or (degree == 2 and min(a.degree for a in of) == 0)
     elif name == "fmul":
         degree = 2 if bends else degree
     elif name == "sum":
         odd = len(of) % 2
-        if any(a.degree and b.degree for a, b in zip(of[odd::2], of[odd + 1 :: 2], strict=True)):
+        pairs = [*zip(of[odd::2], of[odd + 1 :: 2], strict=True)]
+        if any(a.degree and b.degree for a, b in pairs):
             degree = 2
+        degrees = [of[0].degree] * odd + [max(a.degree, b.degree) for a, b in pairs]
+        is_shifted = is_shifted or (degree == 2 and min(degrees) == 0)
     elif name in ("sin", "cos"):
         if has_exp:
             return None
@@ -131,11 +138,13 @@ def _kind_of(name, of):
         return None
     elif name == "fdiv" and not divisor.degree:
         pass
-    elif (name == "fdiv" and not divisor.has_exp) or (name in _ROOTS and not has_exp):
+    elif name == "fdiv" and not (divisor.has_exp or divisor.is_shifted):
+        degree, has_quotient, is_shifted = 2, True, False
+    elif name in _ROOTS and not (has_exp or is_shifted):
         degree, has_quotient = 2, True
     else:
         return None
-    return _Kind(degree, has_exp, has_quotient)
+    return _Kind(degree, has_exp, has_quotient, is_shifted)
 
 
 def _has_quotient(f, components, kinds):

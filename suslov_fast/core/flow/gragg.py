@@ -23,15 +23,12 @@ Ends minus x are in the row `ends` of `WorkRows`, a - b in `apart`, y_N of the l
 there in `a` and `f_last`. `stormer` has half of this rule.
 """
 
-from contextlib import contextmanager
-
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Index, Shared, Value
 from .codegen import FunctionCode
 from .vector_functions import INLINED
 from .weights import EXPLICIT
 
-ARGUMENTS = "x", "f", "table", "work", "count"
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit its cache.
 SHORT = 25
@@ -46,7 +43,6 @@ class ExplicitColumns(FunctionCode):
     """
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold
-    function = "columns"
 
     def __init__(self, text, integrator, name, for_each):
         super().__init__(text, integrator, name, for_each)
@@ -57,24 +53,14 @@ class ExplicitColumns(FunctionCode):
 
     def add(self):
         inner = self.narrower()
-        with self.body():
-            self.leave_to_others()
+        with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
+            self.of_a, self.of_b = map(self.text.listed, self.rows)
             if self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
                 are_all = Index(self.text, "%count").equals(len(EXPLICIT))
                 with self.text.when(are_all):
                     self.side_by_side(inner)
                     self.text.leave("void")
             self.in_turn(inner)
-
-    @contextmanager
-    def body(self):
-        """Add the function, whose body is the block of `with`."""
-        with self.text.function(f"{self.name}_{self.function}", ARGUMENTS):
-            self.of_a, self.of_b = map(self.text.listed, self.rows)
-            yield
-
-    def leave_to_others(self):
-        """Return from the function if another function computes the columns."""
 
     def work_of_pair(self):
         """Return an estimate of the operations in half a pair of sub-steps."""
@@ -171,12 +157,7 @@ class ExplicitColumns(FunctionCode):
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
-        self.pair_by_calls(self.caller(table, f), (a, b), f, double, factor)
-        return {}
-
-    def pair_by_calls(self, call, rows, f, double, factor):
-        """Add two sub-steps; `call` writes f at a state to its rows."""
-        a, b = rows
+        call = self.caller(table, f)
         for name, of, to, length, own in zip(
             self.names, (b, a), (a, b), (double, factor), (self.of_a, self.of_b), strict=True
         ):
@@ -184,6 +165,7 @@ class ExplicitColumns(FunctionCode):
             for i in own():
                 product = length * f[i]
                 to[i] = to[i] + product
+        return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
         """Add two sub-steps with inlined f; return f at the state after the first."""

@@ -61,7 +61,6 @@ class TrajectoryRows(NamedTuple):
     next: int  # modulus of the next requested time, infinity after the last
     second: int  # of the one after it
     state: int  # a `LaneState`
-    rough: int  # see `stormer`; refusals, less a part of the steps since then
     stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
     easy: int  # steps in a row that do not look stiff
     patience: int  # how many stiff steps it takes to become implicit

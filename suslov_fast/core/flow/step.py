@@ -94,7 +94,6 @@ def _estimate_errors(code, kept, sizes):
         find_apart(code)
     errors = tolerance.find_errors(code, own, sizes)
     if integrator.sets:
-        errors["apart"] = tolerance.apart_of_rough(code, own)
         errors |= tolerance.differences_of_sets(code)
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
     errors |= second_trial.try_again(code, own, of_error, errors)
@@ -115,8 +114,6 @@ def _accept(code, errors, before):
         own |= {name: found[name] for name in ("t", "wanted", "state")}
         found |= code.apply(step_length.AT_STOP, accepted=errors["accepted"], **own)
     code.keep(line, found)
-    if code.integrator.sets:
-        code.keep(line, code.apply(step_length.REFUSALS, ratio=errors["ratio"]))
 
 
 def _choose_integrator(code, errors):

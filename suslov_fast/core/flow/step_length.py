@@ -40,8 +40,6 @@ SHORTEST = 2.0**-44  # of a step: part of the time
 # Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
 # step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
 MOST_APART, OF_APART = 50.0, 0.5
-# See `stormer`: when a lane is rough, what a step takes away, the most, and a large error.
-ROUGH, CALMER, MOST_ROUGH, FAR = 2.0, 0.25, 3.0, 100.0
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
 # Steps that look stiff before a lane becomes implicit, those in between that make it forget them;
@@ -177,18 +175,6 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
         "wanted": is_there.select(larger(wanted, before), wanted),
         "state": (t < last).select(state_before, state),
     }
-
-
-@scalar_kernel
-def REFUSALS(rough, ratio, taken, accepted, served):
-    """Return the roughness of a lane: rejected steps, less a part of the steps since then.
-
-    A rejection with a small error, as on the way into a narrow bend, does not count by itself.
-    """
-    is_refused = (taken > 0.0) & (accepted + served <= 0.0)
-    counts = is_refused & ((ratio > FAR) | (rough >= 1.0))
-    calmer = (accepted > 0.0).select(larger(rough - CALMER, 0.0), rough)
-    return {"rough": counts.select(smaller(rough + 1.0, MOST_ROUGH), calmer)}
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):

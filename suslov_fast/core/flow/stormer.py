@@ -12,14 +12,11 @@ smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
 estimates; therefore the estimate is multiplied by `tolerance.CAUTION`.
 
-No difference of two sequences shows false ends. The error estimate alone misses some layers of f
-thinner than a sub-step: if a step is tried again and again, it may be small by chance. After ROUGH
-rejections (`step_length.REFUSALS`) a lane has Gragg's columns for some steps.
+No difference of two sequences shows false ends, so functions with thin layers have Gragg's columns
+(`partitioned`).
 """
 
-from ..llvm.text import Index
-from .gragg import ARGUMENTS, OF_SETS, ExplicitColumns
-from .step_length import ROUGH
+from .gragg import OF_SETS, ExplicitColumns
 
 
 class StormerColumns(ExplicitColumns):
@@ -30,17 +27,6 @@ class StormerColumns(ExplicitColumns):
     def __init__(self, text, integrator, name, for_each):
         super().__init__(text, integrator, name, for_each)
         self.rows = integrator.sets
-
-    def add(self):
-        """Add the function, after the function `both` for lines with rough lanes."""
-        _Both(self.text, self.integrator, self.name, self.for_each).add()
-        super().add()
-
-    def leave_to_others(self):
-        """Call `both` and return if some lane is rough."""
-        with self.text.when(is_rough(self.work, self.integrator).any(), likely=False):
-            self.text.invoke(f"{self.name}_both", *(Index(self.text, f"%{a}") for a in ARGUMENTS))
-            self.text.leave("void")
 
     def work_of_pair(self):
         """Return a third of Gragg's estimate, so that code three times as long is unrolled.
@@ -64,35 +50,3 @@ class StormerColumns(ExplicitColumns):
             return self.value(OF_SETS[0], b, table)
         call(OF_SETS[0], b)
         return {}
-
-
-class _Both(ExplicitColumns):
-    """The function `both`: Gragg's columns in rough lanes, Störmer's in other lanes.
-
-    It is for few steps, and calls f.
-    """
-
-    function = "both"
-
-    def add(self):
-        self.is_inlined = False
-        with self.body():
-            self.in_sets = [*map(self.text.listed, self.integrator.sets)]
-            self.in_turn(self.text)
-
-    def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return the rates that Störmer's rule needs, in all lanes."""
-        return StormerColumns.rates_at_end(self, a, b, table, self.in_sets[1](), call)
-
-    def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x, by the rule of the lane, and the difference a - b."""
-        others = ~is_rough(work, self.integrator)
-        super().end(work, a, b, x, ends, apart, of_a, of_b)
-        for own, components in zip((a, b), self.in_sets, strict=True):
-            for i in components():
-                ends.choose(others, i, own[i] - x[i])
-
-
-def is_rough(work, integrator):
-    """Return which lanes are rough: after ROUGH rejected steps."""
-    return work.line.after(integrator.rows.rough)[0] >= ROUGH

@@ -18,7 +18,6 @@ from ..llvm.text import Carried
 from .codegen import weighted
 from .growing_components import FALLEN
 from .scalar_kernels import TINY, scalar_kernel
-from .stormer import is_rough
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
@@ -123,32 +122,15 @@ def apart_in(code, own, i):
     """Return the quantity of component i that shows whether all columns agree on a false end."""
     if code.integrator.is_implicit:
         return code.work.right[i]
-    apart = weighted(own, code.of_columns(code.work.apart, i))
     if code.integrator.sets:
-        return is_rough(code.work, code.integrator).select(apart, 0.0)
-    return apart
+        return code.text.value(0.0)
+    return weighted(own, code.of_columns(code.work.apart, i))
 
 
 def _noise(code, own, i):
     """Return the sum of the moduli of the terms whose sum is the next state."""
     ends = code.of_columns(code.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
-
-
-def apart_of_rough(code, own):
-    """Return `apart` of rough lanes, after `find_errors`; other lanes have 0."""
-    text, work = code.text, code.work
-
-    def largest():
-        found = Carried(ratio=0.0)
-        for i in text.each(code.D, found):
-            inputs = {"error": apart_in(code, own, i), "inverse": work.error[i]}
-            found.update(code.apply(LARGER_RATIO, **inputs, **vars(found)))
-        return [found.ratio]
-
-    is_smooth = ~is_rough(work, code.integrator).any()
-    (found,) = text.otherwise(is_smooth, [0.0], largest)
-    return found
 
 
 def differences_of_sets(code):

@@ -1,13 +1,12 @@
 """Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
 
-import warnings
 from itertools import pairwise
 
 import naive
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from systems import LORENZ, PREY, lorenz
+from systems import LORENZ, lorenz
 
 import suslov_fast as sf
 from suslov_fast.maps import derivatives
@@ -19,6 +18,10 @@ THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.Suslov3D(2.3, 1.4, 0.5, -0.7, 0.9)
 # Orbits with t > 1 jump through infinity.
 BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
+
+
+def linear(rates):
+    return sf.Field.from_terms(np.zeros((4, 4, 4)), rates * np.eye(4))
 
 
 def exponents_by_qr(body, x, eps, steps, transient=0, method="auto"):
@@ -39,7 +42,12 @@ def exponents_by_qr(body, x, eps, steps, transient=0, method="auto"):
     + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
     + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
     + [(LORENZ, [1.0, 2.0, 20.0], eps, 100, 1e-12) for eps in (1 / 64, 0.5)]
-    + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
+    + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)]  # negative pivots, and rows exchanged
+    # A factor of 2.5e-10 at each step; columns that leave the range of numbers.
+    + [
+        (linear(np.negative(a)), np.zeros(4), 1.0, 40, 1e-13)
+        for a in ([1, 1, 1, 2 - 1e-9], 1.9999999)
+    ],
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
     if isinstance(body, int):
@@ -80,37 +88,6 @@ def test_batches_and_a_transient():
     assert np.isnan(found).ravel().tolist() == [True, False]
 
 
-def poles_told(function, *arguments, **keywords):
-    """Return what a function warns of."""
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        function(*arguments, **keywords)
-    return [str(each.message) for each in told]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("method", "start", "eps", "steps"),
-    [
-        ("auto", [0.05, 0.05], 0.05, 170),
-        ("order6", [1.0747581894475755, 6.66376067084367], 0.4434432134948084, 21),
-    ],
-)
-def test_signs_tell_poles_as_for_runs(method, start, eps, steps, monkeypatch):
-    """A population turns negative, with det A > 0 all the way."""
-    batch = [start, [4.0, 5.0], start]
-    monkeypatch.setattr("suslov_fast.core.llvm.compiler.known_codes", {})
-    for other in ("order4", "auto"):  # the code of sub-steps has no tests of signs
-        sf.lyapunov_exponents(PREY, [[4.0, 5.0], [4.1, 5.0]], 0.01, 2, method=other)
-    for x0 in (start, batch):
-        told = poles_told(sf.iterate, PREY, x0, eps, steps, method=method)
-        assert "(a component that cannot change its sign did)" in told[0]
-        arguments = PREY, x0, eps, 5, steps - 5
-        assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
-    assert told[0].startswith("2 of 3")
-    assert poles_told(sf.lyapunov_exponents, *arguments, method=method) == told
-
-
 def test_steps_that_are_not_invertible(unit):
     """The map takes the line y = -2a / eps to a point."""
     exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
@@ -134,10 +111,8 @@ def log_of_step(f, eps, x, following):
     ("start", "eps", "steps"),
     [
         ((1.0, 2.0, 20.0), 1 / 64, 40),
-        ((1.0, 2.0, 20.0), 1e-9, 4),
         ((1.0, 2.0, 20.0), 0.5, 12),  # with pivots
         ((1.0, 2.0, 20.0), -4.0, 12),
-        ((-4.0, 300.0, 8.0), 1e-3, 12),
     ],
 )
 def test_the_sum_is_that_of_determinants(start, eps, steps):
@@ -147,28 +122,6 @@ def test_the_sum_is_that_of_determinants(start, eps, steps):
     modulus = float(sum(map(abs, logs)))
     total = sf.lyapunov_exponents(LORENZ, start, eps, steps).sum()
     assert abs(total * abs(eps) * steps - float(sum(logs))) < max(3e-11 * modulus, 1e-15 * steps)
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize(
-    ("linear", "eps", "tolerance"),
-    [
-        (-np.eye(4), 1 / 64, 1e-14),  # orthonormalised after every 16 steps
-        (-np.diag([0.1, 1.0, 10.0, 100.0]), 0.05, 1e-13),  # after some steps
-        (np.triu(np.full((4, 4), 30.0)) - 30 * np.eye(4), 0.5, 1e-9),  # far from normal
-        (-np.diag([1.0, 1.0, 1.0, 2 - 1e-9]), 1.0, 1e-13),  # a factor of 2.5e-10 at each step
-        (-np.diag([1.0, 1.0, 1.0, -2 + 1e-9]), 1.0, 1e-13),  # and of 4e9
-        (-1.9999999 * np.eye(4), 1.0, 1e-13),  # all columns shrink, and leave the range of floats
-    ],
-)
-def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
-    """As by QR at each step, whether columns grow apart slowly or at once, or shrink together."""
-    quadratic = rng.normal(size=(4, 4, 4)) / 16 if eps < 1 else np.zeros((4, 4, 4))
-    field = sf.Field.from_terms(quadratic, linear)
-    x = 0.1 * rng.normal(size=(20, 4)) if eps < 1 else np.zeros((20, 4))
-    found, tolerance = sf.lyapunov_exponents(field, x, eps, 40), tolerance / eps
-    for k in (0, 19):
-        np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
 
 
 def ring(D):
@@ -185,127 +138,20 @@ def everything(D):
     return sf.Field.from_terms(products, -np.eye(D))
 
 
-def cascade(D):
-    """Rates from -1 to -150, and a growing component: columns grow apart within a step."""
-
-    def f(x):
-        return [x[k - 1] * x[k] / 8 - (1 + 3 * k) * x[k] + 1 for k in range(D - 1)] + [9 * x[-1]]
-
-    return sf.Field(f, D)
-
-
 @pytest.mark.compiled
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize(
-    ("make", "D", "size", "tolerance"),
-    [
-        (ring, 16, 8.0, 1e-12),  # the largest whose columns stand in a list
-        (ring, 17, 8.0, 1e-12),
-        (everything, 44, 0.5, 1e-12),
-        (cascade, 50, 0.1, 1e-10),
-    ],
-)
-def test_many_variables(rng, monkeypatch, make, D, size, tolerance):
-    """Lists, or NumPy: as the equations, and as NumPy's QR of each derivative; bits."""
-    field, x = make(D), size + 0.1 * rng.normal(size=(3, D))
-    moved = sf.step(field, x, 1 / 64) - x  # A(x) (x_next - x) = eps f(x)
-    left = np.einsum("nij,nj->ni", sf.kahan.matrix(field, x, 1 / 64), moved)
-    np.testing.assert_allclose(left, field(x) / 64, rtol=1e-12, atol=1e-12)
-    for method in ("auto", "order4"):
-        slopes = sf.kahan.jacobian(field, x[0], 1 / 64, method=method)
-        for k in (0, D // 2, D - 1):
-            nearby = x[0] + 1e-6 * np.outer([1, -1], np.eye(D)[k])
-            above, below = sf.step(field, nearby, 1 / 64, method=method)
-            np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
-    found = sf.lyapunov_exponents(field, x, 1 / 64, 40)
-    expected = exponents_by_qr(field, x[0], 1 / 64, 40)
-    np.testing.assert_allclose(found[0], expected, atol=64 * tolerance)
-    dets = np.linalg.slogdet(
-        sf.kahan.jacobian(field, sf.iterate(field, x[1], 1 / 64, 39).states, 1 / 64)
-    )[1]
-    assert found[1].sum() == pytest.approx(64 * dets.mean(), rel=1e-10)
-    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
-    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)  # a call for each step
-    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
-
-
-def switched_on(D):
-    """Rates of 0 until the last component grows from about 0 to 1, within a few steps."""
-
-    def f(x):
-        z = x[-1]
-        own = [z * (x[k - 1] - 4 * k * x[k]) for k in range(D - 1)]
-        weak = [0.1 * (x[(k + 1) % (D - 1)] - x[k - 1]) for k in range(D - 1)]
-        return [a + b for a, b in zip(own, weak, strict=True)] + [60 * z * (1 - z)]
-
-    return sf.Field(f, D)
-
-
-@pytest.mark.parametrize("method", ["auto", "order4"])
-def test_columns_that_grow_apart_all_at_once(monkeypatch, method):
-    """Steps that lost digits are taken again, also those of a call before."""
-    D, eps, transient, steps = 30, 1 / 64, 30, 40
-    field = switched_on(D)
-    x = np.tile(np.linspace(0.1, 0.2, D), (3, 1))
-    x[:, -1] = [1e-21, 1e-20, 1e-22]
-    run = field, x, eps, steps, transient
-    found = sf.lyapunov_exponents(*run, method=method)
-    for x0, exponents in zip(x, found, strict=True):
-        expected = exponents_by_qr(field, x0, eps, steps, transient, method)
-        np.testing.assert_allclose(np.sort(exponents)[::-1], expected, atol=1e-12 / eps)
-    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)  # a call for each step
-    np.testing.assert_array_equal(sf.lyapunov_exponents(*run, method=method), found)
-
-
-def test_determinants_above_the_range_of_numbers():
-    """The pivots of a step with pivoting are about 1e8: the product of 40 of them is 1e320."""
-    D, rate = 40, 2e8
-    linear = -rate * np.eye(D) + 1e-3 * np.eye(D, k=1)
-    field = sf.Field.from_terms(np.zeros((D, D, D)), linear)
-    exponents = sf.lyapunov_exponents(field, np.ones(D), 1.0, 3)
-    np.testing.assert_allclose(exponents, -2 / (rate / 2), rtol=1e-6)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("is_dense", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_products_that_leave_the_range_of_numbers(monkeypatch, is_dense):
-    """Each of 40 columns shrinks to a tenth in each of 40 steps, and none grows apart."""
-    D, products = 40, np.full((40, 40, 40), 1e-30 if is_dense else 0.0)
-    field = sf.Field.from_terms(products, -18 / 11 * np.eye(D))
-    exponents = sf.lyapunov_exponents(field, np.zeros(D), 1.0, 40)
-    np.testing.assert_allclose(exponents, np.log(0.1), rtol=1e-12)
-
-
-@pytest.mark.compiled
-def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch):
-    """All stand at the same step; False ends the run, with means over the steps done."""
-    monkeypatch.setattr(derivatives, "CHUNK_WORK", 2**12)
-    family = sf.Field(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
-    starts, seen = rng.normal(size=(90, 2)), []
-
-    def exponents(steps, progress=None):
-        return sf.lyapunov_exponents(family, starts, 0.1, steps, transient=5, progress=progress)
-
-    def progress(done, total):
-        seen.append((done, total))
-
-    np.testing.assert_array_equal(exponents(40, progress), exponents(40))
-    assert seen == sorted(seen)
-    assert len(seen) > 3
-    assert seen[-1] == (45, 45)
-    for least in (3, 9, 45):
-        reached = []
-
-        def until(done, total, least=least, reached=reached):
-            reached.append(done)
-            return done < least
-
-        found = exponents(40, until)
-        if reached[-1] <= 5:
-            assert np.isnan(found).all()
-        else:
-            np.testing.assert_array_equal(found, exponents(reached[-1] - 5))
-    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
+@pytest.mark.parametrize("field", [ring(17), everything(44)], ids=["ring", "everything"])
+def test_many_variables(rng, monkeypatch, field):
+    """By NumPy: as its QR of each derivative, and a call for each step has the same bits."""
+    x, run = 1.0 + 0.1 * rng.normal(size=(2, field.dimension)), (1 / 64, 40)
+    seen, found = [], sf.lyapunov_exponents(field, x, *run)
+    np.testing.assert_allclose(found[0], exponents_by_qr(field, x[0], *run), atol=1e-10)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[1], *run), found[1])
+    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)
+    again = sf.lyapunov_exponents(field, x, *run, progress=lambda *done: seen.append(done))
+    np.testing.assert_array_equal(again, found)
+    assert seen == [(n, 40) for n in range(1, 41)]
+    until_9 = sf.lyapunov_exponents(field, x, *run, progress=lambda done, _: done < 9)
+    np.testing.assert_array_equal(until_9, sf.lyapunov_exponents(field, x, 1 / 64, 9))
 
 
 # -------------------------------------------------------------------------------- along the motion
@@ -353,23 +199,7 @@ def test_motion_of_families_that_end():
     assert np.isfinite(stopped).any()
 
 
-@pytest.mark.compiled  # interpreted, more than 20 seconds
-def test_motion_of_an_oscillator_forced_in_one_component():
-    """Published as (0, -1.05392, -5.11048), where the 0 belongs to time."""
-    turn = 2 * np.pi
-
-    def forced(s):
-        x, y, t = s
-        rest = 1 - x * x - y * y
-        return rest * x + turn * y - 3 * np.sin(turn * t), rest * y - turn * x, 1.0
-
-    field = sf.Field(forced, "x y t")
-    found = sf.lyapunov_exponents(field, [0.0, 1.0, 0.0], time=200.0, transient=20.0)
-    np.testing.assert_allclose(found, [-1.05392, -5.11048], atol=2e-5)
-
-
-@pytest.mark.parametrize("rate", [2.0, 1000.0])
-@pytest.mark.parametrize("time", [100.0, 2000.0])
+@pytest.mark.parametrize(("rate", "time"), [(2.0, 2000.0), (1000.0, 100.0)])
 def test_motion_to_an_equilibrium(rate, time):
     """Tangent vectors become shorter than the tolerance, and states than the least number."""
 
@@ -394,17 +224,13 @@ APART = [-1.0, -3.0, -30.0, -100.0, -300.0, -1e3, -1e4, -3e4]
          [-0.5, -0.5, -1e5]),
         (lambda x: (-1e4 * x[0], -2e4 * x[1], -x[2]), [-1.0, -1e4, -2e4]),
         pytest.param(lambda x: (TURN * APART) @ (TURN.T @ x), APART, marks=pytest.mark.slow),
-        pytest.param(
-            lambda x: (-(1e3 + 300 * np.sin(x[2])) * (x[0] - np.cos(x[2])),
-                       (50 * np.cos(x[2]) - 200) * (x[1] - x[0] ** 2), 1.0),
-            [-200.0, -1e3], marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_motion_with_directions_that_decay_fast(f, exact):
     """They need no more segments than the slow ones, and frames where there are several."""
     field = sf.Field(f, len(f(np.ones(8))))
     starts = np.array([[1.0, 1.0, 0.5, 0.2] * 2, [0.3, -1.0, 2.0, 0.0] * 2])[:, : field.dimension]
-    calls, times = [], {"time": 96.0 * np.pi, "transient": 20.0}
+    calls, times = [], {"time": 100.0, "transient": 20.0}
     found = sf.lyapunov_exponents(
         field, starts, progress=lambda done, _: calls.append(done), **times
     )
@@ -440,6 +266,13 @@ def test_motion_with_changes_that_take_a_direction_away(last):
     np.testing.assert_allclose(found, [first, -np.inf], rtol=1e-6)
 
 
+def test_a_wall_that_takes_all_speed():
+    field = sf.Field(lambda x: (x[1], -0.1 * x[1]), "x v")
+    wall = sf.Event("x", to=("x", 0))
+    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, events=wall)
+    assert found.tolist() == [-np.inf, -np.inf]
+
+
 @pytest.mark.parametrize("direction", [0, -1])
 def test_motion_of_an_impact_oscillator(direction):
     """It meets the wall at multiples of half the time of a turn, and keeps e of its speed."""
@@ -449,15 +282,6 @@ def test_motion_of_an_impact_oscillator(direction):
     times = {"time": 16 * np.pi, "transient": 2 * np.pi}
     found = sf.lyapunov_exponents(field, [1.0, 0.0], events=wall, **times)
     np.testing.assert_allclose(found, np.log(e)[:, np.newaxis] / np.pi * [1, 1], atol=1e-8)
-
-
-def test_motion_of_a_spiking_cycle():
-    """One exponent is 0, the other one that of its multiplier; records count for nothing."""
-    field = sf.Field(lambda x: (1.5 - x[0], -0.3 * x[1]), "v w")
-    fires = sf.Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
-    given = {"events": [sf.Event("w"), fires], "transient": 80.0}
-    found = sf.lyapunov_exponents(field, [0.3, 1.5], time=100 * np.log(3), **given)
-    np.testing.assert_allclose(found, [0.0, -0.3], atol=1e-8)
 
 
 def test_maps_made_by_changes_alone():
@@ -471,11 +295,3 @@ def test_maps_made_by_changes_alone():
     henon = sf.Event(times=times[:500], to=lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]))
     found = sf.lyapunov_exponents(still, [0.1, 0.1], time=499.0, transient=0.5, events=henon)
     assert found.sum() == pytest.approx(np.log(0.3), rel=1e-9)
-
-
-@pytest.mark.parametrize("f", [lambda x: (x[1], -0.1 * x[1]), lambda x: (x[1], -x[0])])
-def test_a_wall_that_takes_all_speed(f):
-    wall = sf.Event("x1", to=("x1", 0))
-    field = sf.Field(f, 2)
-    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, events=wall)
-    assert found.tolist() == [-np.inf, -np.inf]

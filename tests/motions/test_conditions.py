@@ -73,14 +73,6 @@ def test_a_pole_that_is_taken_ends_the_solution(rate, end):
     np.testing.assert_allclose(motion.end, end - 0.5, rtol=1e-8)
 
 
-def test_members_of_a_family_whose_factor_is_0_have_no_pole():
-    f = field(lambda s, a: (a * (1 / (2 - s[1])), 1.0), a=[0.0, 1.0])
-    with pytest.warns(sf.IntegrationWarning):
-        motion = sf.flow(f, [0.0, 0.0], time=5.0)
-    np.testing.assert_array_equal(motion.states[0, 0], [0.0, 5.0])
-    np.testing.assert_allclose(motion.end[1], 2.0, rtol=1e-8)
-
-
 def test_derivatives_beside_a_pole_that_is_not_taken():
     f = field(lambda s, a: (np.where(s[1] < 1, -a * s[0] / (2 - s[1]), -s[0]), 1.0), a=1.0)
     motion = sf.flow(f, [1.0, 0.0], time=5.0, derivatives=("a", "x0"))
@@ -95,52 +87,18 @@ def test_derivatives_beside_a_pole_that_is_not_taken():
     [
         (lambda t: np.sqrt(abs(t - 1)), lambda a: a**1.5 / 1.5),
         (lambda t: abs(t - 1) ** 0.3, lambda a: a**1.3 / 1.3),
-        (lambda t: np.log(abs(t - 1)), lambda a: a * np.log(a) - a),
         (lambda t: np.where(t < 1, np.sqrt(1 - t), 5.0), lambda a: a**1.5 / 1.5),
     ],
 )
 def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
     """At the last time, and before it."""
     f = field(lambda s: (rate(s[1]), 1.0))
-    starts = [-0.1, *np.round(1 - rng.uniform(0.05, 5.0, 20), 2)]
+    starts = [-0.1, *np.round(1 - rng.uniform(0.05, 5.0, 6), 2)]
     for start in starts:
         for times in ([1 - start], [1 - start, 2 - start]):
             motion = sf.flow(f, [3.0, start], time=times)
             np.testing.assert_allclose(motion.states[0, 0], 3.0 + integral(1 - start), atol=3e-7)
             assert motion.status == sf.Status.OK
-
-
-def test_a_solution_that_slides_is_told_where_it_begins_to():
-    """x' = c - sign(x - a sin(b t)) meets the surface where both rates lead back to it."""
-    a, b, c, x0 = np.array([
-        [1.5, 0.6, 0.3, 2.0], [0.4, 2.9, -1.2, 1.0], [0.9, 1.7, 0.8, -2.5],
-        [1.9, 3.1, 0.1, 0.5], [0.2, 3.9, 0.5, -0.7], [1.1, 2.0, -0.4, 1.3],
-    ]).T  # fmt: skip
-    f = field(lambda s, a, b, c: (c - np.sign(s[0] - a * np.sin(b * s[1])), 1.0), a=a, b=b, c=c)
-    with pytest.warns(sf.IntegrationWarning, match="slide"):
-        motion = sf.flow(f, np.array([x0, 0 * x0]).T, time=np.linspace(0.05, 6.0, 7))
-    for k in range(len(a)):
-        np.testing.assert_allclose(motion.end[k], first_slide(a[k], b[k], c[k], x0[k]), rtol=1e-9)
-
-
-def first_slide(a, b, c, x):
-    """Return the time at which the solution of the test above begins to slide, NaN if never."""
-    t, side = 0.0, np.sign(x)
-    while t < 6.0:
-        u = np.linspace(t + 1e-9, 6.0, 20001)
-        crossed = np.flatnonzero((x + (c - side) * (u - t) - a * np.sin(b * u)) * side < 0)
-        if not crossed.size:
-            return np.nan
-        low, high = u[crossed[0] - 1] if crossed[0] else t, u[crossed[0]]
-        for _ in range(60):
-            middle = (low + high) / 2
-            is_before = (x + (c - side) * (middle - t) - a * np.sin(b * middle)) * side > 0
-            low, high = (middle, high) if is_before else (low, middle)
-        x, t = x + (c - side) * (low - t), low
-        if (c + side - a * b * np.cos(b * t)) * side >= 0:
-            return t
-        side = -side
-    return np.nan
 
 
 @pytest.mark.parametrize("times", [[2.0], [1.05, 1.1, 1.5, 2.0]])
@@ -187,13 +145,13 @@ def test_thousands_of_jumps_between_two_times():
 
 
 def test_stairs_of_the_state():
-    """x' = 1 + the number of levels below x: 40 straight lines."""
-    levels = np.linspace(0.25, 9.75, 40)
+    """x' = 1 + the number of levels below x: 20 straight lines."""
+    levels = np.linspace(0.25, 9.75, 20)
     f = field(lambda s: (1.0 + (s[0] > levels).sum(),), "x")
     heights = np.diff([0.0, *levels])
-    time = (heights / np.arange(1.0, 41.0)).sum()
+    time = (heights / np.arange(1.0, 21.0)).sum()
     motion = sf.flow(f, [0.0], time=[time, time + 1.0])
-    np.testing.assert_allclose(motion.states[:, 0], levels[-1] + np.array([0.0, 41.0]), rtol=1e-9)
+    np.testing.assert_allclose(motion.states[:, 0], levels[-1] + np.array([0.0, 21.0]), rtol=1e-9)
     falling = field(lambda s: (1.0 - 2 * (s[0] > levels).sum(),), "x")
     with pytest.warns(sf.IntegrationWarning, match="slide"):
         assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.special import ellipk
-from systems import three_bodies
 
 import suslov_fast as sf
 
 OSCILLATOR = sf.Field(lambda x: (x[1], -x[0]), "q p")
-MU = 0.01215058560962404
 
 
 def first(x):
@@ -21,62 +18,9 @@ def of_oscillator(start, surface=first, **arguments):
     return sf.crossings(OSCILLATOR, start, surface, **arguments)
 
 
-def test_zeros_of_an_oscillator_have_the_digits_of_the_tolerance():
-    for rtol, error in ((1e-6, 1e-5), (1e-9, 1e-8), (1e-12, 1e-11)):
-        points = of_oscillator([1.0, 0.0], time=20.0, rtol=rtol)
-        np.testing.assert_allclose(points.time, np.pi * np.array([1.5, 3.5, 5.5]), atol=error)
-        assert (points.states[:, 0] >= 0.0).all()
-        assert abs(points.states[:, 0]).max() < 1e-14
-        np.testing.assert_allclose(points.final, [np.cos(20.0), -np.sin(20.0)], atol=error)
-
-
-def test_the_same_orbits_near_the_moon_stop_as_with_dop853():
-    def distance(x):
-        return (x[..., 0] - 1 + MU) ** 2 + x[..., 1] ** 2
-
-    rng = np.random.default_rng(3)
-    r, angle = rng.uniform(0.02, 0.12, 16), rng.uniform(0.0, 2.0 * np.pi, 16)
-    speed = np.sqrt(MU / r) * rng.uniform(0.9, 1.35, 16) - r
-    x0 = np.transpose([
-        1 - MU + r * np.cos(angle), r * np.sin(angle), 0 * r, -speed * np.sin(angle),
-        speed * np.cos(angle), 0 * r,
-    ])  # fmt: skip
-    surfaces = (lambda x: distance(x) - 0.25**2, lambda x: 0.005**2 - distance(x))
-    field = sf.Field(three_bodies, "x y z u v w", mu=MU)
-    points = sf.crossings(field, x0, surface=surfaces, time=4.0, most=1, direction="up")
-    events = [lambda t, x, s=s: s(x) for s in surfaces]
-    for event in events:
-        event.terminal, event.direction = True, 1
-    assert 4 <= len(points.states) <= 12
-    for k, start in enumerate(x0):
-        found = solve_ivp(
-            lambda t, x: three_bodies(x, MU), (0, 4.0), start, "DOP853", events=events, rtol=1e-12,
-            atol=1e-12,
-        )  # fmt: skip
-        assert points.count[k].sum() == found.status
-        if found.status:
-            (own,) = np.flatnonzero(points.trajectory == k)
-            np.testing.assert_allclose(points.time[own], found.t[-1], rtol=1e-8)
-            np.testing.assert_allclose(points.states[own], found.y[:, -1], atol=1e-6)
-            assert found.t_events[points.which[own]].size == 1
-            np.testing.assert_array_equal(points.final[k], points.states[own])
-
-
-def test_surfaces_crossed_just_before_a_kink():
-    """The step ends on the kink; before it f has the other branch."""
-    rise = sf.Field(lambda x: (1 + 3 * abs(x[0]),), "x")
-    below = np.linspace(0.06, 1.0, 50)
-    points = sf.crossings(
-        rise, -below[:, np.newaxis], surface=lambda x: x[0] + 0.05, time=3.0, direction="up"
-    )
-    assert (points.count == 1).all()
-    exact = np.log((1 + 3 * below) / 1.15) / 3
-    np.testing.assert_allclose(points.time, exact, atol=1e-8)
-
-
 def test_ripples_that_a_step_does_not_see(rng):
     """Fast forces that are allowed errors of x, almost: v changes its sign many times in a step."""
-    w, a = 10 ** rng.uniform(0.2, 2, 100), 10 ** rng.uniform(-3, 0, 100)
+    w, a = 10 ** rng.uniform(0.2, 2, 30), 10 ** rng.uniform(-3, 0, 30)
     field = sf.Field(lambda s, w, a: (s[1], -s[0] + a * np.cos(w * s[2]), 1.0), "x v t", w=w, a=a)
     points = sf.crossings(field, [1.0, 0.1, 0.0], surface="v", time=20.0, direction=0)
     t, part = np.linspace(0, 20, 100_001)[:, np.newaxis], a / (1 - w * w)
@@ -84,8 +28,6 @@ def test_ripples_that_a_step_does_not_see(rng):
     exact = ((v[1:] >= 0.0) != (v[:-1] >= 0.0)).sum(axis=0)
     assert (points.count[..., 0] == exact).all()
     assert abs(points.states[:, 1]).max() < 2e-12
-    circle = of_oscillator([1.0, 0.1], lambda x: x[0] ** 2 + x[1] ** 2 - 1.01 + 1e-6, time=99.0)
-    assert len(circle.states) == 0  # errors of points in a step are larger than the distance
 
 
 def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
@@ -95,8 +37,7 @@ def test_a_motion_that_only_touches_the_surface_does_not_cross_it():
     assert len(points.states) == 16  # with a step short enough
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.parametrize(("direction", "sign"), [(1, 1.0), (0, 1.0), (-1, -1.0)])
 def test_a_start_on_the_surface_is_no_crossing(direction, sign):
     starts = [[0.0, 1.0], [0.0, -1.0], [-0.0, -1.0]]
     assert not of_oscillator(starts, time=sign, direction=direction).count.any()
@@ -165,7 +106,7 @@ def test_values_that_are_no_numbers_make_no_crossing():
     assert len(points.states) == 0  # a pole of the surface
 
 
-@pytest.mark.parametrize("gap", [0.3, 0.1, 1e-2, 1e-4, 1e-8])
+@pytest.mark.parametrize("gap", [0.3, 1e-2, 1e-8])
 def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
     """Neither where a step passes one nor where it ends in one."""
     angles = np.linspace(0.1, 6.1, 40)
@@ -178,10 +119,6 @@ def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
 
     for surface in (lambda s: s[0] + hole(s[0]), lambda s: np.sign(s[0]) + hole(s[0])):
         assert not of_oscillator(starts, surface, **arguments).count.any()
-        motion = sf.flow(
-            OSCILLATOR, starts, time=2 * np.pi, rtol=1e-6, events=sf.Event(surface, terminal=True)
-        )
-        assert motion.ok.all()
     found = of_oscillator(starts, lambda s: s[0] - 0.5 + hole(s[0]), **arguments)
     assert (found.count == 2).all()
 

@@ -8,7 +8,6 @@ from suslov_fast import Event, Field, Status, crossings, flow
 pytestmark = pytest.mark.filterwarnings("ignore:.*have events that follow one another")
 BALL = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
 BOUNCE = Event("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
-CLOCK = Field(lambda x: (1.0, 0.0), "t n")
 
 
 def table(rng, n):
@@ -87,9 +86,7 @@ def test_a_start_on_a_surface_is_no_event_beside_others(direction):
 TOUCHING = (
     lambda u: np.cos(u) - 1,
     lambda u: -u * u,
-    lambda u: 1 / (1 + u * u) - 1,
     lambda u: np.exp(-u * u) - 1,
-    lambda u: 1 - np.cosh(u),
 )
 
 
@@ -116,11 +113,12 @@ def test_a_start_on_a_surface_is_no_change(direction, falls):
 
 
 def test_endless_changes_at_one_instant():
+    clock = Field(lambda x: (1.0, 0.0), "t n")
     changes = [
         Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1])),
         Event(lambda x: x[0] - 0.5, direction=-1, to=lambda x: (2, x[1])),
     ]
-    motion = flow(CLOCK, [0.0, 0.0], time=3.0, events=changes)
+    motion = flow(clock, [0.0, 0.0], time=3.0, events=changes)
     assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
 
 
@@ -136,12 +134,3 @@ def test_two_tanks_with_one_tap(rtol, rng):
     motion = flow(tanks, np.c_[full, np.ones(40)], time=1000.0, events=turns, rtol=rtol)
     assert (motion.status == Status.ACCUMULATES).all()
     np.testing.assert_allclose(motion.end, full.sum(axis=1) / (out.sum(axis=0) - tap), rtol=1e-9)
-
-
-def test_bounces_that_accumulate_away_from_0():
-    """There the state does not move any more while its value on the surface is not 0."""
-    push = Field(lambda s: (s[1], -s[0] - 50 * (s[1] - np.where(s[0] > 0, 0.5, -0.2))), 2)
-    bounce = Event(lambda s: s[0] - 0.4, to=lambda s: (s[0], -0.7 * s[1]), direction=1)
-    starts = np.random.default_rng(1).normal(size=(20, 2))
-    motion = flow(push, starts, time=10.0, events=bounce)
-    assert set(motion.status.tolist()) <= {Status.OK, Status.ACCUMULATES}

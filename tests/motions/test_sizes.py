@@ -1,7 +1,5 @@
 """Components of very different sizes, and rates near the ends of the range of numbers."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from systems import field
@@ -9,8 +7,7 @@ from systems import field
 import suslov_fast as sf
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])
-@pytest.mark.parametrize("unit", [1e-3, 1e-8, 1e-14])
+@pytest.mark.parametrize(("rtol", "unit"), [(1e-4, 1e-14), (1e-6, 1e-3), (1e-9, 1e-8)])
 def test_a_component_beside_others_in_other_units(rtol, unit):
     """An oscillator of the size `unit` beside a temperature in kelvins that nothing depends on."""
     f = field(lambda s: (s[1], -s[0] - 0.1 * s[0] ** 3 / unit**2, -0.01 * s[2]), "x v T")
@@ -20,7 +17,7 @@ def test_a_component_beside_others_in_other_units(rtol, unit):
     np.testing.assert_allclose(both[:2] / unit, exact, atol=100 * rtol)
 
 
-@pytest.mark.parametrize("rate", [1e100, 1e160, 1e250, 1e300])
+@pytest.mark.parametrize("rate", [1e100, 1e300])
 def test_decay_at_rates_whose_squares_overflow(rate):
     f = field(lambda s: (-rate * s[0], -s[1]), "x y")
     motion = sf.flow(f, [1.0, 1.0], time=[1.0, 2.0])
@@ -50,24 +47,6 @@ def test_ramps_of_any_width(stiff):
             assert (motion.steps < 150).all()
 
 
-def test_components_that_are_differences_of_larger_ones():
-    """Springs at rest, but for the ends: those between stay within rounding for a while."""
-    n = 8
-
-    def chain(s):
-        q = [0.0, *s[:n], 0.0]
-        stretch = [b - a for a, b in pairwise(q)]
-        force = [d + 0.25 * d * d for d in stretch]
-        return [*s[n:], *(b - a for a, b in pairwise(force))]
-
-    f = field(chain, 2 * n)
-    start = np.repeat([0.5, 0.0], n) * (1 + 1e-4 * np.cos(np.arange(2 * n)))
-    motion = sf.flow(f, [start, start * (1 + 1e-9)], time=20.0)
-    assert (motion.steps < 150).all()
-    exact = sf.flow(f, start, time=20.0, rtol=1e-12)
-    np.testing.assert_allclose(motion.states[0, 0], exact.states[0], atol=1e-7)
-
-
 # ------------------------------------------------------------------------- small, and large again
 PREY = field(lambda s: (s[0] * (1 - s[1]), s[1] * (s[0] - 1)), "x y")
 SEASONS = field(
@@ -83,7 +62,7 @@ SEASONS = field(
 @pytest.mark.parametrize(
     ("f", "start", "name"), [(PREY, [20.0, 20.0], "x"), (SEASONS, [20.0, 20.0, 0.0], "rabbits")]
 )
-@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
 def test_a_component_that_falls_and_grows_is_told_of_once(f, start, name, rtol):
     calm = [1.0, 1.0, 0.0][: len(start)]
     with pytest.warns(UserWarning, match=rf"{name} of trajectory 1\).*atol=0") as caught:
@@ -162,34 +141,12 @@ def ring(n):
     return n**2 * matrix, np.cos(2 * np.pi * np.arange(n) / n)
 
 
-def network(seed):
-    """A random network of pairs, whose states are opposite, and of nodes between them, at 0."""
-    rng = np.random.default_rng(seed)
-    pairs, between = rng.integers(2, 9), rng.integers(1, 5)
-    D = 2 * pairs + between
-    other = np.r_[pairs : 2 * pairs, :pairs, 2 * pairs : D]
-    weights = np.zeros((D, D))
-    ends = [*rng.integers([pairs, D], size=(3 * pairs, 2))]
-    ends += [(rng.integers(pairs), node) for node in [*range(2 * pairs, D)] * 2]
-    for i, j in ends:
-        for a, b in ((i, j), (other[i], other[j])):
-            weights[a, b] = weights[b, a] = rng.uniform(0.5, 20.0)
-        weights[other[i], other[j]] = weights[other[j], other[i]] = weights[i, j]
-    np.fill_diagonal(weights, 0.0)
-    start = rng.standard_normal(pairs)
-    order = rng.permutation(D)
-    matrix = (np.diag(weights.sum(axis=1)) - weights)[np.ix_(order, order)]
-    return matrix, np.concatenate([start, -start, np.zeros(between)])[order]
-
-
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", ["heat", "waves", "Schroedinger"])
-@pytest.mark.parametrize("system", [8, 20, 36, 44, 64, *(f"network {k}" for k in range(8))])
-def test_components_that_are_0_by_symmetry(kind, system):
+@pytest.mark.parametrize("D", [8, 20, 64])
+def test_components_that_are_0_by_symmetry(kind, D):
     """Heat, waves and Schrödinger's equation where terms of some rates cancel up to rounding."""
-    of_network = isinstance(system, str)
-    matrix, x0 = network(int(system.split()[1])) if of_network else ring(system)
-    D, time = len(x0), 1.0 if kind != "Schroedinger" else 0.1
+    (matrix, x0), time = ring(D), 1.0 if kind != "Schroedinger" else 0.1
 
     def turned(u):
         return [sum(matrix[i, j] * u[j] for j in np.flatnonzero(matrix[i])) for i in range(D)]

@@ -78,50 +78,11 @@ def test_a_day_that_repeats_from_a_clock_of_dates(rng):
         np.testing.assert_allclose(motion["x"], right, rtol=1e-8)
 
 
-def test_two_tables_that_jump_at_once(rng):
-    knots = np.arange(1.0, 20.0)
-    first, second = (steps(knots, rng.normal(size=19)) for _ in range(2))
-    f = field(lambda s: (np.interp(s[1], *first) * np.interp(s[1], *second) - s[0], 1.0), "x t")
-    xp, fp = first[0], first[1] * second[1]
-    np.testing.assert_allclose(
-        sf.flow(f, [0.0, 0.0], time=25.0)["x"], relaxed(0.0, 1.0, 0.0, 25.0, xp, fp), rtol=1e-9
-    )
-
-
-def test_a_table_of_the_state_jumps_with_the_factor_of_its_derivatives():
-    # x' = 1, 3, 1/2 where x < 1, 1 <= x < 2, 2 <= x: 2 is reached at 4/3.
-    speed = field(lambda s: (np.interp(s[0], [0, 1, 1, 2, 2, 9], [1, 1, 3, 3, 0.5, 0.5]),), "x")
-    motion = sf.flow(speed, [0.0], time=[0.5, 1.0, 1.2, 4 / 3, 3.0], derivatives="x0")
-    np.testing.assert_allclose(motion["x"], [0.5, 1.0, 1.6, 2.0, 2.0 + 5 / 6], rtol=1e-12)
-    np.testing.assert_allclose(motion.derivatives["x0"][[0, 2, 4], 0, 0], [1, 3, 0.5], rtol=1e-12)
-    # A level to which the table leads back from both sides: it slides.
+def test_a_table_of_the_state_to_which_both_sides_lead_back():
     back = field(lambda s: (np.interp(s[0], [0, 0], [1, -1]),), "x")
     with pytest.warns(sf.IntegrationWarning, match="slide"):
         motion = sf.flow(back, [-1.0], time=3.0)
     np.testing.assert_allclose(motion.end, 1.0, rtol=1e-9)
-
-
-def test_the_derivative_by_the_start_of_a_clock(rng):
-    xp, fp = steps(np.sort(rng.uniform(0.0, 10.0, 30)), rng.normal(size=30))
-    motion = sf.flow(fed(xp, fp, k=0.4), [1.0, 2.0], time=6.0, derivatives="x0")
-    d = 1e-5
-    ends = [relaxed(1.0, 0.4, 2.0 + e, 8.0 + e, xp, fp) for e in (d, -d)]
-    np.testing.assert_allclose(
-        motion.derivatives["x0"][0, 0], [np.exp(-2.4), (ends[0] - ends[1]) / (2 * d)], atol=1e-7
-    )
-
-
-def test_what_a_step_computes_does_not_depend_on_the_number_of_knots(rng):
-    xp, fp = np.sort(rng.uniform(0.0, 10.0, 6001)), rng.uniform(0.0, 1.0, 6001)
-    many, few = fed(xp, fp, k=1.0), fed(xp[:3], fp[:3], k=1.0)
-    for name in ("f", "derivative", "watch"):
-        lists = [getattr(each._right_hand_sides[0].f, name) for each in (many, few)]
-        assert len(lists[0].operations) == len(lists[1].operations) < 30
-    motion = sf.flow(many, [0.0, 0.0], time=10.0)
-    right = relaxed(0.0, 1.0, 0.0, 10.0, xp, fp)
-    np.testing.assert_allclose(motion.final[0], right, rtol=1e-11)
-    assert motion.steps < 6200
-    assert sf.Field.from_dict(many.to_dict()) == many
 
 
 @pytest.mark.parametrize("time", [4.0, -3.0])
@@ -151,16 +112,3 @@ def test_a_table_is_level_beyond_its_knots_also_at_infinity():
     # y' = 2 up to y = 1/2, then 1 up to y = 1, at t = 3/4, then 1/2 up to 9/8.
     y = 9 / 8
     np.testing.assert_allclose(end, [3.0 + 4.0 * (y * np.log(y) - y + 1.0), y], rtol=1e-11)
-
-
-def test_a_potential_of_straight_lines():
-    # The force jumps at knots; between them q is a parabola.
-    q = np.linspace(-3.0, 3.0, 13)
-    system = sf.Field.from_hamiltonian(lambda s: s[1] ** 2 / 2 + np.interp(s[0], q, abs(q)), "q p")
-    motion = sf.flow(system, [1.25, 0.0], time=[np.sqrt(10.0), 4 * np.sqrt(10.0)], rtol=1e-12)
-    np.testing.assert_allclose(motion.states, [[-1.25, 0.0], [1.25, 0.0]], atol=1e-10)
-    period = 4 * np.sqrt(2.5)  # of q from rest is in proportion to its root
-    again = sf.flow(system, [1.25, 0.0], time=period, derivatives="x0", rtol=1e-12)
-    np.testing.assert_allclose(
-        again.derivatives["x0"][0], [[1.0, 0.0], [period / 2.5, 1.0]], atol=1e-9
-    )

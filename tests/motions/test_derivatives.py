@@ -19,7 +19,7 @@ def _of(name):
     return lambda a: getattr(a, name)() if hasattr(a, "coeffs") else getattr(np, name)(a)
 
 
-cos, exp, sin, sqrt = map(_of, ("cos", "exp", "sin", "sqrt"))
+sin, sqrt = map(_of, ("sin", "sqrt"))
 
 
 def lorenz(x, sigma, rho, beta):

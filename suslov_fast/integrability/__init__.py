@@ -16,8 +16,7 @@ The files, in an order in which each uses only those before it:
   Kahan maps of fields. `letters`: these with parameters as letters. `zoo`: examples.
 - `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
   `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
-  curves that they contract, and of monomial maps. `levels`: maps on levels of integrals, which
-  may be maps of the plane.
+  curves that they contract. `levels`: maps on levels of integrals, which may be maps of the plane.
 - `linear_relations`: linear relations along orbits, and integrals by them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
   that follow from them, in normal form. `symmetries`: reversing ones.

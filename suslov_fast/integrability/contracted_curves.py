@@ -6,11 +6,10 @@ another curve. Take a germ c + t v with a generic point c of C. The degrees of i
 orders in t along it: the order of the common factor of the coordinates of its image, and the order
 of each contracted curve. They are computed modulo a prime, for two germs.
 
-Then they are proved at the general point of the curve, with a parameter s: of a line, of one of
-several conjugate lines, or of a conic. The coordinates of the germ are polynomials in s, in eps if
-it is symbolic, and in an algebraic number r, which gives one of the lines or a point of the conic.
-For other curves, orders are exact, too, if they are the multiplicities of the forms at the points
-of the orbit of one point.
+Then they are proved at the general point of the curve, with a parameter s: of a line, or of one of
+several conjugate lines. The coordinates of the germ are polynomials in s, in eps if it is symbolic,
+and in an algebraic number r, which gives one of the lines. For other curves, orders are exact, too,
+if they are the multiplicities of the forms at the points of the orbit of one point.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ import flint
 from . import arithmetic
 from .arithmetic import Values
 from .birational_maps import RationalMap
-from .degrees_of_iterates import common_series, rational_series
 from .pencils import count_factors
 from .polynomials import (
     coefficients_in,
@@ -43,9 +41,7 @@ from .polynomials import (
 )
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
-_TERMS = 8, 32, 128, 512, 2048, 8192, 32768  # of power series in t, until they suffice
-_ENOUGH = 128  # for endless passages whose orders show a rule
-_RULE = 20  # steps that show a rule, if there is one
+_TERMS = 8, 32, 128, 512  # of power series in t, until they suffice
 _LINES = 20  # on which a point of a curve is sought
 _PRIMES = 80
 _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coefficients
@@ -57,36 +53,13 @@ class Passage(NamedTuple):
     After k steps the germ is at a point if k < `steps`; then it crosses a curve again. `steps` is
     None if it does not within the computed steps. `common_orders[k - 1]` is the order of the common
     factor of the next image. `curve_orders[k - 1]` are the orders of the contracted curves, up to
-    the last point without an image. If such points come again and again, the passage is `endless`,
-    with the orders of all computed steps.
+    the last point without an image. If such points come again and again, the passage is `endless`.
     """
 
     common_orders: tuple[int, ...]
     curve_orders: tuple[tuple[int, ...], ...]
     steps: int | None
     endless: bool = False
-
-    @property
-    def series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
-        """Polynomials P, Q with P / Q = sum of orders z^k: for `common_orders`, and for each curve.
-
-        None if the passage is endless and its orders show no such quotient.
-        """
-        if not self.endless:
-            return [(orders, (1,)) for orders in self._sequences]
-        # Orders that grow fast are known for a few steps only, which suffice for all together.
-        return self.own_series or common_series(self._sequences)  # type: ignore[return-value]
-
-    @property
-    def own_series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
-        """P and Q of an endless passage if the orders show them, each sequence by itself."""
-        quotients = [rational_series(orders) for orders in self._sequences]
-        return None if None in quotients else quotients  # type: ignore[return-value]
-
-    @property
-    def _sequences(self) -> list[tuple[int, ...]]:
-        of_curves = zip(*self.curve_orders, strict=True)
-        return [(0, *orders) for orders in (self.common_orders, *of_curves)]
 
 
 class Plane:
@@ -193,9 +166,6 @@ class PlaneModulo:
             passage = self._follow(germs, terms, most)
             if passage is None or not passage.endless:
                 return passage
-            shows_all = len(passage.common_orders) >= _RULE or passage.own_series is not None
-            if terms >= _ENOUGH and shows_all:
-                return passage
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
@@ -226,8 +196,7 @@ class PlaneModulo:
         last = max((k for k, order in enumerate(common_orders, start=1) if order), default=0)
         never_stops = steps is None and last > len(common_orders) // 2
         if not has_terms or last > exact or never_stops:
-            orders_known = tuple(common_orders[:exact]), tuple(curve_orders[:exact])
-            return Passage(*orders_known, None, endless=True)
+            return Passage((), (), None, endless=True)
         return Passage(tuple(common_orders[:last]), tuple(curve_orders[:last]), steps)
 
     def _at_one_point(self, first: Sequence[Any], second: Sequence[Any]) -> bool:
@@ -267,7 +236,7 @@ def _agree(passages: list[Passage]) -> bool:
 
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
-LONGEST = 20_000  # bits of coordinates, at most
+_LONGEST = 20_000  # bits of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
 _NUMBERS = range(1, 9)  # in place of s
 
@@ -277,8 +246,6 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
     Orders modulo a prime are at least the true orders, so orders that are 0 are exact.
     """
-    if passage.endless:
-        return False
     if not passage.common_orders:
         return passage.steps is None
     germs = _Germs(plane, number)
@@ -312,8 +279,6 @@ class _Germs:
         self.first: list[Any] = []  # none for curves of higher degree
         if degree == count:
             self.first = self._across_line(gradient)
-        elif degree == 2:
-            self.first = self._across_conic(gradient)
         if self.first and _order_in_t(self._values([self._curve], self.first, 2)[0], 2) != 1:
             self.first = []
 
@@ -340,15 +305,6 @@ class _Germs:
         germ[i], germ[j] = line[pivot] * u, line[pivot] * v
         germ[pivot] = self._t - line[i] * u - line[j] * v
         return germ
-
-    def _across_conic(self, gradient: list[Any]) -> list[Any]:
-        # The other point of the conic on the line through a point with a direction d.
-        d = [2 + 3 * self._s, 5 - self._s, 1 + 7 * self._s]
-        (square,) = self._values([self._curve], d)
-        slope = sum(a * b for a, b in zip(gradient, d, strict=True))
-        across = (self._t, -2 * self._t, 5 * self._t)
-        parts = zip(self._point, d, across, strict=True)
-        return [square * a - slope * b + c for a, b, c in parts]
 
     def _slopes(self, P: Any) -> list[Any]:
         return [P.derivative(self._plane.symbolic + j) for j in range(3)]
@@ -468,4 +424,4 @@ def without_common_factor(x: Sequence[Any]) -> list[Any]:
 def _is_large(x: Sequence[Any]) -> bool:
     """Return True if coordinates have too many terms, or too large numbers, to continue."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
-    return bits > LONGEST or sum(map(len, x)) > _MONOMIALS
+    return bits > _LONGEST or sum(map(len, x)) > _MONOMIALS

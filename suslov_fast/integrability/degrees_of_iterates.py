@@ -163,34 +163,6 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     return _by_recurrence(d, bool(planar)) or _by_quotients(d)
 
 
-def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
-    """Return polynomials P and Q with P / Q = sum of terms[k] z**k; None if the terms show none."""
-    found = common_series([terms])
-    return found[0] if found else None
-
-
-def common_series(
-    sequences: Sequence[Sequence[int]],
-) -> list[tuple[list[int], list[int]]] | None:
-    """Return P and Q of `rational_series` for sequences of one length, with one Q for all.
-
-    Sequences that are independent need fewer terms, because each tests the same recurrence.
-    """
-    for total in range(len(sequences[0])):
-        for order in range(total + 1):
-            tails = [[*terms[total - order :]] for terms in sequences]
-            spare = max(_SPARE, total - order)
-            if (recurrence := _recurrence(tails, order, spare)) is not None:
-                Q = recurrence[::-1]
-                return [(_numerator(terms, Q, total), Q) for terms in sequences]
-    return None
-
-
-def _numerator(terms: Sequence[int], Q: list[int], total: int) -> list[int]:
-    """Return the coefficients of the product of a series and Q, below the power `total`."""
-    return [sum(Q[j] * terms[k - j] for j in range(min(k + 1, len(Q)))) for k in range(total)]
-
-
 def _kind(power: int) -> str:
     kinds = "bounded", "linear", "quadratic", "cubic"
     return kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
@@ -204,25 +176,22 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
             # Where no transient is needed, the recurrence may hold from the identity on.
             sequences = ([1, *d], d) if transient == 0 else (d,)
             for terms in sequences:
-                recurrence = _recurrence([terms[transient:]], order, max(_SPARE, transient))
+                recurrence = _recurrence(terms[transient:], order, max(_SPARE, transient))
                 if recurrence and (growth := _growth_of(recurrence, planar)):
                     text = _text_of(recurrence, len(d), transient, from_identity=terms is not d)
                     return Growth(*growth, text)
     return None
 
 
-def _recurrence(sequences: list[list[int]], order: int, spare: int) -> list[int] | None:
-    """Return the coefficients of a recurrence of sequences, of this order but no lower order.
+def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
+    """Return the coefficients of a recurrence of terms, of this order but no lower order.
 
     None without a recurrence, or if there are not `spare` more equations than unknowns.
     """
-    steps = len(sequences[0]) - order
-    if steps < _SPARE:
+    steps = len(terms) - order
+    if steps < order + spare:
         return None
-    independent = flint.fmpz_mat(sequences).rank() if len(sequences) > 1 else 1
-    if max(independent, 1) * steps < order + spare:
-        return None
-    rows = [terms[i : i + order + 1] for terms in sequences for i in range(steps)]
+    rows = [terms[i : i + order + 1] for i in range(steps)]
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
     # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]

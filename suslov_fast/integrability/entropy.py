@@ -14,23 +14,21 @@ from operator import itemgetter
 from typing import Any
 
 import flint
-import numpy as np
 
 from ..checks import wrong
 from ..fields.base import Body
 from ..keywords import public
 from .birational_maps import RationalMap, check_one_letter
 from .contracted_curves import Passage, Plane, is_proved, passages_across
-from .degrees_of_iterates import agreed_degrees, moduli_outside, rational_series
+from .degrees_of_iterates import agreed_degrees, moduli_outside
 from .letters import checked_map
-from .polynomials import determinant, exponents_in_x
+from .polynomials import determinant
 from .rational_functions import IDENTITY, RationalFunction
-from .singular_orbits import POINTS, points_of_line, why_never
+from .singular_orbits import why_never
 
 _STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
 _HIGHEST = 1_000  # of degrees that are compared with those on random lines
-_TERMS = 60  # degrees of a monomial map from which their recurrence follows
 
 
 @dataclass(frozen=True)
@@ -39,9 +37,7 @@ class Contraction:
 
     Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
     `length` is the number of points from the image of the curve to the last one without an image;
-    else None. `how` says how this was decided, and `proved` whether it is a proof. `orbit` are the
-    points, in homogeneous coordinates (x1, x2, 1) times an integer: up to one without an image, or
-    the first ones; without repetition. It is empty for conjugate curves and if eps is symbolic.
+    else None. `how` says how this was decided, and `proved` whether it is a proof.
     """
 
     curve: str
@@ -49,7 +45,6 @@ class Contraction:
     length: int | None
     proved: bool
     how: str
-    orbit: tuple[tuple[int, ...], ...] = ()
 
     def __str__(self) -> str:
         points = "1 point" if self.length == 1 else f"{self.length} points"
@@ -111,11 +106,9 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
-    rational numbers, or a number field for conjugate lines and conics. An orbit is never confined
-    if it is periodic modulo a small prime, with images at all points. The entropy of a monomial map
-    is the logarithm of the spectral radius of its exponents (Hasselblatt and Propp 2007); its
-    curves are not followed. An entropy that is not proved is compared with the degrees of iterates
-    on random lines, and not given if they contradict it.
+    rational numbers, or a number field for conjugate lines. An orbit is never confined
+    if it is periodic modulo a small prime, with images at all points. An entropy that is not proved
+    is compared with the degrees of iterates on random lines, and not given if they contradict it.
 
     Parameters
     ----------
@@ -149,18 +142,15 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     if not map.is_planar:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
-    if (A := _exponents_of_monomials(map)) is not None:
-        return _of_monomials(A)
     plane = Plane(map)
     passages = passages_across(plane, _STEPS)
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
+    if any(passage.endless for passage in passages):
+        why = "a contracted curve comes to points without an image again and again"
+        return PlanarEntropy(reason=f"{why}: growth(degrees(map, n)) estimates the entropy")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
-    if (series := series_of_degrees(plane, passages)) is None:
-        steps = min(len(each.common_orders) for each in passages if each.series is None)
-        why = "a contracted curve comes to points without an image again and again, without a rule"
-        return PlanarEntropy(reason=f"{why} in the {steps} steps that could be computed")
-    found = _from_series(series, contractions)
+    found = _from_series(series_of_degrees(plane, passages), contractions)
     proved = all(curve.proved for curve in contractions)
     if why := found.contradiction([] if proved else [*_few_degrees(map)]):
         return PlanarEntropy(reason=why)
@@ -210,17 +200,14 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
     """Return the orbit of a contracted curve, with a proof if one is found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
-    if passage.endless:
-        how = "again and again at points without an image, by a rule that the first steps show"
-    elif length is not None:
+    if length is not None:
         field = "the rationals" if plane.degrees[number] == 1 else "a number field"
         how = f"exact over {field}" if exact else "modulo two primes, at random points"
     elif reason := why_never(plane, number, passage):
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
         exact, how = False, f"not confined within {_STEPS} steps"
-    orbit = tuple(dict.fromkeys(points_of_line(plane, number, length or POINTS)))
-    return Contraction(plane.text(number), plane.count(number), length, exact, how, orbit)
+    return Contraction(plane.text(number), plane.count(number), length, exact, how)
 
 
 # The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. It is a factor
@@ -230,34 +217,26 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 
 
-def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
+def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
     """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates.
 
     The generating functions satisfy linear equations with the determinant Q. The coefficients of Q
-    are those of a recurrence of degrees. The result is None if a passage is endless and its orders
-    show no generating function.
+    are those of a recurrence of degrees.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
-    # The unknowns are the generating functions of d, and of s for each curve that is used; a column
-    # is multiplied by the common denominator of its entries.
+    # The unknowns are the generating functions of d, and of s for each curve that is used.
     columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
     for k in used:
-        if (quotients := passages[k].series) is None:
-            return None
-        pairs = [[flint.fmpz_poly([*part]) for part in pair] for pair in quotients]
-        pairs = [pairs[0], *(pairs[1 + i] for i in used)]
-        common = math.prod((Q for _, Q in pairs), start=one)
-        column = [P * (common // Q) for P, Q in pairs]
+        of_curves = [*zip(*passages[k].curve_orders, strict=True)]
+        orders = (passages[k].common_orders, *(of_curves[i] for i in used))
+        column = [z * flint.fmpz_poly([*each]) for each in orders]
         column[0] *= z
-        column[1 + used.index(k)] += common
+        column[1 + used.index(k)] += one
         columns.append(column)
     rows = [*zip(*columns, strict=True)]
     # Cramer's rule: only 1 is on the right, in the first equation.
     P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
-    if any(passages[k].endless for k in used):
-        common = P.gcd(Q)
-        P, Q = P // common, Q // common
     sign = 1 if Q[0] > 0 else -1
     return sign * P, sign * Q
 
@@ -272,34 +251,3 @@ def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
     moduli = ((max(moduli_outside(f), default=1.0), f) for f, _ in polynomial.factor()[1])
     modulus, factor = max(moduli, key=itemgetter(0), default=(1.0, None))
     return (factor, modulus) if modulus > 1.0 else (flint.fmpz_poly([-1, 1]), 1.0)
-
-
-# Monomial maps, x_i~ = c_i x1^a_i1 ... xD^a_iD: their iterates have the powers of A as exponents.
-
-
-def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
-    """Return the entropy of a monomial map: the log of the spectral radius of its exponents."""
-    sequence = [1, *islice(_degrees_of_monomials(A), _TERMS)]
-    series = rational_series(sequence)
-    assert series, sequence  # they are largest entries of sums of powers of A, which has a rule
-    found = _from_series(tuple(map(flint.fmpz_poly, series)), ())
-    based_on = f"a monomial map, with the exponents {A}: their spectral radius"
-    return replace(found, proved=True, based_on=based_on)
-
-
-def _exponents_of_monomials(map: RationalMap) -> list[list[int]] | None:
-    """Return the matrix A of a monomial map; None for other maps."""
-    if any(len(F) != 1 for F in map.forms):
-        return None
-    *rows, denominator = (exponents_in_x(F)[0] for F in map.forms)
-    return [[int(a - b) for a, b in zip(row, denominator, strict=True)] for row in rows]
-
-
-def _degrees_of_monomials(A: Sequence[Sequence[int]]) -> Iterator[int]:
-    """Yield the degrees of the iterates of a monomial map, as maps of projective space."""
-    power = [[*row] for row in A]
-    while True:
-        # The common denominator has the largest negative exponents of each variable.
-        negative = sum(max(0, *(-a for a in column)) for column in zip(*power, strict=True))
-        yield max(0, *map(sum, power)) + negative
-        power = (np.array(power, object) @ np.array(A, object)).tolist()

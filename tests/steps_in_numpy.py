@@ -2,7 +2,30 @@
 
 import numpy as np
 
+from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
+from suslov_fast.core.flow.code_arguments import NUMBER
+from suslov_fast.core.flow.memory import LaneState
 from suslov_fast.core.flow.weights import EXPLICIT, IMPLICIT, weights
+
+
+def attempts(f, table, x, last, settings):
+    """Yield t and x (D,): at first, and after each attempted step of `BatchSolver` to `last`."""
+    request = SolverRequest([last], 1, settings)
+    motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
+    motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
+    rows, mode = motion._rows(slice(0, 1)), int(bool(settings.stiff))
+    take = motion._taker(motion.integrator(mode), rows, motion._table(np.zeros(1, np.int64)), 1)
+    while True:
+        own = rows[0, : f.D].copy()
+        if motion.starts is not None:
+            own[[*f.offsets]] += motion.starts[0]
+        yield rows[0, places.t], own
+        if rows[0, places.state] > LaneState.IMPLICIT:
+            return
+        while not take():
+            pass
+        if rows[0, places.state] == LaneState.TOO_MANY:  # it has made its one attempt
+            rows[0, places.state] = mode
 
 
 def explicit_end(f, x, s, N, sets):

@@ -24,14 +24,9 @@ from .motion_arguments import checked_settings
 from .shooting import OfMotion, Shooting
 
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
-_DIVISORS = 2, 3, 5, 7, 11, 13
-_MOST_ARCS = 32
 _NEUTRAL = 1e-6  # from 1, within which a modulus of a multiplier decides nothing
 _ROUGH = 1e-8  # tolerance of the search for a near return
-_OF_FORCE = 1e-6  # part of the rates by which those a period later may differ
 _NEARER = "an x0 nearer to it, as flow(system, x0, time={T}).final is if the orbit attracts"
-_FAR = 0.1  # of log T, beyond which an orbit away from the start is not the one asked for
-_FRACTIONS = np.arange(1, 32) / 32  # of the period, at which states are looked at
 
 
 class PeriodicOrbit(NamedTuple):
@@ -87,10 +82,9 @@ def periodic_orbit(
 
     Newton's method solves for the state and the period together, along the motion as :func:`flow`
     computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
-    period, the orbit is divided into arcs that are solved for together (multiple shooting). The
-    state that is returned is where the motion is slow if it is much faster at `x0`, as on the
-    jump of a relaxation cycle. A rest state of a forced system is found, too: its multipliers say
-    whether it is stable.
+    period, the orbit is divided into arcs that are solved for together (multiple shooting). On a
+    relaxation cycle `x0` should lie where the motion is slow. A rest state of a forced system is
+    found, too: its multipliers say whether it is stable.
 
     Parameters
     ----------
@@ -127,10 +121,9 @@ def periodic_orbit(
     Warns
     -----
     UserWarning
-        If the period is a multiple of a shorter one, if period and orbit are far from the given
-        ones, or if the orbit is a member of a family: more multipliers are 1 than the flow
-        and known integrals explain: the Hamiltonian of `Field.from_hamiltonian`, and linear
-        integrals. A force that is written as states has such a family, of all its amplitudes.
+        If the orbit is a member of a family: more multipliers are 1 than the flow and known
+        integrals explain: the Hamiltonian of `Field.from_hamiltonian`, and linear integrals. A
+        force that is written as states has such a family, of all its amplitudes.
 
     See Also
     --------
@@ -163,14 +156,10 @@ def periodic_orbit(
     motion = OfMotion(field, x, rtol, acting)
     T = _checked_period(field, motion, x, period, acting)
     with np.errstate(all="ignore"):
-        x = motion.between_changes(x, T)
-        search = shooting.found(motion, x, T, rtol, _MOST_ARCS)
+        search = shooting.found(motion, motion.between_changes(x, T), T)
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
-    if abs(np.log(search.T / T)) > _FAR and not shooting.passes(search, x):
-        found = f"{search.T:g}, far from {T:g}, and is far from x0"
-        warn(f"periodic_orbit: the orbit that was found has the period {found}: pass nearer ones")
     return _result(search, _integrals(body))
 
 
@@ -191,9 +180,10 @@ def _checked_period(
     """Return the given period, or the time of a near return."""
     if period is not None:
         T = checks.positive("period", period)
-        if motion.is_forced and not _is_of_force(field, motion, x, T):
-            expected = "a time after which the force is the same, to six digits or more"
-            raise wrong("period", expected, period)
+        with np.errstate(all="ignore"):
+            if motion.is_forced and not motion.has_force_of(x, T):
+                expected = "a time after which the force is the same, to six digits or more"
+                raise wrong("period", expected, period)
         return T
     if motion.is_forced:
         name = field.names[motion.clocks[0]]
@@ -225,23 +215,11 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 
 
-def _is_of_force(field: Any, motion: OfMotion, x: FloatArray, period: float) -> bool:
-    """Return True if f and events are the same a period later, at states of the motion."""
-    with np.errstate(all="ignore"):
-        states = motion.states(x, period * _FRACTIONS)
-    later = states + np.where(motion.drifts, period * motion.rate, 0.0)
-    pairs = [tuple(field(each).T for each in (states, later))]
-    pairs.append(tuple(motion.of_changes(each) for each in (states, later)))
-    now, then = (np.concatenate(each) for each in zip(*pairs, strict=True))
-    differ = abs(then - now).max(axis=1)
-    return not (differ > _OF_FORCE * abs(now).max(axis=1)).any()  # where there is a number
-
-
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
     """Return a text on the state that was found, if that is no periodic orbit."""
     x, own, T = search.nodes[0], ~search.drifts, search.T
     state, least = short(x.tolist()), _AT_REST * search.largest
-    rate = abs(search.arcs.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
+    rate = abs(search.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
     if rate <= least and not search.flow.is_forced:  # it does not move
         if rate * max(given / T, 1.0) <= least:
             return f"the equilibrium {state}"
@@ -257,13 +235,11 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     x, T, own = search.nodes[0], search.T, ~search.drifts
     product = np.eye(int(own.sum()))
     with np.errstate(all="ignore"):
-        for slopes in search.arcs.slopes:
+        for slopes in search.slopes:
             product = slopes[np.ix_(own, own)] @ product
     if not np.isfinite(product).all():
         found = f"an orbit of period {T:g} whose multipliers exceed the range of float64"
         raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
-    if not search.flow.is_forced:
-        _warn_of_divisors(search)
     _warn_of_families(search, known)
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))
@@ -291,18 +267,3 @@ def _warn_of_families(search: Shooting, known: int | None) -> None:
         return
     how = "write a force as a function of a time t with t' = 1, not of states"
     warn(f"periodic_orbit found a member of a family, which x0 and period choose: {how}")
-
-
-def _warn_of_divisors(search: Shooting) -> None:
-    """Warn if the orbit returns after a fraction of the period."""
-    x, T, own = search.nodes[0], search.T, ~search.drifts
-    around = search.arcs.ends if len(search.nodes) > 1 else search.flow.states(x, T * _FRACTIONS)
-    extent, turns, found = abs(around - x)[:, own].max(), 1, [1]
-    while found:
-        turns *= found[-1]
-        ends = search.flow.states(x, T / (turns * np.array(_DIVISORS)))
-        returns = abs(ends - x)[:, own].max(axis=1) < 1e-6 * extent
-        found = [k for k, is_back in zip(_DIVISORS, returns, strict=True) if is_back]
-    if turns > 1:
-        text = f"period: {T:g} is {turns} times the shorter period {T / turns:g}"
-        warn(f"{text}; pass period={T / turns:g} for one turn")

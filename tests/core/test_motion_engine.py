@@ -7,11 +7,11 @@ import children
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from steps_in_numpy import explicit_step, implicit_step
+from steps_in_numpy import attempts, explicit_step, implicit_step
 from systems import LORENZ, SPRING, rates_of_henon_heiles, robertson
 
 from suslov_fast import Field, flow
-from suslov_fast.core.flow import batch_solver, integrator, single_steps
+from suslov_fast.core.flow import batch_solver, integrator
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -100,8 +100,8 @@ def test_steps_are_those_of_the_formulas(name, stiff):
     settings, compared = batch_solver.Settings(1e-6, stiff=stiff), 0
     sets = batch_solver.integrator_of(f, False, False).sets
     for x in x0[np.isfinite(x0).all(axis=1)]:
-        tried = single_steps.attempts(f, table[0], x, last, settings)
-        for (t, _, before), (later, _, after) in itertools.islice(itertools.pairwise(tried), 16):
+        tried = attempts(f, table[0], x, last, settings)
+        for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 16):
             if later > t:
                 given = (lambda x: f.value(x, table[0])), before, later - t
                 if stiff:

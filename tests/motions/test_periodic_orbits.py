@@ -173,35 +173,26 @@ def fitzhugh_nagumo(e):
     return Field(lambda s: ((s[0] - s[0] ** 3 / 3 - s[1] + 0.5) / e, s[0] + 0.7 - 0.8 * s[1]), 2)
 
 
-# A field, its parameter, a time in which it settles from (1, 0.5), and the level of the first
-# component at which the start is on the jump, or None.
+# A field, its parameter, and a time in which it settles from (1, 0.5).
 RELAXATION = [
-    (van_der_pol, 12.0, 200.0, 0.3),
-    (van_der_pol, 484.202163, 3e3, -0.7),
-    (van_der_pol, 1038.02, 6e3, None),
-    (fitzhugh_nagumo, 1e-4, 20.0, 0.4),
-    (fitzhugh_nagumo, 2e-3, 20.0, None),
+    (van_der_pol, 12.0, 200.0),
+    (van_der_pol, 1038.02, 6e3),
+    (fitzhugh_nagumo, 1e-4, 20.0),
+    (fitzhugh_nagumo, 2e-3, 20.0),
 ]
 
 
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("rtol", [1e-9, 1e-12])
-@pytest.mark.parametrize(("of", "parameter", "time", "level"), RELAXATION)
-def test_relaxation_cycles(of, parameter, time, level, rtol):
-    """The period is that between sections; the state returned is slow."""
+@pytest.mark.parametrize(("of", "parameter", "time"), RELAXATION)
+def test_relaxation_cycles(of, parameter, time, rtol):
+    """The period is that between sections."""
     field = of(parameter)
     settled = flow(field, [1.0, 0.5], time=time, rtol=1e-10).states[0]
-    given = {"time": time, "direction": "up", "rtol": 1e-12}
-    section = sf.crossings(field, settled, "x1", most=3, **given)
-    start = settled * 1.0001
-    if level is not None:
-        start = sf.crossings(field, settled, f"x1 - {level}", most=1, **given).states[0]
-    orbit = periodic_orbit(field, start, rtol=rtol)
+    section = sf.crossings(field, settled, "x1", most=3, time=time, direction="up", rtol=1e-12)
+    orbit = periodic_orbit(field, settled * 1.0001, rtol=rtol)
     assert orbit.period == pytest.approx(section.time[2] - section.time[1], rel=1e3 * rtol)
     assert orbit.residual < 10 * rtol
-    around = flow(field, orbit.state, time=np.linspace(0, orbit.period, 2000)).states
-    speeds = abs(field(around)).max(axis=1)
-    assert abs(field(orbit.state)).max() < 0.2 * speeds.max()
 
 
 REST = {
@@ -231,13 +222,6 @@ def test_an_orbit_far_from_the_origin():
         assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
 
 
-@pytest.mark.parametrize("k", [2, 11])
-def test_a_multiple_of_a_period_is_named(k):
-    about = periodic_orbit(VOLTERRA, [1.0, 2.0], 6.8).period
-    with pytest.warns(UserWarning, match=rf"is {k} times the shorter period 6\.6"):
-        periodic_orbit(VOLTERRA, [1.0, 2.0], k * about)
-
-
 def test_time_scales_with_its_unit():
     """In another unit of time and of the state the orbit is the same."""
     unit = 2.0**-14
@@ -249,11 +233,8 @@ def test_time_scales_with_its_unit():
         assert abs(other.period / (one.period * unit) - 1) < 1e-8
 
 
-def test_an_orbit_far_from_what_was_asked_for():
-    """The orbit about the first point of Lagrange has the velocity 0.1625, and the period 2.78."""
+def test_an_orbit_about_the_first_point_of_lagrange():
     moon = sf.Field(three_bodies, "x y z u v w", mu=0.01215)
-    with pytest.warns(UserWarning, match="period 2.04.* far from 2.8"):
-        periodic_orbit(moon, [0.82, 0, 0, 0, 0.15, 0], period=2.8)
     assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
 
 

@@ -278,11 +278,7 @@ class BatchSolver:
                     abandoned.append(True)
             if is_done:
                 break
-        self.keep_branches(which, table)
-
-    def keep_branches(self, which, table):
-        """Keep the branches that the code has written to the tables of trajectories."""
-        if self.f.branches:
+        if self.f.branches:  # which the code has written to the tables of trajectories
             self.table[which] = table
 
     def _taker(self, integrator, rows, table, W):

@@ -19,12 +19,6 @@ def step_as_printed(p, q):
     )
 
 
-def advance(X, Y):
-    """One step of the parameter-free map."""
-    X_next = X * (1 + Y) / (1 - Y + X * X)
-    return X_next, Y - X * X_next
-
-
 class Formulas:
     """Formulas for states (p, q), with the constants of the body in a given type of number."""
 
@@ -49,9 +43,6 @@ class Formulas:
     def leave(self, X, Y):
         return self.from_xy(X / self.sx, Y / self.sy)
 
-    def step(self, p, q):
-        return self.leave(*advance(*self.enter(p, q)))
-
     def flow(self, p, q, time):
         """The continuous motion x' = xy/a, y' = -x^2, for x != 0."""
         x, y = self.to_xy(p, q)
@@ -61,23 +52,9 @@ class Formulas:
         with np.errstate(over="ignore"):  # 1 / cosh(angle) is 0 if cosh overflows
             return self.from_xy(np.sign(x) * R / root / np.cosh(angle), -R * np.tanh(angle))
 
-    def energy(self, p, q):
-        return (self.I1 * p**2 + self.I2 * q**2) / 2
-
-    def first_integral(self, p, q):
-        x, _ = self.to_xy(p, q)
-        return 2 * self.energy(p, q) / (4 * self.a + self.eps**2 * x**2)
-
-    def criticality(self, p, q):
-        return self.eps * np.sqrt(self.D / self.a * self.first_integral(p, q))
-
     def vector_field(self, p, q):
         x = self.I13 * p + self.I23 * q
         return -x * q / self.I1, x * p / self.I2
-
-    def reaction(self, p, q):
-        v1, v2 = self.vector_field(p, q)
-        return self.I13 * v1 + self.I23 * v2 - (self.I1 - self.I2) * p * q
 
 
 def matrix_nd(J, I, eps, omega):

@@ -1,5 +1,4 @@
-/* The limits of the machine: divisions, stores and copies, a part on each thread. */
-#include <string.h>
+/* The limits of the machine: divisions and stores, a part on each thread. */
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -37,11 +36,3 @@ void streaming(double *to, long size, long threads)
     PARTS for (long i = 0; i < size; i += 2) _mm_stream_pd(to + i, _mm_set1_pd(1.0));
 }
 #endif
-
-void copy(const double *from, double *to, long size, long threads)
-{
-    PARTS for (long part = 0; part < threads; part++) {
-        long begin = size * part / threads, end = size * (part + 1) / threads;
-        memcpy(to + begin, from + begin, sizeof(double) * (end - begin));
-    }
-}

@@ -1,4 +1,4 @@
-"""The limits of the machine: divisions, stores and copies in C."""
+"""The limits of the machine: divisions and stores in C."""
 
 from functools import partial
 
@@ -26,10 +26,3 @@ def stores(kind, size):
 
 def new_memory(size):
     return Work(lambda: np.ones(size(LARGE, SMALL)), size(LARGE, SMALL) // 2, "state")
-
-
-def copy(size):
-    """Copy in units of 24 bytes, read or written, into reused memory."""
-    source, to = (aligned((size(LARGE // 2, SMALL),)) for _ in range(2))
-    copied = partial(call, "limits.c", "copy", source, to, to.size)
-    return Work(lambda: copied(get_num_threads()), to.size * 2 // 3, "24 bytes")

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 import work
-from formulas import EPS, Formulas
-from limits import copy, divisions, new_memory, stores
+from formulas import EPS
+from limits import divisions, new_memory, stores
 from problem import BODY, body_nd, starts, starts_nd
 from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
@@ -43,27 +43,6 @@ def scattered(count, size):
 
 
 moved = lambda omega0, time: sf.flow(BODY, omega0, time=time).states[0]  # noqa: E731
-# Functions of a state: the number of values per state; those in WITHOUT_EPS have no argument eps.
-WITHOUT_EPS = {"energy": 1, "to_xy": 2, "vector_field": 2, "reaction": 1}
-WITH_EPS = {"first_integral": 1, "modified_energy": 1, "criticality": 1, "invariant_density": 1}
-QUANTITIES = WITHOUT_EPS | WITH_EPS | {"step": 2, "jacobian": 4}
-
-
-def of_state(name, states):
-    """A function of the body, or of its map, by its name."""
-    if name == "vector_field":
-        return BODY(states)
-    eps = {} if name in WITHOUT_EPS else {"eps": EPS}
-    if name == "step":
-        return sf.step(BODY, states, **eps)
-    is_of_map = name in sf.kahan.__all__
-    call = partial(getattr(sf.kahan, name), BODY) if is_of_map else getattr(BODY, name)
-    return call(states, **eps)
-
-
-def in_numpy(name, states):
-    found = getattr(Formulas(), name)(*states.T)
-    return np.stack(found, axis=-1) if isinstance(found, tuple) else found
 
 
 def last_nd(body, omega0, eps, steps, method="auto"):
@@ -134,13 +113,6 @@ def add_cases(add):
     ):
         arguments = work.motions, function, 65_536 // part
         add("motion", key, whose, label, *arguments, one_thread=whose != OURS)
-    for name, values in QUANTITIES.items():
-        more = {"one_thread": True}
-        call, limit = partial(of_state, name), ("copy", 16 + 8 * values)
-        add("quantities", name, OURS, f"`{name}`", work.quantities, call, name, limit=limit, **more)
-        if hasattr(Formulas, name):
-            key, label, call = f"{name}-numpy", f"`{name}` in NumPy", partial(in_numpy, name)
-            add("quantities", key, NUMPY, label, work.quantities, call, name, **more)
     # Numbers of components, and the part of the work that methods of the order of n**3 do.
     for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
         for key, whose, label, function, part in (
@@ -164,6 +136,5 @@ def add_cases(add):
         ("saved states", "streaming", "streaming stores", STORE, False, stores, "streaming"),
         ("saved states", "plain", "plain stores", STORE, False, stores, "plain"),
         ("saved states", "ones", "`numpy.ones`, new memory", None, True, new_memory),
-        ("quantities", "copy", "a copy of 24 bytes in C", ("copy", 24), True, copy),
     ):
         add(table, key, MACHINE, f"*limit: {label}*", *kind, limit=limit, one_thread=alone)

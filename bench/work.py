@@ -140,18 +140,6 @@ def motions(function, batch, size):
     return Work(lambda: call(omega0, time), len(omega0), "trajectory", check)
 
 
-def quantities(function, name, size):
-    """A function of two million states away from singularities, into new memory."""
-    states, few = (starts(count, 2, 0.5) for count in (size(2_000_000, 1000), CHECKED))
-    known = getattr(problem.PRECISE, name, None)
-
-    def check():
-        wanted = np.atleast_2d(known(*few.T.astype(np.longdouble)))
-        return function(few).reshape(CHECKED, -1), wanted.T
-
-    return Work(lambda: function(states), len(states), "state", known and check)
-
-
 def dimensions(function, components, part, size):
     """Some milliseconds of steps in n dimensions by a function of (body, omega0, eps, steps)."""
     call, body, by_numpy = load(function), problem.body_nd(components), load("numpy_batch.solve")

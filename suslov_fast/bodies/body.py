@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, Reals, real_number, wrong
-from ..core.suslov import closed_form
 from ..fields.base import Body, Parameters
 from ..keywords import public
 from ..maps import map_of
 from ..maps.evaluation import evaluate
 from ..maps.problem import Problem, check
 from .exact import states_at
+from .formulas_3d import limits
 
 if TYPE_CHECKING:
     from ..fields.field import Field
@@ -395,12 +395,5 @@ class Suslov(BodyOfEquations):
         """
         self._check_solved("limits")
         plane, from_plane = self._in_plane(self._problem(omega0, eps))
-        minus, plus = closed_form.limits(*plane.body._constants, plane.eps, plane.omega)
+        minus, plus = limits(plane)
         return from_plane(minus), from_plane(plus)
-
-
-# ------------------------------------------------------------------------------ momenta
-def whole_states(problem: Problem) -> FloatArray:
-    """Return the states (..., D + 1) of the whole batch with the constrained component, 0."""
-    free = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension))
-    return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)

@@ -2,19 +2,20 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 
 from ..checks import FloatArray, first_index, spell
-from ..core.suslov import quantities
 from ..errors import SuslovError
 from ..maps.batch import states_after
 from ..maps.evaluation import Formula
-from ..maps.formulas import KAHAN, values_by_constants
+from ..maps.formulas import KAHAN
 from ..maps.problem import Problem
-from .body import whole_states
-from .rigid import IN_3D, Suslov3D
+from .formulas_3d import IN_3D, density, in_range
+from .reduction import taken
+from .rigid import Suslov3D
 
 
 class NotIntegrableError(SuslovError, ValueError):
@@ -64,16 +65,61 @@ def wedge(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _momentum(problem: Problem) -> FloatArray:
-    body, vector = problem.body, whole_states(problem)
-    last = np.eye(body.dimension + 1)[-1]
-    J, I = (np.concatenate([part, 0.0 * part[..., :1]], axis=-1) for part in (body.J, body.I))
-    return wedge(vector, I) + wedge(J * vector, last)
+    body, omega = problem.body, problem.omega
+    whole = np.zeros((*problem.batch, 3, body.n))
+    for row, part in zip(range(3), (omega, body.I, body.J * omega), strict=True):
+        whole[..., row, :-1] = part
+    return wedge(whole[..., 0, :], whole[..., 1, :]) + wedge(whole[..., 2, :], np.eye(body.n)[-1])
+
+
+def _energy(problem: Problem) -> FloatArray:
+    return 0.5 * _sum(problem.body.J * problem.omega**2)
+
+
+def _sum(terms: FloatArray) -> FloatArray:
+    """Return the sum over the last axis; for a few components `np.sum` takes longer."""
+    return np.asarray(sum(np.moveaxis(terms, -1, 0)))
+
+
+def _rates(body: Any, omega: FloatArray, after: FloatArray) -> FloatArray:
+    """Return equation (14), (p w_i - I_i |w|**2) / J_i, with products of a state and the next one.
+
+    They are the rates of change (after - w) / eps in a step, and f(w) if `after` is w. The terms
+    I_i w_i**2, which cancel, are left out of both sums.
+    """
+    of_p = _sums_of_others(body.I * omega) * after + _sums_of_others(body.I * after) * omega
+    return np.asarray((0.5 * of_p - body.I * _sums_of_others(omega * after)) / body.J)
+
+
+def _sums_of_others(terms: FloatArray) -> FloatArray:
+    """Return for each i the sum of the terms j != i (..., m)."""
+    parts = [*np.moveaxis(terms, -1, 0)]
+    before, after = [0.0, *accumulate(parts[:-1])], [0.0, *accumulate(parts[:0:-1])]
+    return np.stack([a + b for a, b in zip(before, reversed(after), strict=True)], axis=-1)
+
+
+def _vector_field(problem: Problem) -> FloatArray:
+    return _rates(problem.body, problem.omega, problem.omega)
+
+
+def _modified_energy(problem: Problem) -> FloatArray:
+    """Return E**2 / (E + eps**2 f.Jf / 8)."""
+    J, E, f = problem.body.J, _energy(problem), _vector_field(problem)
+    ratio = 0.125 * problem.eps * problem.eps * in_range(_sum(J * f * f)) / E
+    return np.where(E == 0.0, 0.0, E / in_range(1.0 + ratio))
 
 
 def _reaction(problem: Problem) -> FloatArray:
+    """Return lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, (13).
+
+    s are the rates of change in a step.
+    """
     body, omega = problem.body, problem.omega
     after = states_after(problem) if np.any(problem.eps) else omega
-    return quantities.reaction_between(body.J, body.I, omega, after)
+    products = omega[..., :, np.newaxis] * after[..., np.newaxis, :]
+    mean = 0.5 * (products + products.swapaxes(-2, -1))
+    differences = body.J[..., np.newaxis, :] - body.J[..., :, np.newaxis]
+    return wedge(_rates(body, omega, after), body.I) - differences * mean
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
@@ -119,9 +165,8 @@ def _criticality(problem: Problem) -> FloatArray:
 
 def _first_integral(problem: Problem) -> FloatArray:
     """Return the modified energy over 2 a b, with the J of the two coordinates."""
-    values: FloatArray = IN_ND["modified_energy"].compute(problem)
     J, _ = problem.body._reduction.parameters(2)
-    return np.asarray(values / (2.0 * J.prod(axis=-1)))
+    return np.asarray(_modified_energy(problem) / (2.0 * J.prod(axis=-1)))
 
 
 def _density(problem: Problem) -> FloatArray:
@@ -131,21 +176,33 @@ def _density(problem: Problem) -> FloatArray:
     """
     body, omega, eps = problem.body, problem.omega, problem.eps
     parts, values = body._reduction, np.ones(problem.batch)
-    for size in (2, 3):
+    for size, of_size in ((2, _density_of_two), (3, _density_of_three)):
         has_size = ~parts.steady & (parts.count == size)
         if has_size.any():
             x = parts.states(omega, size)
-            J, I = parts.parameters(size)
-            with np.errstate(all="ignore"):
-                area = (x ** parts.further(size)).prod(axis=-1)
-                density = quantities.invariant_density_nd(J, I, eps, x) / area
-            values = np.where(has_size, density, values)
+            area = (x ** parts.further(size)).prod(axis=-1)
+            values = np.where(has_size, of_size(*parts.parameters(size), eps, x) / area, values)
     return np.asarray(values + 0.0 * omega.sum(axis=-1))
 
 
-def _nd(name: str) -> dict[str, Formula]:
-    """Return, by its name, the formula of a function of the core."""
-    return {name: Formula(partial(values_by_constants, getattr(quantities, f"{name}_nd")))}
+def _density_of_two(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> FloatArray:
+    return density(J[..., 0] * J[..., 1], I[..., 0] * w[..., 1] - I[..., 1] * w[..., 0], eps)
+
+
+def _density_of_three(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> FloatArray:
+    """Return the density for I along axis a, with the other axes b and c.
+
+    With rate = eps I_a / 2 its inverse is
+    w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
+    """
+    order = (abs(I).argmax(axis=-1)[..., np.newaxis] + np.arange(3)) % 3
+    J_a, J_b, J_c = np.moveaxis(taken(J, order), -1, 0)
+    w_a, w_b, w_c = np.moveaxis(taken(w, order), -1, 0)
+    rate = 0.5 * eps * taken(I, order)[..., 0]
+    along = (rate * w_a / J_b) * (rate * w_a / J_c)
+    across = (w_b - w_c) * (w_b + w_c) * (rate / J_a) * (rate / J_b) * ((J_c - J_b) / J_c)
+    below = in_range(w_b * w_c * (1.0 - along + across))
+    return np.where(below == 0.0, np.inf, 1.0 / below)
 
 
 def _known(name: str, compute: Any, **options: Any) -> dict[str, Formula]:
@@ -155,9 +212,9 @@ def _known(name: str, compute: Any, **options: Any) -> dict[str, Formula]:
 
 IN_ND = {
     **KAHAN,
-    **_nd("energy"),
-    **_nd("modified_energy"),
-    **_nd("vector_field"),
+    "energy": Formula(_energy),
+    "modified_energy": Formula(_modified_energy),
+    "vector_field": Formula(_vector_field),
     **_known("first_integral", _first_integral),
     **_known("criticality", _criticality),
     **_known("invariant_density", _density, poles=True),

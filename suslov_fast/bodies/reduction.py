@@ -59,11 +59,11 @@ class Reduction:
     def _chosen(self, of_u: Any, of_r: Any, size: int) -> FloatArray:
         """Return the coordinates (..., size), from the values of u and r at each index."""
         values = np.where(self.present, _interleaved(of_u, of_r), 0.0)
-        return _taken(values, self.order[..., :size])
+        return taken(values, self.order[..., :size])
 
     def parameters(self, size: int) -> tuple[FloatArray, FloatArray]:
         """Return J and I (..., size) of the reduced bodies."""
-        J = _taken(_interleaved(self.J, self.J), self.order[..., :size])
+        J = taken(_interleaved(self.J, self.J), self.order[..., :size])
         return J, self._chosen(self.length, 0.0, size)
 
     def further(self, size: int) -> FloatArray:
@@ -94,7 +94,7 @@ class Reduction:
         place = self.order.argsort(axis=-1)
         places = (np.take_along_axis(place, 2 * self.first + k, axis=-1) for k in (0, 1))
         # An absent coordinate has a place beyond the last one: another is multiplied by 0.
-        u, length = (_taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
+        u, length = (taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
         without_direction = (self.rest > 1) & (r == 0.0) & (length != 0.0)
         with np.errstate(all="ignore"):
             return np.where(without_direction, np.nan, self.unit * u + direction * length)
@@ -124,7 +124,7 @@ def _interleaved(of_u: Any, of_r: Any) -> Any:
     return pairs.reshape(*pairs.shape[:-2], 2 * pairs.shape[-2])
 
 
-def _taken(values: FloatArray, places: Any) -> FloatArray:
+def taken(values: FloatArray, places: Any) -> FloatArray:
     """Return values (..., n) at places (..., k) on the last axis; batches broadcast."""
     places = places.reshape(*(1,) * (values.ndim - places.ndim), *places.shape)
     return np.take_along_axis(values, places, axis=-1)

@@ -7,26 +7,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from numbers import Rational
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, Reals, wrong
-from ..core.suslov import quantities
 from ..fields.field import Field
 from ..fields.terms import collected
 from ..keywords import public, public_class
 from ..maps import MAPS, Discretization, map_of
-from ..maps.evaluation import Formula, mask_and_warn
-from ..maps.formulas import KAHAN, formulas_named, values_by_rows
+from ..maps.evaluation import mask_and_warn
 from ..maps.orders import STEPS_3D
-from ..maps.problem import Problem, check
+from ..maps.problem import check
 from .adapted_basis import in_adapted_basis
-from .body import Suslov, whole_states
+from .body import Suslov
+from .formulas_3d import IN_3D, closed_form, eigenvalues_in_3d, scattering_angle, step_full
 
 
 def _exact(a: Any) -> Any:
@@ -337,8 +336,7 @@ class Suslov3D(Suslov):
         (-0.402536, 0.040232)
         """
         self._without_rotor("closed_form")
-        problem = self._problem(omega0, eps)
-        return ClosedForm(*quantities.closed_form(*self._constants, problem.eps, problem.omega))
+        return ClosedForm(*closed_form(self._problem(omega0, eps)))
 
     @public
     def step_full(self, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None) -> FloatArray:
@@ -385,8 +383,7 @@ class Suslov3D(Suslov):
             raise TypeError("I3 is missing: pass I3, or a body that has one")
         labels = "Omega1", "Omega2", "Omega3"
         problem = check(map_of(self), body, omega, eps, components=labels)
-        after = quantities.step_full(*body._constants[:4], body.I3, problem.eps, problem.omega)
-        return mask_and_warn(problem, after)
+        return mask_and_warn(problem, step_full(problem))
 
     @public
     def scattering_angle(self) -> FloatArray:
@@ -442,57 +439,6 @@ FIGURES = {  # the four examples at the end of Section 4
 }
 
 
-# ------------------------------------------------------------------------------------ formulas
-def scattering_angle(
-    I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
-) -> FloatArray:
-    """Return the angle (...) of bodies without a rotor."""
-    # Written with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
-    # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P
-    # is the real part of B**2 / (A + i C + P + i Q), and
-    # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
-    # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
-    with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
-        m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
-        A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
-        C = abs(B * (I13 * (I2 - I1) / D * I23))
-        kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
-        P, Q = kappa.real, kappa.imag
-        gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
-        # Numerators and denominators are divided by exp(A), so that they do not overflow.
-        cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
-        S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
-        product = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
-        return np.asarray(2.0 * np.arctan2(S, np.sqrt(product) * np.hypot(cosine, sine)))[()]
-
-
-def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues (..., 2) of f' (..., 2, 2) at steady states.
-
-    The one along a line of steady states is exactly 0. Without a rotor they are real.
-    """
-    (I1, I2, _, _, k), x = problem.body._constants, problem.omega
-    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
-    root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
-    values = np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
-    return values if np.any(k) else values.real
-
-
-def _momentum(problem: Problem) -> FloatArray:
-    I1, I2, I13, I23, k = problem.body._constants
-    w1, w2, _ = np.moveaxis(whole_states(problem), -1, 0)
-    return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
-
-
-IN_3D = {
-    **KAHAN,
-    **formulas_named("first_integral energy modified_energy rotation_number reaction to_xy"),
-    **formulas_named("vector_field matrix jacobian"),
-    "criticality": Formula(partial(values_by_rows, quantities.criticality)),
-    "step": Formula(partial(values_by_rows, quantities.step)),
-    **formulas_named("invariant_density", poles=True),
-    "momentum": Formula(_momentum),
-}
 MAPS["Suslov3D"] = Discretization(  # equation (4) of the paper
     name="Suslov3D",
     title="Discrete Suslov problem",

@@ -10,8 +10,8 @@ from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..status import IntegrationWarning
 from .problem import Problem, check, part_of
 
-# Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
-PART = 2**27
+# Numbers of a part of a batch, which stays in the caches: D**2 for each state, as of a matrix.
+PART = 2**16
 _FEW = 64  # numbers
 
 
@@ -30,7 +30,8 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
     problem = check(map, body, omega, eps, later=True)
 
     def compute(part: Problem) -> FloatArray:
-        values: FloatArray = formula.compute(part)
+        with np.errstate(all="ignore"):
+            values: FloatArray = formula.compute(part)
         return values[()]  # a number for a single state
 
     return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
@@ -39,7 +40,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
     """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
     batch, D = problem.batch, problem.body.dimension
-    work, length = math.prod(batch) * D**3, max(batch, default=1)
+    work, length = math.prod(batch) * D**2, max(batch, default=1)
     if work <= PART or length == 1:
         return compute(problem)
     # Divide the longest axis; parts that are still too large divide the next one.

@@ -1,42 +1,16 @@
-"""Formulas of Kahan's map of any field, and formulas made of functions of the core."""
+"""Formulas of Kahan's map of any field."""
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, kind_of
-from ..core.numba.decorators import Universal
-from ..core.suslov import quantities
 from ..fields.terms import with_one
 from .batch import states_after
 from .derivatives import jacobian, matrix, units_of
 from .evaluation import Formula
 from .problem import Problem
-
-
-def values_by_constants(formula: Universal, problem: Problem) -> Any:
-    """Return the values of a universal function of the constants of a body, eps and omega."""
-    return formula(*problem.body._constants, problem.eps, problem.omega)
-
-
-def values_by_rows(formula: Universal, problem: Problem) -> Any:
-    """Return the values of a universal function that takes constants, eps and rows of states.
-
-    For a single body and step size, the last axis of the batch is passed as rows.
-    """
-    body, eps, omega = problem.body, problem.eps, problem.omega
-    if omega.ndim > 1 and not body.shape and type(eps) is float:
-        return formula(*body._constants, eps, omega)
-    values: FloatArray = formula(*body._constants, eps, omega[..., np.newaxis, :])
-    return values.squeeze(axis=len(problem.batch))
-
-
-def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
-    """Return the formulas with these names in `core.suslov.quantities`, by the names."""
-    functions = {name: getattr(quantities, name) for name in names.split()}
-    return {n: Formula(partial(values_by_constants, f), **options) for n, f in functions.items()}
 
 
 # -------------------------------------------------------------------- of Kahan's map of any field

@@ -10,7 +10,6 @@ from ..checks import FloatArray, Reals, integer, one_of, wrong
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
 from ..maps.batch import BatchRun, Progress, reporter
-from ..maps.evaluation import mask_and_warn
 from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories
@@ -39,7 +38,7 @@ def step(
     x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body.
     eps, method, threads
-        As in :func:`iterate`; a step of a body in three dimensions always runs on one thread.
+        As in :func:`iterate`.
 
     Returns
     -------
@@ -67,8 +66,6 @@ def step(
     """
     map = map_of(system, method)
     problem = check(map, system, x, eps_of("step", system, eps), threads)
-    if "step" in map.formulas:
-        return mask_and_warn(problem, map.formulas["step"].compute(problem))
     batch_run = BatchRun(problem, method)
     if (after := batch_run.of_one()) is not None:
         return after

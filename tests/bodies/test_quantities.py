@@ -166,9 +166,7 @@ def test_special_cases(body, unit):
 def test_out_of_range_there_is_a_warning_and_no_number(body):
     huge = np.array([[1.0, 2.0], [1e200, 1.0]])
     calls = [(f, ()) for f in (sf.Suslov3D.energy, sf.Suslov3D.__call__)]
-    calls += [
-        (f, (0.2,)) for f in (sf.Suslov3D.first_integral, sf.kahan.jacobian, sf.Suslov3D.reaction)
-    ]
+    calls += [(f, (0.2,)) for f in (sf.Suslov3D.first_integral, sf.Suslov3D.reaction)]
     for function, eps in calls:
         with pytest.warns(sf.IntegrationWarning, match=r"1 of 2 states.*first: 1"):
             found = function(body, huge, *eps)
@@ -268,14 +266,14 @@ def test_reaction(rng, k):
 
 @pytest.mark.parametrize("k", [0.0, 0.9, -20.0])
 def test_jacobian(rng, k):
-    """Against differences in 60 digits, to 1e-13 times the condition of A."""
+    """Against differences in 60 digits, to 3e-15 times the condition of A."""
     for _ in range(30):
         parameters, eps, omega = random_problem(rng)
         omega *= 10 ** rng.uniform(-2, 3)
         exact = naive.derivative(partial(naive.step, *parameters, eps, k=k), omega)
         body = sf.Suslov3D(*parameters, k)
         condition = np.linalg.cond(sf.kahan.matrix(body, omega, eps))
-        assert error(sf.kahan.jacobian(body, omega, eps), exact) < 1e-15 * condition
+        assert error(sf.kahan.jacobian(body, omega, eps), exact) < 3e-15 * condition
 
 
 @pytest.mark.parametrize("name", ["jacobian", "reaction"])

@@ -68,9 +68,6 @@ CALLS = {
     "orientations": run(BODY, X2, 0.2, 40, attitude=True),
     "poles of order 4": run(SQUARES, X2, 1.5, 20, method="order4"),
     "closed form": call(sf.Suslov3D.exact, BODY, X2[0], 0.2, np.arange(-5.0, 6)),
-    "limits": call(sf.Suslov3D.limits, BODY, X2, 0.2),
-    "first integral": call(sf.Suslov3D.first_integral, BODY, X2, 0.2),
-    "energy": call(sf.Suslov3D.energy, SOLID, X4),
     "exponents beyond poles": call(sf.lyapunov_exponents, SQUARES, X2, 3.0, 20),
 }
 
@@ -85,7 +82,6 @@ def as_in_an_empty_process(monkeypatch):
             if isinstance(each, decorators.Patient):
                 monkeypatch.setattr(each, "seconds", 0.0)
                 names = ["briefly", "serial", "_compiled", "is_compiled"]
-                names += ["compiled", "_is_kept"] * isinstance(each, decorators.Universal)
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
         for name in ("is_kept", "has_files"):

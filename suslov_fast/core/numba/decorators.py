@@ -7,14 +7,13 @@ c_function  a function that machine code calls by its address
 kernel      a function(part, parts, *arguments) that does one of `parts` parts of the work; Python
             calls `kernel.serial(*arguments)` or `kernel.parallel(threads, *arguments)`
 for_users   a formula that users call from Python and from their own compiled loops
-universal   a NumPy universal function, made from a function of one state
 
 Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
-that was compiled. Small calls of kernels and universal functions of the package run as Python, and
-steps of whole batches by NumPy, with the same bits, until these have taken PATIENCE. With
-NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that
-takes a constant integer is compiled for each value, because constants have types of their own. A
-loop over lanes becomes SIMD if
+that was compiled. Small calls of kernels of the package run as Python, and steps of whole batches
+by NumPy, with the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are
+Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that takes a constant integer is
+compiled for each value, because constants have types of their own. A loop over lanes becomes SIMD
+if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -156,7 +155,8 @@ _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 def as_python(py_function, of_arrays=False):
     """Return an uncompiled function that calls uncompiled functions alone; the bits are the same.
 
-    If `of_arrays` is true, the formulas compute with arrays: `select` is `numpy.where`.
+    If `of_arrays` is true, the formulas compute with arrays: `select` is `numpy.where`, and `math`
+    is `numpy`.
     """
     names, code = {}, py_function.__code__
     twin = FunctionType(
@@ -167,7 +167,7 @@ def as_python(py_function, of_arrays=False):
         if called := getattr(names.get(name), "py_func", None):
             names[name] = as_python(called, of_arrays)
     if of_arrays:
-        names["select"] = np.where
+        names.update(select=np.where, math=np)
     return twin
 
 
@@ -441,84 +441,6 @@ def _address(dispatcher, kinds):
     """Compile a function for arguments of these types; return its address."""
     dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
     return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
-
-
-# ---------------------------------------------------------------------------- universal functions
-class Universal(_WithFiles):
-    """A universal function of float64 numbers, made from a function of one state.
-
-    With a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; for a
-    scalar output it gets an array of one number.
-    """
-
-    def __init__(self, layout, py_function):
-        self.layout, self.py_func = layout, py_function
-        sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
-        self.inputs, self.outputs = [[re.findall(r"\w+", axes) for axes in side] for side in sides]
-
-    def __call__(self, *arguments, **options):
-        if "compiled" not in vars(self) and not options and self._is_small(arguments):
-            return self.in_python(self._in_python, *arguments)
-        with np.errstate(all="ignore"):  # NumPy would warn about each NaN
-            return self.compiled(*arguments, **options)
-
-    def _is_small(self, arguments):
-        """Return True if a call may run in Python, which takes microseconds for each number."""
-        loops, own = [], 10
-        for axes, each in zip(self.inputs, arguments, strict=True):
-            shape = np.shape(each)
-            loops.append(shape[: len(shape) - len(axes)])
-            own += math.prod(shape[len(shape) - len(axes) :])
-        seconds = 1e-6 * math.prod(np.broadcast_shapes(*loops)) * own**2
-        return self.has_patience(seconds) and not self._is_kept
-
-    @functools.cached_property
-    def _is_kept(self):
-        return has_files(self._named)
-
-    @functools.cached_property
-    def _vectorized(self):
-        kinds = [float] * len(self.outputs)
-        return np.vectorize(self._of_one, otypes=kinds, signature=self.layout)
-
-    def _in_python(self, *arguments):
-        pairs = zip(self.inputs, arguments, strict=True)
-        is_single = all(np.ndim(each) == len(axes) for axes, each in pairs)
-        results = (self._of_one if is_single else self._vectorized)(*arguments)  # arrays
-        return results[()] if len(self.outputs) == 1 else tuple(each[()] for each in results)
-
-    @functools.cached_property
-    def compiled(self):
-        if config.DISABLE_JIT:
-            return self._vectorized
-        dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
-        kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
-        kinds = [types.void(*kinds)]
-        return self._built(functools.partial(numba.guvectorize, kinds, self.layout), _is_whole)
-
-    def _of_one(self, *arguments):
-        arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
-        for axes, each in zip(self.inputs, arguments, strict=True):
-            sizes |= zip(axes, np.shape(each), strict=True)
-        results = [np.empty([sizes[axis] for axis in axes]) for axes in self.outputs]
-        as_python(self.py_func)(*arguments, *map(np.atleast_1d, results))
-        return tuple(results) if len(results) > 1 else results[0]
-
-
-def _is_whole(compiled):
-    """Return True if a universal function has the address of its wrapper.
-
-    After two processes wrote to the cache at once, the wrapper may belong to other code; then its
-    address is 0. Without these private names of Numba this raises, and the process compiles by
-    itself.
-    """
-    [code] = compiled.gufunc_builder._cres.values()
-    return bool(compiled.gufunc_builder.build(code)[1])
-
-
-def universal(layout):
-    """Return a decorator that makes a universal function with this layout."""
-    return functools.partial(Universal, layout)
 
 
 # ------------------------------------------------------------------------------------- in kernels

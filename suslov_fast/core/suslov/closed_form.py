@@ -50,7 +50,7 @@ import math
 import numpy as np
 
 from ..numba.arrays import array_at, block_of, uncounted
-from ..numba.decorators import are_common, formula, kernel, pick, share, universal
+from ..numba.decorators import are_common, formula, kernel, pick, share
 from ..numba.intrinsics import lesser, select
 from .blocks import store_rows
 from .map import RANGE, ZERO_TO_ROUNDING, one_step
@@ -92,8 +92,8 @@ def unit_of(w1, w2, k):
     With k / unit and eps * unit, the orbit of omega / unit is the orbit of omega over unit.
     """
     _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
-    least = -800 if k == 0.0 else 0  # in a smaller unit k**2 may be out of range
-    exponent = least if exponent < least else lesser(exponent, 800)
+    least = select(k == 0.0, -800, 0)  # in a smaller unit k**2 may be out of range
+    exponent = select(exponent < least, least, select(exponent > 800, 800, exponent))
     return math.ldexp(1.0, exponent)
 
 
@@ -393,29 +393,3 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
         store_rows(b, STATE, target, 2 * (row * B + first), used)
-
-
-@universal("(),(),(),(),(),(),(d)->(d),(d)")
-def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
-    """Fill `minus` and `plus`: limits of an orbit for n -> -infinity and +infinity (Proposition 2).
-
-    They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
-    fixed state both are this state. For eps = 0 they are the limits of the motion.
-    """
-    unit = unit_of(omega[0], omega[1], k)
-    w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
-    root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, I13, I23)
-    ell, x, nu = coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
-    e = 0.5 * eps / root_a
-    X, Y, K = e * ell, e * nu, e * k
-    square = difference_of_squares(ell, x, nu, k, X, K)
-    in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
-    root = np.sqrt(square) if in_range and square >= 0.0 else np.nan
-    L = -root if eps < 0.0 else root
-    fixed = ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
-    for out, sign in ((minus, 1.0), (plus, -1.0)):
-        v1, v2 = steady(g1, g2, h1, h2, -k, sign * L)
-        out[0], out[1] = (w1, w2) if fixed else (v1 * per_g, v2 * per_g)
-        out[0], out[1] = out[0] * unit, out[1] * unit
-        if ell == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
-            out[0], out[1] = np.nan, np.nan

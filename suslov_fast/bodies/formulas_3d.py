@@ -171,14 +171,14 @@ def limits(problem: Problem) -> list[FloatArray]:
     e = 0.5 * eps / root_a
     X, Y, K = e * ell, e * nu, e * k
     square = _difference_of_squares(ell, x, nu, k, X, K)
-    is_known = (abs(X) <= closed.RANGE) & (abs(Y) <= closed.RANGE) & (abs(K) <= closed.RANGE)
+    is_known = (abs(X) <= steps.RANGE) & (abs(Y) <= steps.RANGE) & (abs(K) <= steps.RANGE)
     root = np.where(is_known, np.sqrt(square), np.nan)
     L, fixed = np.where(eps < 0.0, -root, root), (ell == 0.0) | (w1 == 0.0) & (w2 == 0.0)
     found = []
     for sign in (1.0, -1.0):
         v1, v2 = _steady(g1, g2, h1, h2, -k, sign * L)
         v1, v2 = np.where(fixed, w1, v1 * per_g), np.where(fixed, w2, v2 * per_g)
-        undefined = (ell == 0.0) & (abs(1.0 + sign * Y) < 2.0 * closed.ZERO_TO_ROUNDING)  # 0 / 0
+        undefined = (ell == 0.0) & (abs(1.0 + sign * Y) < 2.0 * steps.ZERO_TO_ROUNDING)  # 0 / 0
         limit = (np.where(undefined, np.nan, v * unit) for v in (v1, v2))
         found.append(_vectors(problem, *limit))
     return found

@@ -181,7 +181,8 @@ def _density(problem: Problem) -> FloatArray:
         if has_size.any():
             x = parts.states(omega, size)
             area = (x ** parts.further(size)).prod(axis=-1)
-            values = np.where(has_size, of_size(*parts.parameters(size), eps, x) / area, values)
+            J, I = parts.parameters(size)
+            values = np.where(has_size, of_size(J, I, eps, x) / area, values)
     return np.asarray(values + 0.0 * omega.sum(axis=-1))
 
 

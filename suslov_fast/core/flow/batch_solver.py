@@ -74,17 +74,15 @@ def numbers_of(settings, sign):
         inf,
         limit_of(settings.rtol),
         float(settings.stiff is None),
-        inf,
-        inf,
         float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
         MOST_STEPS,
     ))  # fmt: skip
 
 
 def set_times(numbers, integrator, settings, times):
-    """Set the first two times, the last time, and the longest step; NO_TIMES follow the times."""
-    numbers[NUMBER.first_next], numbers[NUMBER.second_next], last = times[0], times[1], times[-3]
-    numbers[NUMBER.last], longest = last, settings.max_step or inf
+    """Set the last time, and the longest step; NO_TIMES follow the times."""
+    numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
+    longest = settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
 
 

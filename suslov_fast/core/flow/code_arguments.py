@@ -46,8 +46,6 @@ class SharedNumbers(NamedTuple):
     longest: float  # step
     limit: float  # see `step_length.limit_of`
     switches: float  # 1 if lanes may change to the other integrator, else 0
-    first_next: float  # the first time
-    second_next: float  # the second one
     first_state: float  # `LaneState.EXPLICIT` or `LaneState.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
     enough: float = inf  # crossings of surfaces of records, after which a trajectory stops

@@ -90,12 +90,6 @@ class StepCode(FunctionCode):
             found.update(self.apply(kernel, i, **inputs(i), **vars(found)))
         return found
 
-    def near(self):
-        """Return the results of `NEAR`, which are constants if no surface ends steps."""
-        if self.integrator.watched:
-            return self.apply(step_length.NEAR)
-        return {"reach": step_length.REACH, "shortest": step_length.SHORTEST}
-
     def of_columns(self, rows, i):
         """Return component i of each column, from rows such as `work.ends`."""
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]

@@ -247,7 +247,6 @@ def save(code, bits, states):
         to = to + trajectory * (8 * code.D)
         for i in text.each(code.D):
             Shared(one, to)[i] = one.array(of_work, states.first)[i]
-        text.prefetch(to + of.state_bytes * 2)
         following = place + 1
         place_at[0] = following
         times = Shared(one, of.times)

@@ -4,7 +4,7 @@ When the trajectory of a lane ends, the lane writes it back, and takes the next 
 memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
 """
 
-from ..llvm.text import Carried, Integers
+from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice, dense_output, event_actions, step_length
 from .code_arguments import SLOT
 from .memory import LaneState
@@ -49,7 +49,7 @@ def _write_back(code, offset, own):
 def pause_if_spent(code):
     """Return 0 from the code if the budget is spent."""
     text, left = code.text, code.arguments[SLOT.budget]
-    is_spent = left.is_at_most(0)
+    is_spent = left.equals(0)
     if code.integrator.events:  # whose records may have no place any more
         is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
     with text.when(is_spent, likely=False):
@@ -75,7 +75,9 @@ def _begin(code, begins):
         line.largest.choose(begins, i, abs(x))
         line.mode.choose(begins, i, 1.0)
         sums.update(code.apply(step_length.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
-    code.keep(line, code.apply(step_length.BEGIN, **vars(sums)), begins)
+    times = Shared(text, code.of.times)
+    first = {"first_next": times[0], "second_next": times[1]}
+    code.keep(line, code.apply(step_length.BEGIN, **first, **vars(sums)), begins)
     if code.integrator.events:
         _begin_with_events(code, begins)
 

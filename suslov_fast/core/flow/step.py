@@ -55,7 +55,7 @@ def take_step(code):
     integrator = code.integrator
     rate = _find_columns(code)
     kept, sizes = find_next_state(code)
-    errors = _estimate_errors(code, kept, sizes) | {"rate": rate, **code.near()}
+    errors = _estimate_errors(code, kept, sizes) | {"rate": rate, **code.apply(step_length.NEAR)}
     before = code.line.t[0]
     _accept(code, errors, before)
     _choose_integrator(code, errors)

@@ -256,6 +256,6 @@ def choose_length(code):
     """Choose the length of the next step in each lane."""
     # An implicit step aside goes to each time, because a fast mode may decay within a step.
     second = inf if code.integrator.is_implicit else code.line.second[0]
-    inputs = code.near() | code.goal()
+    inputs = code.apply(NEAR) | code.goal()
     found = code.apply(LENGTH, mode=code.mode, second=second, **inputs)
     code.keep(code.work, found)

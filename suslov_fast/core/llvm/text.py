@@ -153,10 +153,6 @@ class Index(_Comparable):
             return a
         return super()._operate(instruction, a, b)
 
-    def is_at_most(self, number):
-        """Return the truth value that this integer, as a signed integer, is at most a number."""
-        return self._compare("sle", number)
-
 
 _add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
 _add_operators(Value, add="fadd", sub="fsub", mul="fmul", truediv="fdiv")
@@ -382,14 +378,6 @@ class Code:
             self.target.functions |= {name: [*text.lines, "}"]}
             self.target.arrays_of_text += text.arrays_of_text
         return name
-
-    def prefetch(self, address):
-        """Prefetch the cache line at an address, if it exists: it is written soon."""
-        kind = pointer("i8")
-        name = f"@llvm.prefetch.p0{'' if kind == 'ptr' else 'i8'}"
-        self.target.declared.add(f"declare void {name}({kind}, i32, i32, i32)")
-        place = self.new(f"inttoptr i64 {address} to {kind}")
-        self.add(f"  call void {name}({kind} {place}, i32 1, i32 3, i32 1)")
 
     def copy(self, source, target, count):
         """Add a loop that copies `count` rows between arrays, or addresses."""

@@ -93,14 +93,8 @@ class Body(Members, metaclass=Answering):
             array = checks.real_array(name, value)
             checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
-                is_tensor = array.ndim > 1 and array.shape[-1] == array.shape[-2]
-                makers = [m for m in ("from_inertia", "from_mass_tensor") if m in dir(type(self))]
                 names = ", ".join(each.name for each in fields(self) if each.init)
                 how = f": the order is {names}{self._meaning}"
-                if is_tensor and makers:
-                    how = (
-                        f": numbers, as of np.diag; of a tensor {' or '.join(makers)} makes a body"
-                    )
                 raise wrong(name, "positive", f"{array.min()}{how}")
             vars(self)[name] = frozen(array)
         _ = self.shape  # raises if the parameters do not broadcast

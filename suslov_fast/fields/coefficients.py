@@ -13,7 +13,7 @@ from .. import checks
 from ..checks import OTHERS, within, wrong
 from ..core.expressions.numpy_evaluation import FUNCTIONS
 from .equations import Equations
-from .exact_numbers import as_given, exact, numbers
+from .exact_numbers import as_given, exact
 from .names import check_order
 from .terms import Terms, collected, fractions
 
@@ -160,18 +160,12 @@ def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> An
 # -------------------------------------------------------------------------------------- of arrays
 def entries(name: str, array: Any) -> Entries:
     """Return the entries of a single array that are not 0, exactly: as floats or fractions."""
-    if array.dtype.kind not in "iufO":  # such as booleans and texts, which `exact` refuses
-        numbers(name, array, False)
     where = np.nonzero(np.asarray(array != 0, bool))
     values = array[where]
-    if array.dtype.kind == "O" and {*map(type, values)} == {float}:
-        values = values.astype(np.float64)
-    if values.dtype.kind != "f" or values.dtype.itemsize > 8:
-        values = np.array([exact(name, each) for each in values.tolist()], object)
-    elif np.isfinite(values).all():
-        values = values.astype(np.float64)
+    if {*map(type, values.tolist())} <= {float}:
+        values = checks.real_array(name, values.astype(np.float64))
     else:
-        exact(name, values[~np.isfinite(values)].tolist()[0])
+        values = np.array([exact(name, each) for each in values.tolist()], object)
     return np.array(where, np.int64).reshape(array.ndim, -1), within(name, values, OTHERS)
 
 
@@ -190,9 +184,6 @@ def _of_array(name: str, value: Any, axes: int, D: int) -> Entries:
 
 def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
     """Return the terms of a field with these arrays, and the number of variables."""
-    if callable(quadratic):
-        received = "a function: use Field(f, names)"
-        raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
     array = as_given("quadratic", quadratic)
     D = (0, *array.shape)[-1]
     parts = {"quadratic": _of_array("quadratic", array, 3, D)}
@@ -263,9 +254,6 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         (which,), values = entries("K", _values("K", K["values"], places.shape[1]))
         places = places[:, which]
     else:
-        if callable(K):
-            how = "a function: for K(x) pass Field(lambda x: K(x) @ dH(x), names)"
-            raise wrong("K", "a constant matrix", how, TypeError)
         array = as_given("K", K)
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)

@@ -87,19 +87,6 @@ class Equations:
             evaluate(values.operations, known)
         return H if isinstance(H, float) else known[H]
 
-    def __reduce__(self) -> Any:
-        values = self.values
-        lists = values.operations, values.written, self.results, self.H, self.K, self.ratios
-        return _restored, (self.names, self.parameters, *lists)
-
-
-def _restored(names: Any, parameters: Any, operations: Any, texts: Any, *others: Any) -> Equations:
-    values = Tracer(names, parameters).values
-    for instruction, _, operands in operations:
-        values.emit(instruction, *operands)
-    values.written |= texts
-    return Equations(names, parameters, values, *others)
-
 
 def of_hamiltonian(
     tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any

@@ -40,15 +40,6 @@ def exact(name: str, value: Any) -> Fraction:
             value = float(value)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
-        if isinstance(value, str) and re.fullmatch(r"-?\d+(/\d+)?", value):
-            received += f": pass fractions.Fraction({value!r})"
-        if callable(value):
-            received += ": what changes in time is a formula in f, with a variable t of the rate 1"
-        if hasattr(value, "_mpf_"):
-            received += ": pass fractions.Fraction(str(value))"
-        if isinstance(value, dict):
-            how = f"**{name}, and let f take {', '.join(map(str, value))}"
-            received += f": pass {f'{name}={value[name]}' if name in value else how}"
         received += f": {OF_SYMBOLS}" * hasattr(value, "free_symbols")
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:

@@ -20,10 +20,6 @@ from ..core.expressions.numpy_evaluation import evaluate
 from .symbolic import Symbol, Tracer
 from .trace import alone, called, check_function, check_same, taken, taking
 
-_HOW = (
-    "for coordinates q and velocities v with M(q) v' = F it is "
-    "np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])"
-)
 _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
 # States; a difference beside its terms that may be rounding; the part of states where it is, at
 # least, if it is 0: elimination amplifies rounding at some.
@@ -47,7 +43,7 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     D = len(right)
     rows = _entries(tracer, mass, D) if callable(mass) else real_array("mass", mass).tolist()
     if np.shape(rows) != (D, D):
-        raise wrong("mass", f"have the shape ({D}, {D})", f"{np.shape(rows)}: {_HOW}")
+        raise wrong("mass", f"have the shape ({D}, {D})", np.shape(rows))
     b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
         found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
@@ -163,10 +159,7 @@ def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
         for r in below:
             factor = _sum(iter([(inverse, a[r][j])]))
             for c in after:
-                if is_symmetric and c < r:
-                    a[r][c] = a[c][r]  # found before
-                else:
-                    a[r][c] = _less(a[r][c], factor, a[i][c])
+                a[r][c] = _less(a[r][c], factor, a[i][c])
             b[r] = _less(b[r], factor, b[i])
         steps.append((i, j, inverse if below else None, after))
     for i, j, inverse, after in reversed(steps):

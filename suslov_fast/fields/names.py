@@ -44,10 +44,10 @@ _OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
 _AXIS = re.compile(r"batch_\d+")
 
 
-def of_time(names: Sequence[str], f: str = "...", more: str = "") -> str:
-    """Return, for messages, how time enters a field with these variables, and `more` arguments."""
+def of_time(names: Sequence[str], f: str = "...") -> str:
+    """Return, for messages, how time enters a field with these variables."""
     given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
-    field = f"Field(lambda s{more}: ({f}, 1.0), {given}{', a=1.0' * bool(more)})"
+    field = f"Field(lambda s: ({f}, 1.0), {given})"
     return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
 
 
@@ -74,8 +74,6 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
     """
     if given is None and D:
         return labels(D)
-    if hasattr(given, "__code__"):
-        raise wrong(argument, "a number or names", "a function, which comes first", TypeError)
     if isinstance(given, str):
         names = re.split(r"[\s,]+", given.strip(" ,\t\n"))
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:

@@ -134,10 +134,9 @@ def constant(value: Any) -> float:
     if not is_number and not hasattr(value, "free_symbols"):
         raise Untraceable(f"a number is wanted, not {short(value)}")
     try:
-        number = float(value)
+        return float(value)
     except OverflowError:
         raise Untraceable(f"{short(value)} is beyond the range of float64") from None
-    return number
 
 
 def applied(name: str, *values: Any) -> Any:
@@ -292,12 +291,8 @@ def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:
     return result
 
 
-def interpolated(
-    x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
-) -> Any:
+def interpolated(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None) -> Any:
     """Return np.interp of symbolic x in a table of numbers."""
-    if period is not None:
-        raise Untraceable("period of np.interp has no rule: write np.interp(x % period, xp, fp)")
     try:
         knots, heights = (np.array(a, np.float64) for a in (xp, fp))
         ends = [heights[0] if left is None else left, heights[-1] if right is None else right]
@@ -329,7 +324,6 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.clip: _clip,
     np.interp: interpolated,
     np.select: _select,
-    np.real: lambda a: a,
 }
 
 
@@ -363,15 +357,7 @@ class Symbols(np.ndarray[Any, Any]):
         if isinstance(index, (Symbol, Symbols)):
             how = f"write np.where(condition, a, b), {STEPS}, or a sum over all entries"
             raise Untraceable(f"an index of an array depends on x, such as x[x > 0]: {how}")
-        if isinstance(index, (str, float)):
-            raise Untraceable(f"the index {short(index)} is no integer: write x[0] for a component")
-        try:
-            return super().__getitem__(index)
-        except IndexError:
-            if self.ndim == 1 and isinstance(index, int):
-                text = f"x[{index}] is used, but the dimension is {len(self)}"
-                raise IndexError(text) from None
-            raise
+        return super().__getitem__(index)
 
     if not TYPE_CHECKING:
 
@@ -420,10 +406,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         """Return the number itself, which is real; products in NumPy call this."""
         return self
 
-    @property
-    def real(self) -> Symbol:
-        return self
-
     def __bool__(self) -> bool:
         raise self.tracer.asked(self.operand)
 
@@ -447,9 +429,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     def __ceil__(self) -> Any:
         return applied("ceil", self)
-
-    def __round__(self, digits: Any = None) -> Any:
-        return _function("round")
 
     def __repr__(self) -> str:
         return str(self.tracer.text(self.operand))

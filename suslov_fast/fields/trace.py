@@ -29,57 +29,42 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments
         return
-    given: list[Any] = [*signature.parameters.values()] or [None]
-    state, own = given[0], given[1:]
-    by_position = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    first, second, *_ = [*signature.parameters, "", ""]
+    own = [*signature.parameters.values()][1:]
     known = [each.name for each in own]
     missing = [name for name in arguments_of(f)[1:] if name not in parameters]
     unknown = [name for name in parameters if name not in known]
-    try:
-        signature.bind(None, **parameters)
-        how = "" if state.kind in by_position else "pass lambda x: ..."
-    except TypeError:
-        how = "pass lambda x: ..."
-        if any(each.kind is each.VAR_POSITIONAL for each in own):
-            how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
-        elif unknown and isinstance(parameters.get("names"), (str, list, tuple)):
-            how = 'pass the names of variables in place of the dimension, as "u v w"'
-        elif argument == "H" and unknown and unknown[0] in ("J", "poisson", "structure"):
-            how = "pass a constant matrix as K, of x' = K H'(x)"
-        elif unknown:
-            near = get_close_matches(unknown[0], known, 1, 0.6)
-            how = f"it has no parameter {unknown[0]!r}"
-            if near or known:
-                how += f", but {either(near or known)}"
-            elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a symbol
-                how += f": use {meant}"
-            if known and not near:
-                call = "Field(lambda x, a, b: ..., names, a=1.0, b=2.0)"
-                how += f": pass the value of each by its name, as {call}"
-        elif missing:
-            values = ", ".join(f"{name}=1.0" for name in missing)
-            how = f"pass values of its parameters, as {values}"
-            each, more = divmod(len(names), len(missing) + 1)
-            if not more:
-                parts = ", ".join(f"x[{k}:{k + each}]" for k in range(0, len(names), each))
-                split, rest = "*x" if each == 1 else parts, ", **p" * bool(parameters)
-                split = f"lambda x{rest}: {argument}({split}{rest})"
-                how += f", or {split} if these are the variables"
     if TIME & {*signature.parameters}:
-        now, x = ("s[-1], s[:-1]", "0, x") if state.name in TIME else ("s[:-1], s[-1]", "x, 0")
-        rest = ", **p" * (len(arguments_of(f)) > 2)
-        how = of_time(names, f"*f({now}{rest})", rest)
-        how += f", or without time pass lambda x{rest}: f({x}{rest})"
-        how = how if state.name in TIME or own[0].name in TIME else of_time(names)
-    if by_name := TIME & {*parameters} & {*known}:
-        how = f"a constant needs another name than {by_name.pop()!r}, as tau=2.0; {how}"
-    elif len(own) == 3 and own[2].name in TIME and state.name == f"d{own[0].name}":
-        u, p = own[0].name, own[1].name
-        field = f"Field(lambda {u}, a, b: (..., ...), names, a=1.0, b=2.0)"
-        how = f"return the rates, as {field}, with a and b in place of {p}; {of_time(names)}"
-    if how:
-        expected = "a function of the state, one array, and of its parameters by name"
-        raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
+        calls = {first: "*f(s[-1], s[:-1])", second: "*f(s[:-1], s[-1])"} if len(own) < 2 else {}
+        how = of_time(names, next((calls[name] for name in calls if name in TIME), "..."))
+    elif _fits(signature, parameters):
+        return
+    elif any(each.kind is each.VAR_POSITIONAL for each in own):
+        how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
+    elif unknown:
+        near = get_close_matches(unknown[0], known, 1, 0.6)
+        how = f"it has no parameter {unknown[0]!r}"
+        if near or known:
+            how += f", but {either(near or known)}"
+        elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a symbol
+            how += f": use {meant}"
+    elif missing:
+        how = f"pass values of its parameters, as {', '.join(f'{name}=1.0' for name in missing)}"
+        if len(missing) == len(names) - 1:
+            how += f", or lambda x: {argument}(*x) if these are the variables"
+    else:
+        how = "pass lambda x: ..."
+    expected = "a function of the state, one array, and of its parameters by name"
+    raise wrong(argument, expected, f"one of {signature}: {how}", TypeError)
+
+
+def _fits(signature: inspect.Signature, parameters: Mapping[str, Any]) -> bool:
+    """Return True if a function takes the state by position, and these parameters by name."""
+    try:
+        bound = signature.bind(None, **parameters)
+    except TypeError:
+        return False
+    return len(bound.args) > 0
 
 
 def taken(f: Any, names: Iterable[str]) -> list[str]:
@@ -111,20 +96,12 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
         if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
-            if "subscriptable" in text:
-                how = "a parameter is one number, as p0=..., p1=...: an array makes a family"
-            elif "enough dimensions" in text:
+            if "enough dimensions" in text:
                 how = "a parameter is one number: leave a matrix out of the parameters"
-            elif "is used, but the dimension" in text:
-                how = "name all variables, as 'x y'"
-            elif "'Symbols' object is not callable" in text:
-                how = "x is an array, no function of time: delays need another package"
             elif "valid indices" in text:
                 how = f"write {STEPS} for values[k] from knots[k] on"
             elif "'Symbols' object has no" in text:
                 how = f"write x[0] for a component, and {TABLES}"
-            elif "Cannot cast ufunc" in text:
-                how = "for M(x) x' = f(x) pass mass=M to Field, or formulas"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error

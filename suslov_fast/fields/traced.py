@@ -71,9 +71,7 @@ class Traced(Body):
         """
         known = self.parameters
         if unknown := [name for name in parameters if name not in known]:
-            how = f"it has {', '.join(known)}" if known else "it has none"
-            kind = type(self).__name__
-            how += f": {kind} takes the value of each, and defaults of f are constants"
+            how = f"it has {', '.join(known) or 'none'}; defaults of f are constants"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
         return self._with_parts({**self._parts, **named_parameters(parameters, self.names)})
 
@@ -117,14 +115,8 @@ class Traced(Body):
         return Parameters({name: self._parts[name] for name in self._coordinates})
 
     # ------------------------------------------------------------------------------ values
-    def __call__(self, x: Any = None, *others: Any, **named: Any) -> Any:
+    def __call__(self, x: Any) -> Any:
         """Return f(x) (..., D) at states x (..., D)."""
-        if others or named:
-            own = type(self).__name__.lower()
-            how = ": for solve_ivp pass lambda t, x: field(x)" * (own == "field")
-            if named:
-                how = f": for another value {own}.with_parameters({next(iter(named))}=...)(x)"
-            raise TypeError(f"a {own} takes the state alone, {own}(x), one array{how}")
         if isinstance(x, Symbols):
             return self._traced_at(x)
         return self._value(checks.states("x", x, self.names, later=True))

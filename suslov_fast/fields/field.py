@@ -487,7 +487,7 @@ def system_of(system: Any, x0: Any) -> Any:
     """
     if isinstance(system, (Body, type)) or not callable(system):
         return system
-    D = len(x0) if isinstance(x0, Mapping) else (1, *np.shape(x0))[-1]
+    D = (1, *np.shape(x0))[-1]
     others = arguments_of(system)[1:]
     if others and not {"t", "time"} & {*arguments_of(system)}:
         values = ", ".join(f"{name}=..." for name in others)

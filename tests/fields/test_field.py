@@ -344,7 +344,6 @@ def test_texts_that_are_no_equations(text, word):
 # ------------------------------------------------------------------------------- functions
 OF_FUNCTIONS = [
     (lambda f: sf.flow(f, [1.0, 0.0], time=2.0).states[0, 0], math.cos(2.0)),
-    (lambda f: sf.flow(f, {"x1": 1.0, "x2": [0.0, 1.0]}, time=2.0).states[0, 0, 0], math.cos(2.0)),
     (lambda f: sf.crossings(f, [1.0, 0.0], "x1", time=6.0).time, [math.pi / 2, 3 * math.pi / 2]),
     (lambda f: sf.lyapunov_exponents(lambda x: (-x[0],), [1.0], time=5.0), -1.0),
     (lambda f: sf.equilibria(lambda x: (1 - x[0] * x[1], x[0] - 2), [1.0, 1.0]).states, [2, 0.5]),

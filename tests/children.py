@@ -5,7 +5,6 @@ import subprocess
 import sys
 import textwrap
 import threading
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -81,8 +80,3 @@ def layer(name):
     if attempt("import numba; numba.get_num_threads()", **environment).returncode:
         pytest.skip(f"Numba has no threading layer {name} here")
     return environment
-
-
-def never(*_):
-    """Return never: what a child of `multiprocessing` runs, which imports this file by its name."""
-    time.sleep(1000)

@@ -29,13 +29,6 @@ def kuramoto(theta, K):
     return omega + K / 30 * np.sin(theta[None, :] - theta[:, None]).sum(axis=1)
 
 
-def calcium(x, beta):
-    z, y = x
-    v2 = 65 * z**2 / (1 + z**2)
-    v3 = 500 * y**2 / (4 + y**2) * z**4 / (0.9**4 + z**4)
-    return 1 + 7.3 * beta - v2 + v3 + y - 10 * z, v2 - v3 - y
-
-
 def pleiades(w):
     x, y, vx, vy = w.reshape(4, 7)
     dx, dy = x[None, :] - x[:, None], y[None, :] - y[:, None]
@@ -55,10 +48,6 @@ def brusselator(x, alpha):
     du = 1 + u**2 * v - 4.4 * u + alpha * laplacian(u)
     dv = 3.4 * u - u**2 * v + alpha * laplacian(v)
     return np.concatenate([du.ravel(), dv.ravel()])
-
-
-def bouncing(x):
-    return x[1], -9.81 + np.maximum(-x[0], 0) * 1e4 - 5 * x[1] * (x[0] < 0)
 
 
 def diode(x, Is):
@@ -87,10 +76,8 @@ PUBLIC = {
     "Hodgkin-Huxley": (hodgkin_huxley, "v m h n", {"current": 10.0}, [-60.0, 0.1, 0.6, 0.3]),
     "thermostat": (thermostat, "T heater", {"on": 18.0, "off": 22.0}, [19.0, 0.3]),
     "Kuramoto": (kuramoto, 30, {"K": 2.0}, _rng.uniform(0, 6, 30)),
-    "calcium": (calcium, "z y", {"beta": 0.3}, [0.15, 1.6]),
     "Pleiades": (pleiades, 28, {}, _rng.normal(size=28) * 3),
     "Brusselator": (brusselator, 32, {"alpha": 0.2}, _rng.uniform(1, 3, 32)),
-    "bouncing": (bouncing, "h v", {}, [-0.01, -3.0]),
     "diode": (diode, "v t", {"Is": 1e-12}, [0.4, 0.2]),
     "diffusion": (diffusion, 6, {"d": 0.7}, [0.1, 0.3, 1.5, 0.2, -0.4, 0.9]),
     "predator-prey": (

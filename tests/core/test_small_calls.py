@@ -18,9 +18,8 @@ pytestmark = [
     pytest.mark.skipif(config.BOUNDSCHECK == 1, reason="all calls are compiled, to check indices"),
 ]
 RNG = np.random.default_rng(3)
-X2, X3, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 3, 4))
+X2, X4 = (RNG.uniform(-1, 1, (5, D)) for D in (2, 4))
 BODY, ROTOR = sf.Suslov3D(4, 1, -0.5, -0.3), sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
-LONG = sf.Suslov3D(4, 1, -3.5, -2.3)
 # Orbits of both forms, fixed states, poles, and states out of range.
 MANY = np.concatenate([
     RNG.uniform(-1, 1, (200, 2)), 20.0 * X2, 1e155 * X2, np.full((2, 2), np.nan),
@@ -53,15 +52,12 @@ def call(function, *arguments):
 CALLS = {
     "orbits": run(BODY, X2, 0.2, 30, save_every=4),
     "numbers out of range": run(BODY, X2, 1e9, 10),
-    "supercritical orbits": run(LONG, X2, 3.0, 40),
     "a family": run(FAMILY, X2, 0.2, 20),
     "a batch": run(BODY, MANY, 0.2, 1100, save_every=3),
     "a batch with poles": run(AT_POLES[0], MANY, 2.0, 40),
     "batches of two gyrostats": run(AT_POLES[1], MANY, 2.0, 600, save_every=100),
     "a batch in four dimensions": run(SOLID, RNG.uniform(-1, 1, (300, 4)), 0.1, 30),
-    "a batch in three dimensions": run(sf.SuslovND(J=[1.3, 2.1, 3.7], I=X3), X3, 0.1, 30),
     "last states": run(ROTOR, MANY, 0.3, 50, save_every=None),
-    "gyrostats": run(ROTOR, np.tile(X2, (2, 1)), 2.0, 20),
     "poles in four dimensions": run(SOLID, X4, 2.5, 20),
     "elimination": run(SOLID, X4, 0.7, 10, method="gauss"),
     "two ranks": run(SOLID, X4, 0.2, 10),
@@ -164,10 +160,7 @@ SMALL = (
     "sf.iterate(body, omega, 0.2, 10, attitude=True)",
     "sf.lyapunov_exponents(body, omega, 0.2, 100)",
     "sf.iterate(solid, [1.0, 0.5, 0.2], 0.2, 10)",
-    "sf.iterate(body, np.ones((10_000, 2)), 0.2, 100)",
     "sf.iterate(gyrostat, np.ones((10_000, 2)), 0.2, 100)",
-    "sf.step(lorenz, x, 0.001)",
-    "sf.kahan.jacobian(lorenz, x, 0.001)",
     "sf.lyapunov_exponents(lorenz, x, 0.001, 100)",
     "sf.iterate(lorenz, np.ones((2000, 3)), 0.001, 100, save_every=None)",
     "sf.flow(lorenz, x, time=[0.1], derivatives=('x0', 'rho'))",

@@ -191,12 +191,9 @@ def test_no_memory_for_a_call():
         raise SystemError("<function Kernel.parallel> returned NULL without setting an exception")
 
     kernels = SimpleNamespace(parallel=kernel, serial=kernel)
-    for _ in range(2):
-        with pytest.raises(MemoryError, match=r"allow the process more .*, or pass threads=1$"):
-            threads.call_kernel(kernels, 10**9, 2)
-    with pytest.raises(MemoryError, match=r"allow the process more \(ulimit -v\)$"):
-        threads.call_kernel(kernels, 10**9, 1)
-    threads.call_kernel(SimpleNamespace(parallel=lambda *_: None), 10**9, 2)
+    for number in (2, 2, 1):
+        with pytest.raises(MemoryError, match="allow the process more"):
+            threads.call_kernel(kernels, 10**9, number)
 
 
 @pytest.mark.slow
@@ -242,16 +239,10 @@ def test_progress(body, capsys, monkeypatch):
     sf.iterate(body, omega, 0.2, 300, progress=lambda *n: seen.append(n))
     assert len(seen) > 1
     assert max(seen) == seen[-1] == (300, 300)
-    sf.iterate(body, omega[:0], 0.2, 10, progress=lambda *n: seen.append(n))
-    assert seen[-1] == (10, 10)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
-    call = batch.call_kernel
-    calls = iter([call, call])
-    monkeypatch.setattr(
-        batch, "call_kernel", lambda *given, **options: next(calls)(*given, **options)
-    )
-    with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
+    calls = iter([batch.call_kernel] * 2)
+    monkeypatch.setattr(batch, "call_kernel", lambda *own, **given: next(calls)(*own, **given))
+    with pytest.raises(StopIteration):  # as Ctrl-C
         sf.iterate(body, omega, 0.2, 700, progress=True)
     assert capsys.readouterr().err.endswith("\n"), "the bar is closed"
-    assert held

@@ -35,13 +35,6 @@ def test_doses_of_subjects_at_times_of_their_own(stiff):
         np.testing.assert_array_equal(alone.states, motion.states[:, 7])
 
 
-@pytest.mark.parametrize(("keywords", "end"), [({"terminal": True}, 1.0), ({"most": 2}, 2.0)])
-def test_times_that_end(keywords, end):
-    motion = flow(DECAY, [1.0], time=[3.0, 1.0, 2.0], events=Event(times=[1, 2, 3], **keywords))
-    assert (motion.status, motion.end) == (Status.STOPPED, end)
-    assert np.isnan(motion.states[:, 0]).tolist() == [True, False, end == 1.0]
-
-
 def test_time_0_alone():
     motion = flow(DECAY, [1.0], time=0.0, events=Event(times=[0, 0], to=lambda x: (3 * x[0],)))
     assert motion.states.tolist() == [[9.0]]
@@ -56,27 +49,23 @@ def test_a_start_without_a_value_is_the_state_at_time_0(times):
     np.testing.assert_array_equal(motion.states[:, 0], np.where(times, np.nan, -1.0))
 
 
-def test_other_systems():
-    """Fields by terms have lists for changes, and bodies take steps."""
-
-    def f(x, a):
-        return a * x[0] * x[1], 1 - x[1]
-
-    change = Event(times=[1], to=lambda x: (x[0] / 2, 0))
-    product = np.zeros((2, 2, 2, 2))
+def test_fields_by_terms_have_lists_for_changes():
+    change, product = Event(times=[1], to=lambda x: (x[0] / 2, 0)), np.zeros((2, 2, 2, 2))
     product[:, 0, 0, 1] = [1.0, 2.0]
     by_terms = Field.from_terms(product, [[0, 0], [0, -1]], [0, 1], "u v")
-    own = Field(f, "u v", a=[1.0, 2.0]), by_terms
-    first, second = (flow(each, [1.0, 0.5], time=2.0, events=change).states for each in own)
+    own = Field(lambda x, a: (a * x[0] * x[1], 1 - x[1]), "u v", a=[1.0, 2.0])
+    first, second = (flow(f, [1.0, 0.5], time=2.0, events=change).states for f in (own, by_terms))
     np.testing.assert_allclose(first, second, rtol=1e-14)
-    body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    motion = flow(body, [1.0, 0.5], time=2.0, events=Event(times=[1.0]))
-    np.testing.assert_allclose(motion.states, flow(body, [1.0, 0.5], time=2.0).states, rtol=1e-9)
-    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0, direction="both")
-    assert len(section.states) == 1
-    assert abs(section.states[0, 1]) < 1e-14
-    found = flow(body, [1.0, 0.5], time=20.0, events=Event("Omega2")).events
-    np.testing.assert_array_equal(found.time, section.time)
+
+
+def test_bodies_take_steps_to_events():
+    body, times = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), np.linspace(0.0, 20.0, 5)
+    found = flow(body, [1.0, 0.5], time=times, events=Event("Omega2"))
+    np.testing.assert_allclose(found.states, flow(body, [1.0, 0.5], time=times).states, atol=1e-9)
+    (state,) = found.events.states
+    assert abs(state[1]) < 1e-14
+    section = crossings(body, [1.0, 0.5], surface="Omega2", time=20.0)
+    np.testing.assert_array_equal(section.states, [state])
 
 
 CLOCK = Field(lambda x: (1.0, 0.0), "t n")
@@ -156,7 +145,7 @@ def test_a_time_that_never_comes_is_told_of():
 def test_a_new_state_without_a_value_is_no_pole():
     clock = Field(lambda x: (1.0,), "x")
     change = Event("x - 1", to=lambda x: (np.sqrt(x[0] - 2),))
-    with pytest.warns(RuntimeWarning, match="new state, `to`, has no value"):
+    with pytest.warns(RuntimeWarning, match="new state of an event"):
         motion = flow(clock, [0.0], time=2.0, events=change)
     assert motion.end == 1.0
 

@@ -27,6 +27,7 @@ def merged(times):
     return np.sort(np.concatenate([[], *times]))
 
 
+@pytest.mark.sampled(3 * len(SYSTEMS) // 2)
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_events_and_ends(name, stiff):

@@ -1,7 +1,6 @@
 """Bodies: parameters, families, copies, adapted bases, and the range of I3."""
 
 import pickle
-from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
@@ -242,12 +241,10 @@ def test_members_of_a_family_with_and_without_rotors(rng):
     assert resting[0].tolist() == equilibria(family[0], near=[0.9, -1.4]).states.tolist()
 
 
-@pytest.mark.parametrize("exchanged", [False, True])
-def test_numbers_that_no_body_has_are_told_of(exchanged):
-    J, I = np.array([1.3, 2.1, 3.7]), np.array([0.4, -0.7, 0.5])
-    given = {"J": abs(I), "I": J} if exchanged else {"J": J, "I": I}
-    with pytest.warns(UserWarning, match="I_1") if exchanged else nullcontext():
-        assert SuslovND(**given).dimension == 3
+def test_numbers_that_no_body_has_are_told_of():
+    J, I = [1.3, 2.1, 3.7], [0.4, 0.7, 0.5]
+    with pytest.warns(UserWarning, match="I_1"):
+        assert SuslovND(J=I, I=J).dimension == 3
     with pytest.raises(TypeError, match="J="):
         SuslovND(*(J, I))
 

@@ -173,7 +173,8 @@ def test_other_fields_have_no_map(f):
             call(field, [0.3, 0.4])
 
 
-def test_fields_of_many_variables(rng):
+@pytest.mark.slow
+def test_fields_of_many_variables():
     """In a process of its own, whose memory is limited to far less than a table."""
     code = (
         "import resource, sys, json, pickle, suslov_fast as sf, numpy as np\n"

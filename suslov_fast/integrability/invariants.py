@@ -6,8 +6,7 @@ the density of a measure. Products of powers have products of cofactors: relatio
 
 The polynomials of one cofactor span a space, and quotients of any two are first integrals. A basis
 in normal form consists of the reducible members of a pencil, if there are any. If eps is symbolic,
-the limits of numerator and denominator for eps to 0 count as well. If eps is a number, the normal
-form is that of the symbolic eps, evaluated, so that the same map has the same formulas.
+the limits of numerator and denominator for eps to 0 count as well.
 """
 
 from __future__ import annotations
@@ -25,9 +24,7 @@ import flint
 
 from . import arithmetic
 from .arithmetic import EPS
-from .birational_maps import LONGEST, RationalMap
-from .darboux import space_of
-from .kahan_maps import KahanMap
+from .birational_maps import RationalMap
 from .pencils import count_factors, reducible_members
 from .polynomials import (
     coefficient_of,
@@ -36,7 +33,6 @@ from .polynomials import (
     has_constant_term,
     letters_in,
     limit,
-    modulo,
     rank,
     selected,
     sort_key,
@@ -88,8 +84,6 @@ class Invariants:
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
-        # Generators with a symbolic eps in place of its number, by formula.
-        self.symbolic_generators: dict[str, Any] = {}
         # Polynomials of equal cofactor, which is not known.
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # by a theorem
@@ -214,16 +208,8 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation; if possible from the formula for a symbolic eps."""
-        product = self.power_product(powers)
-        pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
-        if pairs and all(text in self.symbolic_generators for text, _ in pairs):
-            factors = (factored(self.symbolic_generators[text]) ** e for text, e in pairs)
-            symbolic = math.prod(factors, start=RationalFunction(()))
-            map: Any = self.map
-            upright = _f_or_reciprocal(replace(symbolic, basis=product.basis))
-            return _with_varying_limit(upright).subs(eps=map.eps)
-        return _with_varying_limit(_f_or_reciprocal(product))
+        """Return the integral of a relation."""
+        return _with_varying_limit(_f_or_reciprocal(self.power_product(powers)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
         """Yield quotients of polynomials of one cofactor, in normal form where it is known."""
@@ -381,7 +367,6 @@ class NormalForms:
     def __init__(self, invariants: Invariants) -> None:
         self.invariants, self.map = invariants, invariants.map
         self._done: dict[int, str] = {}  # spaces in normal form, by the value of the cofactor
-        self._symbolic: Any = None  # the map with a symbolic eps
 
     def update(self, value: int) -> list[RationalFunction]:
         """Bring the space of a cofactor into normal form; return the new generators."""
@@ -390,71 +375,16 @@ class NormalForms:
         space = [known.polynomial(f) for f in elements]
         if not space or self._done.get(value) == str(space):
             return []
-        basis, functions = self._basis_and_quotients(value, space)
+        basis = normal_basis(space, _modified_energy(self.map))
         # Products of generators of other cofactors stay; the others are replaced.
         texts = known.texts(value)
         kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
         proved = all(f.basis == IDENTITY for f in elements)
         new = known.replace(value, [*selected(basis, kept)], IDENTITY if proved else MODULAR)
-        known.forms[value] = functions
+        known.forms[value] = quotients(basis)
         elements = known.elements(value, known.highest(value))
         self._done[value] = str([*map(known.polynomial, elements)])
         return new
-
-    def _basis_and_quotients(
-        self, value: int, space: list[Any]
-    ) -> tuple[list[Any], list[RationalFunction]]:
-        """Return the basis of a space in normal form, and its quotients, which are integrals."""
-        map = self.map
-        if isinstance(map, KahanMap) and map.eps is not None:
-            symbolic = self._symbolic_space(value, max(degree_of(P) for P in space))
-            if symbolic and len(symbolic) == len(space):
-                basis = normal_basis(symbolic, _modified_energy(self._symbolic))
-                at_number = [self._at_number(P) for P in basis]
-                if rank(at_number) == rank([*space, *at_number]) == len(space):
-                    texts = (str(factored(P)) for P in at_number)
-                    self.invariants.symbolic_generators |= dict(zip(texts, basis, strict=True))
-                    return at_number, [f.subs(eps=map.eps) for f in quotients(basis)]
-        basis = normal_basis(space, _modified_energy(map))
-        return basis, quotients(basis)
-
-    def _at_number(self, P: Any) -> Any:
-        """Return the primitive polynomial after the symbol eps is replaced by its number."""
-        map: Any = self.map
-        f = factored(modulo(P, 0, [arithmetic.fmpq(map.eps)]))
-        return replace(f, constant=Fraction(1)).as_quotient(map.ring)[0]
-
-    def _symbolic_space(self, value: int, degree: int) -> Any:
-        """Return the space with a symbolic eps; None if it is not found."""
-        map: Any = self.map
-        if self._symbolic is None:
-            self._symbolic = map._at(None)
-        if self._symbolic.cost_of_factors > LONGEST or self._symbolic.factors is None:
-            return None
-        cofactor = self._symbolic_cofactor(self.invariants.cofactors[value])
-        try:
-            return cofactor and space_of(self._symbolic, degree, cofactor)
-        except ArithmeticError:  # the coefficients are too long
-            return None
-
-    def _symbolic_cofactor(self, cofactor: RationalFunction) -> RationalFunction | None:
-        """Return the product of factors for a symbolic eps that equals this cofactor at eps."""
-        eps = self.map.eps  # type: ignore[attr-defined]
-        exponents = {str(f): e for f, e in cofactor.factors}  # that are left to explain
-        powers = []
-        for P in self._symbolic.factors:
-            at_number = factored(modulo(P, 0, [arithmetic.fmpq(eps)]))
-            f, e = next(iter(at_number.factors), (None, 1))
-            power, rest = divmod(exponents.get(str(f), 0), e)
-            if rest:
-                return None
-            for g, k in at_number.factors:
-                exponents[str(g)] = exponents.get(str(g), 0) - k * power
-            powers.append((P, power))
-        if any(exponents.values()):
-            return None
-        symbolic = RationalFunction(tuple((P, power) for P, power in powers if power))
-        return (cofactor / symbolic.subs(eps=eps)).constant * symbolic
 
 
 def _modified_energy(map: RationalMap) -> list[Any]:
@@ -488,7 +418,8 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
     def order(P: Any) -> tuple[Any, ...]:
         complex_factors = count_factors(P) + (degree_of(P) < highest)  # that at infinity
         factors = sum(e for _, e in factored(P).factors)
-        return degree_of(P), str(P) not in first, -complex_factors, -factors, len(P), str(P)
+        simplest = len(P), has_constant_term(P), -factors, str(P)
+        return degree_of(P), str(P) not in first, -complex_factors, *simplest
 
     ordered = sorted(candidates.values(), key=order)
     denominator = min(ordered, key=_order_of_denominator)

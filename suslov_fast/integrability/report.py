@@ -252,7 +252,7 @@ def report(
     >>> from suslov_fast.integrability import report
     >>> found = report(Suslov3D(4, 1, -0.5, -0.25), eps=0.25)
     >>> found.growth.kind, found.integrals
-    ('linear', (16*(4*Omega1^2 + Omega2^2)/(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096),))
+    ('linear', ((4*Omega1^2 + Omega2^2)/(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096),))
     >>> found.measures[0]
     1/((2*Omega1 + Omega2)*(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals

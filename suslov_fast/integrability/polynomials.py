@@ -12,8 +12,9 @@ import random
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import lru_cache, reduce
-from itertools import combinations_with_replacement, takewhile
+from functools import reduce
+from itertools import accumulate, combinations_with_replacement, takewhile
+from operator import mul
 from typing import Any, TypeVar
 
 import flint
@@ -242,27 +243,13 @@ def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
     """Return monomials in the first coordinates of a point."""
-    steps, places = _steps(tuple(exponents))
-    values = [x[0] ** 0]
-    for place, i in steps:
-        values.append(values[place] * x[i])
-    return [values[place] for place in places]
-
-
-@lru_cache(maxsize=256)
-def _steps(exponents: Exponents) -> tuple[list[tuple[int, int]], list[int]]:
-    """Return a plan that computes each monomial as an earlier monomial times a variable."""
-    steps: list[tuple[int, int]] = []
-    places = {(0,) * len(e): 0 for e in exponents}
-
-    def place(e: tuple[int, ...]) -> int:
-        if e not in places:
-            i = max(k for k, power in enumerate(e) if power)
-            steps.append((place((*e[:i], e[i] - 1, *e[i + 1 :])), i))
-            places[e] = len(steps)
-        return places[e]
-
-    return steps, [place(e) for e in exponents]
+    one, highest = x[0] ** 0, map(max, zip(*exponents, strict=True))
+    powers = [
+        [*accumulate([a] * int(most), mul, initial=one)]
+        for a, most in zip(x, highest, strict=False)
+    ]
+    places = [[(i, k) for i, k in enumerate(e) if k] for e in exponents]
+    return [reduce(mul, (powers[i][k] for i, k in each)) if each else one for each in places]
 
 
 def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:

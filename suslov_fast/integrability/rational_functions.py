@@ -144,21 +144,16 @@ class RationalFunction(WithLetters):
         powers = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(powers, start=self.constant)
 
-    def _in_floats(self, x: FloatArray, letter: list[float]) -> FloatArray:
+    def _in_floats(self, x: FloatArray, letters: list[float]) -> FloatArray:
         """Return the values (...) at states (..., D)."""
-        constant, product = self.constant, np.ones(x.shape[:-1])
+        product = np.full(x.shape[:-1], float(self.constant))
         for P, e in self.factors:
             if x.shape[-1] != (D := variables_of(P)):
                 raise wrong("x", f"have the shape (..., {D})", x.shape)
-            point = [*letter, *np.moveaxis(x, -1, 0)][-P.context().nvars() :]
-            coefficients = [int(c) for c in P.coeffs()]
-            scale = max(map(abs, coefficients))  # beyond the range of float64 for some
-            terms = zip(coefficients, P.monoms(), strict=True)
-            value = sum(float(Fraction(c, scale)) * _monomial(point, powers) for c, powers in terms)
-            constant *= Fraction(scale) ** e
+            point = [*letters, *np.moveaxis(x, -1, 0)][-P.context().nvars() :]
             with np.errstate(all="ignore"):
-                product = product * np.power(value, float(e))
-        return product * float(constant)
+                product = product * value_at(P, point) ** float(e)
+        return product
 
     @property
     def letters(self) -> tuple[str, ...]:
@@ -311,10 +306,6 @@ class RationalFunction(WithLetters):
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self._latex(None)}$"
-
-
-def _monomial(x: Sequence[Any], powers: Sequence[Any]) -> Any:
-    return math.prod(a ** int(power) for a, power in zip(x, powers, strict=True) if power)
 
 
 def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:

@@ -73,19 +73,18 @@ class Task:
     `run` does the work, and returns the tasks that follow from its result. When all tasks of a
     `kind` for polynomials of a `degree` are done, the report lists this kind as searched up to this
     degree. A task that is not `needed` may be left out when tasks of its degree are not expected to
-    find more. Tasks run by group of kinds, by degree, by `turn`, and as they were added.
+    find more. Tasks run by group of kinds, by degree, candidates last, and as they were added.
     """
 
     run: Callable[[], Tasks]
     kind: str
     degree: int = 0
     needed: bool = True
-    turn: int = 0
 
     @property
-    def place(self) -> tuple[int, int, int]:
+    def place(self) -> tuple[int, int, bool]:
         """The sort key of the task in the queue."""
-        return _ORDER[self.kind], self.degree, self.turn
+        return _ORDER[self.kind], self.degree, self.kind == "all cofactors"
 
 
 class Queue:
@@ -363,27 +362,17 @@ class Search:
             if k <= self.degree or self._unknowns(k) <= _FEW:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
-    def _next_candidate(
-        self, candidates: Iterator[RationalFunction], k: int, steps: int = 1
-    ) -> Task:
-        """Return the task that tries the next candidate cofactor, and adds the task after it.
-
-        There may be many candidates, so each has its own turn: this leaves time to other tasks.
-        """
+    def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
+        """Return the task that tries the next candidate cofactor, and adds the task after it."""
 
         def run() -> Tasks:
             for candidate in candidates:
-                find = partial(self._find_constants, candidate, k)
-                yield Task(find, "all cofactors", k, needed=False, turn=4 * steps)
-                yield self._next_candidate(candidates, k, steps + 1)
+                for cofactor in with_constants(self.map, k, candidate):
+                    yield self._polynomials_of(cofactor, 1, k, "all cofactors", k)
+                yield self._next_candidate(candidates, k)
                 return
 
-        return Task(run, "all cofactors", k, needed=False, turn=steps)
-
-    def _find_constants(self, candidate: RationalFunction, k: int) -> Tasks:
-        """Find the multiples of a candidate that are cofactors of polynomials up to degree k."""
-        for cofactor in with_constants(self.map, k, candidate):
-            yield self._polynomials_of(cofactor, 1, k, "all cofactors", k)
+        return Task(run, "all cofactors", k, needed=False)
 
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0

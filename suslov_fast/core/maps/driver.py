@@ -2,17 +2,14 @@
 
 A line is a SIMD pack of W lanes. A block of lines takes all its steps before the next block begins.
 A step takes one line after the other. Each line takes a stage; `pivoting_step` takes the lanes that
-need it; at the end of a whole step signs are tested, and states are saved.
+need it; at the end of a whole step states are saved.
 """
 
-import functools
 import math
-import operator
 from typing import NamedTuple
 
 from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
 from ..numba.status import CHANGED, NONFINITE
-from .kahan_step import SIGNIFICANT
 from .stage_code import Stage, loader
 
 WIDTH = 8  # lanes of a line
@@ -28,7 +25,6 @@ class DriverArguments(NamedTuple):
     steps: int  # of all stages
     plan: int  # address of the addresses of tables of stages, each (n,) or (lines, n, W)
     stages: int
-    bases: int = 0  # address of the states before a whole step (lines, D, W), 0 for none
     first_row: int = 0  # address of the first saved states
     row_bytes: int = 0  # from one saved row to the next
     first_until: int = 0  # steps before the one that makes the first saved state
@@ -53,22 +49,21 @@ class DriverArguments(NamedTuple):
 SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the array
 
 
-def text_of_steps(step, name, W, for_each, saves, tells_signs):
+def text_of_steps(step, name, W, for_each, saves):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
 
     The code returns DONE; or NOT_READY at a step that needs `pivoting_step` while its address is 0.
-    The table is common to all lanes, or `for_each` of them. If `tells_signs`, signs of components
-    are compared over whole steps of several stages.
+    The table is common to all lanes, or `for_each` of them.
     """
-    return _Driver(step, name, W, for_each, saves, tells_signs).finished()
+    return _Driver(step, name, W, for_each, saves).finished()
 
 
 class _Driver:
     """The text of a driver, which contains the straight-line code of a stage."""
 
-    def __init__(self, step, name, W, for_each, saves, tells_signs):
+    def __init__(self, step, name, W, for_each, saves):
         self.text, self.step, self.D, self.name = Code(W), step, step.D, name
-        self.for_each, self.saves, self.tells_signs = for_each, saves, tells_signs
+        self.for_each, self.saves = for_each, saves
         self.all_lanes = (1 << W) - 1
 
     def finished(self):
@@ -102,12 +97,8 @@ class _Driver:
         following = now.stage + 1
         is_last = following.equals(of.stages)
         for at in text.rounds(Carried(line=lo)):
-            line, offset = at.line, at.line * (Index(text, self.D) * text.size)
-            state = of.x + offset
+            line, state = at.line, of.x + at.line * (Index(text, self.D) * text.size)
             final = self.take_stage(state, table, line, n)
-            if self.tells_signs:
-                with text.when(is_last):
-                    self.tell_changes(of.bases + offset, line, n, final)
             if self.saves:
                 with text.when(saves):
                     self.save(line, row, state, final)
@@ -139,33 +130,6 @@ class _Driver:
             text.leave(f"i64 {NOT_READY}")
         text.call("void", of.pivoting_step, of.pivoting_arguments, line, bad, told, n)
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
-
-    # --------------------------------------------------------------------------------- whole steps
-    def tell_changes(self, bases, line, n, final):
-        """Report to `pivoting_step` the lanes in which a component changed its sign in a step.
-
-        Tested are the components that keep their signs along the motion, over whole steps.
-        """
-
-        def keeps(base, after):
-            """Return the lanes in which a component has its old sign."""
-            return (base < 0.0) ^ (after >= 0.0)
-
-        def changes(base, after):
-            """Return the lanes in which it has changed its sign, by more than rounding errors."""
-            rises = (base < 0.0) & (after > SIGNIFICANT)
-            return rises | (base > 0.0) & (after < -SIGNIFICANT)
-
-        text, bases = self.text, self.text.array(bases)
-        is_kept = self.over_signs(operator.and_, keeps, bases, final).all()
-        with text.when(~is_kept, likely=False):
-            # Lanes that have passed a pole have nothing more to tell.
-            changed = self.over_signs(operator.or_, changes, bases, final).bits()
-            changed = changed & self.others(0, line, self.of.passed)
-            with text.when(changed.differs(0)):
-                self.call_pivoting(line, 0, changed << CHANGED, n)
-        for k in sorted(self.step.of_one_sign):
-            bases[k] = final[k]
 
     # -------------------------------------------------------------------------------------- stages
     def take_stage(self, state, table, line, n):
@@ -222,11 +186,6 @@ class _Driver:
         marked = new | (self.others(0, line, of.ended) ^ self.all_lanes)
         text.store("i8", text.new(f"trunc i64 {marked} to i8"), of.ended + line, align=1)
         return [rows[k] for k in range(self.D)]
-
-    def over_signs(self, how, truth_of, bases, final):
-        """Return truth_of(base, after) of all components that keep their signs, joined by `how`."""
-        truths = [truth_of(bases[k], final[k]) for k in sorted(self.step.of_one_sign)]
-        return functools.reduce(how, truths)
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):

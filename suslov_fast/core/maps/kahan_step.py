@@ -82,19 +82,18 @@ class Step:
     accurate    true if `after_rare` is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
     changed     true if a component that keeps its sign along the motion changes it; a value of
-                `rare`, None if there is no such component or `keeps_signs` is false
+                `rare`, None if there is no such component
     factors     `Factors` of 1 - N(x)
     is_long     true if there are many operations, which LLVM does not optimise
     is_sparse   true if elimination fills little of the matrix
     of_one_sign   components that keep their signs along the motion
-    keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
     of = None  # the function of a map; None for a field
 
-    def __init__(self, indices, D, keeps_signs=False):
-        self._begin(indices, D, keeps_signs)
+    def __init__(self, indices, D):
+        self._begin(indices, D)
         order, fill, varying = _plan_of(indices, D)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
@@ -105,9 +104,9 @@ class Step:
         self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
         self._separate_fixed()
 
-    def _begin(self, indices, D, keeps_signs):
+    def _begin(self, indices, D):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
-        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
+        self.of_one_sign = of_one_sign(indices)
         self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.own_D = D  # components of x
@@ -127,7 +126,7 @@ class Step:
     @functools.cached_property
     def key(self):
         """A key that identifies the operations of this step."""
-        return type(self), self.indices.tobytes(), self.D, self.keeps_signs
+        return type(self), self.indices.tobytes(), self.D
 
     def with_columns(self):
         """Return the step of x with columns; it has no operations if there would be too many."""
@@ -148,7 +147,7 @@ class Step:
         limits = {k: SMALL_PART * part for k, part in parts.items()}
         common = [sizes[k] >= limits[k] for k in halves]
         tests = [*common, self.factors.is_good()]
-        tested = sorted(self.of_one_sign) if self.keeps_signs else []
+        tested = sorted(self.of_one_sign)
         tests += [(number(k) < 0.0) ^ (after[k] >= 0.0) for k in tested]
         if halves:
             size, part = (joined("fadd", each.values()) for each in (sizes, parts))
@@ -226,9 +225,9 @@ class ExtendedStep(Step):
     lengths are added to D more values.
     """
 
-    def __init__(self, indices, D, keeps_signs=False):
+    def __init__(self, indices, D):
         size = D * (2 + D)
-        self._begin(indices, size, keeps_signs)
+        self._begin(indices, size)
         order, fill, varying = _plan_of(indices, D)
         self.own_D, halves = D, range(size, size + indices.shape[1])
         if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
@@ -281,4 +280,4 @@ MOST_COLUMNS, MOST_WORK = 16, 4000
 
 @functools.lru_cache(32)
 def _extended_step(step):
-    return ExtendedStep(step.indices, step.D, step.keeps_signs)
+    return ExtendedStep(step.indices, step.D)

@@ -27,11 +27,9 @@ from ..numba.decorators import Kernel, calling_python
 from ..numba.threads import in_parts
 from .dense import take_dense
 from .driver import NOT_READY, SLOT, WIDTH, DriverArguments, text_of_steps
-from .kahan_step import Step, of_one_sign
+from .kahan_step import Step
 from .packs import (
     PLANS,
-    aligned,
-    compares_signs,
     in_lines,
     note_undefined,
     packed,
@@ -48,16 +46,14 @@ SHORT_RUN = 256  # steps of lines, which are prepared for `pivoting_step` only w
 
 
 @functools.lru_cache(PLANS)
-def _step_of(places, D, is_whole):
+def _step_of(places, D):
     # A copy, because kernels would be compiled once more for arrays that cannot be written.
-    indices = np.frombuffer(places, np.int64).reshape(3, -1).copy()
-    return Step(indices, D, keeps_signs=is_whole and bool(of_one_sign(indices)))
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1).copy(), D)
 
 
 def scheme_of(indices, D, stages=WHOLE):
     """Return the `Scheme` for fields of D variables with terms at these indices (3, T)."""
-    places = np.ascontiguousarray(indices, np.int64).tobytes()
-    return Scheme(_step_of(places, D, len(stages.fractions) == 1), stages)
+    return Scheme(_step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D), stages)
 
 
 # ------------------------------------------------------------------------------------------- lines
@@ -69,15 +65,13 @@ class _Lines:
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
               without a trajectory have ended
     notes     status, failed_at and the first state beyond a pole, of each trajectory
-    bases     states before the whole step (lines, D, W); None if no components have signs to
-              compare over several stages
     """
 
     def __init__(self, arguments, states, notes, W):
         (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
         self.B, self.count = len(states), -(-len(states) // W)
         self.D = self.scheme.step.D
-        self.for_each, self.bases = max(map(len, parameters)) > 1, None
+        self.for_each = max(map(len, parameters)) > 1
         self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
         self.start_from(states)
@@ -91,8 +85,6 @@ class _Lines:
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
             self.marks[ENDED] = packed(self._of_lanes(ended, True))
             self.marks[PASSED] = packed(self._of_lanes(ended | (poles != 0.0), True))
-        if compares_signs(self.scheme.step):
-            self.bases = aligned(self.x)
 
     def _of_lanes(self, truths, unused):
         """Return truth values (B,) as (lines, W); lanes without a trajectory get `unused`."""
@@ -114,8 +106,7 @@ class _Lines:
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
-        options = self.W, self.for_each, saved.size > 0, self.bases is not None
-        address = code_of(text_of_steps, self.scheme.step, *options)
+        address = code_of(text_of_steps, self.scheme.step, self.W, self.for_each, saved.size > 0)
         is_short = self.count * (stop - start) <= SHORT_RUN
         pivoting_address = 0
         is_field = self.scheme.step.of is None
@@ -154,7 +145,6 @@ class _Lines:
             steps=steps,
             plan=address_of(plan),
             stages=len(plan),
-            bases=0 if self.bases is None else address_of(self.bases),
             first_row=row,
             row_bytes=saved.strides[0],
             first_until=until,

@@ -54,11 +54,6 @@ def plan_of(stages, table):
     return address_of(table) + table.strides[0] * distinct(stages.fractions)[1]
 
 
-def compares_signs(step):
-    """Return True if signs are compared over whole steps of several stages."""
-    return bool(step.of_one_sign and not step.keeps_signs)
-
-
 def tables_of(scheme, values, eps, W):
     """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
 

@@ -176,8 +176,7 @@ def pivoting_step(address, line, bad, negative, n):
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
             status, beyond = solve_lane(indices, half, state, system, units)
-            if stages == 1:
-                changed = changes_sign(indices, x[line, :D, l], state)
+            changed = changes_sign(indices, x[line, :D, l], state)
             if x.shape[1] > D:
                 take_columns(indices, half, x[line, :, l], state, tangent, units)
             for j in range(D):

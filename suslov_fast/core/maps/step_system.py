@@ -30,7 +30,7 @@ def _prepared(step, stages, eps, values):
         x=0, lines=1, block=1, steps=len(plan), plan=address_of(plan), stages=len(plan), until=-1,
         budget=1,
     )  # fmt: skip
-    code = code_of(text_of_steps, step, 1, False, False, False)
+    code = code_of(text_of_steps, step, 1, False, False)
     return code, array("q", [*numbers, 0]), (table, plan)
 
 
@@ -106,6 +106,8 @@ def field_step_of_one(system, state, out, memory):
     for i in range(len(x)):
         x[i] = state[i]
     for stage in range(len(system.half)):
+        for i in range(len(x)):
+            out[i] = x[i]
         bits = np.int64(1)  # 1 if the stage is not accurate, 256 if det A < 0
         if system.address != 0:
             table = system.table[stage].ctypes.data
@@ -118,8 +120,8 @@ def field_step_of_one(system, state, out, memory):
         passed |= negative
         if status != OK:
             break
-    if not system.is_map:
-        passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
+        if not system.is_map:
+            passed |= changes_sign(system.indices, out, x)
     for i in range(len(x)):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status

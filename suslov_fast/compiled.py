@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import overload, typeof_impl
+from numba.extending import overload
 
 from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
 from .core.maps.step_system import FieldSystem
@@ -149,9 +149,3 @@ def _check_types(x, out):
         if not isinstance(kind, types.Array) or (kind.dtype, kind.ndim) != (types.float64, 1):
             raise wrong(name, "an array (D,) of float64", f"{kind!s:.60}", TypeError)
     return lambda x, out: None
-
-
-@typeof_impl.register(Body)
-def _refuse_bodies(body, context):
-    how = "pass system(body, eps), of a Map system(map)"
-    raise TypeError(f"compiled code cannot take a {type(body).__name__}: {how}")

@@ -44,22 +44,12 @@ def call_kernel(
     In Python the call would take about this many seconds.
     """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
-    try:
-        if seconds < math.inf and kernel.by_numpy(*arguments):
-            return
-        if is_serial and seconds < math.inf:
-            kernel.briefly(seconds, *arguments)
-        elif is_serial or not _parallel(kernel, threads, arguments):
-            kernel.serial(*arguments)
-    except SystemError as error:
-        if _WITHOUT_ERROR not in str(error):
-            raise
-        how = "allow the process more (ulimit -v)" + ("" if is_serial else ", or pass threads=1")
-        raise MemoryError(f"there is not enough memory for this call: {how}") from error
-
-
-# What Python says of Numba, which sets no error where it lacks memory.
-_WITHOUT_ERROR = "without setting an exception"
+    if seconds < math.inf and kernel.by_numpy(*arguments):
+        return
+    if is_serial and seconds < math.inf:
+        kernel.briefly(seconds, *arguments)
+    elif is_serial or not _parallel(kernel, threads, arguments):
+        kernel.serial(*arguments)
 
 
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:

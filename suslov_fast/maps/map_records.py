@@ -88,13 +88,7 @@ def map_of(body: Any, method: str = "auto") -> Discretization:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + _HOW
         raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
-    if f"order{method}" in by_method:
-        checks.one_of("method", method, by_method, f": pass 'order{method}'")
     instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
-    if str(method).startswith("order") and method != "order2":
-        of_fields = ", ".join(repr(name) for name in methods_of(Field) if name != "auto")
-        instead = f": body.field() has the methods {of_fields}"
-        instead *= "order8" not in by_method
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import MapOrField
-from ..checks import FloatArray, Reals, integer, one_of, wrong
+from ..checks import FloatArray, Reals, integer, one_of
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
 from ..maps.batch import BatchRun, Progress, reporter
@@ -197,9 +197,4 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     expected = "the number of steps, an integer of 0 or more"
-    if isinstance(steps, float) and steps % 1 != 0:
-        how = "the step size eps comes before steps, and a run ends at the time eps * steps"
-        raise wrong("steps", expected, f"{steps}: {how}", TypeError)
-    if isinstance(steps, int) and steps < 0:
-        raise wrong("steps", expected, f"{steps}: for steps back pass -eps")
     return integer("steps", steps, 0, expected), save_every

@@ -34,8 +34,6 @@ _SHORT, _LONG = 0.02, 0.1
 _IN_PYTHON, _FEW = 1e-5, 6
 # Work of a chunk with orientations: the number of states times n**2.
 TURNING = 2**24
-# Work of a run that one call of the kernel takes.
-_SHORT_RUN = 1e5
 
 # The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
 # for slower maps. After each report the states of a large batch are read from memory again.
@@ -154,8 +152,6 @@ class BatchRun:
         `every` is 0. `report` takes the number of steps; if it returns False, the run ends there.
         Orientations are None without an attitude.
         """
-        if report is None and (saved := self._at_once(stop, every)) is not None:
-            return saved, None
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows = _rows(0, stop, every)
         n, turns = 0 if turned is None else D + 1, None
@@ -173,28 +169,6 @@ class BatchRun:
             return saved[:rows].copy(), None if turns is None else turns[:rows].copy()
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
         return self.final[np.newaxis], turns
-
-    def _at_once(self, stop: int, every: int) -> FloatArray | None:
-        """Continue to state `stop` by one call of the kernel, and return the saved states.
-
-        Return None unless the run is short: then the overhead of `to` takes longer than its steps.
-        """
-        (size, D), n = self.omega0.shape, self.n
-        cost = max(self.steps.cost(D, self.arguments), 0.1)
-        if size * (stop - n) * cost > _SHORT_RUN or self.turned is not None or len(self.groups) > 1:
-            return None
-        saved = np.empty((_rows(n, stop, every), size, D))
-        taken = size if size <= _FEW else -(-size // self.steps.lanes) * self.steps.lanes
-        call_kernel(
-            self.steps.kernel, 0, 1, self.arguments, self.omega0, self.carry,
-            (0, size, n, stop, every, 0), saved, self.final.reshape(size, D),
-            self.status.reshape(size), self.failed_at.reshape(size),
-            seconds=_IN_PYTHON * (1.0 + cost) * taken * (stop - n + 2),
-        )  # fmt: skip
-        self.n = stop
-        if not every:
-            return self.final[np.newaxis]
-        return saved.reshape(len(saved), *self.problem.batch, D)
 
     def of_one(self) -> FloatArray | None:
         """Return the next state of one field or map; None if a run has to take the step."""

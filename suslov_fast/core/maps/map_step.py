@@ -27,6 +27,7 @@ class MapStep(ExtendedStep):
         D, self.of = f.D, f
         size = D * (2 + D) if columns else D
         self.D, self.T, self.own_D, self.is_sparse = size, f.P, 0, True
+        self.of_one_sign = set()
         self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
         self.values = values = Expressions(size + f.P, range(size, size + f.P))
         work = D * (len(f.pattern) + 2 * D * D) * columns

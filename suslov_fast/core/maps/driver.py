@@ -109,7 +109,7 @@ class _Driver:
         now.row = saves.select(row + of.row_bytes, row)
         now.goes_on = now.n < of.steps
         with text.when(now.goes_on, likely=True):
-            is_spent = self.slots[SLOT.budget].is_at_most(0)
+            is_spent = ((self.slots[SLOT.budget] - 1) >> 63).equals(1)  # 0 or negative
             with text.when(is_spent, likely=False):
                 self.slots[SLOT.line] = lo  # where the next call goes on
                 for key in ("n", "stage", "until", "row"):

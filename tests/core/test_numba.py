@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.numba import cache, decorators
+from suslov_fast.core.numba import decorators
 from suslov_fast.core.suslov import steps as steps_3d
 
 pytestmark = pytest.mark.compiled
@@ -142,8 +142,7 @@ def test_without_a_writable_folder(folder):
 def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
     monkeypatch.setattr(decorators, "PATIENCE", -1.0)  # compile, whatever ran before
     sf.iterate(body, [1.0, 0.5], 0.2, 1)
-    assert list(Path(cache.folder_of(steps_3d.steps.compiled)).glob("*steps.steps_*.nbi"))
-    assert cache.folder_of(len) is None
+    assert list(Path(steps_3d.steps.compiled.stats.cache_path).glob("*steps.steps_*.nbi"))
 
 
 # Names of Numba that are not public, and where they are. Numba itself needs them: they are hidden

@@ -77,11 +77,10 @@ def as_in_an_empty_process(monkeypatch):
         for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
             if isinstance(each, decorators.Patient):
                 monkeypatch.setattr(each, "seconds", 0.0)
-                names = ["briefly", "serial", "_compiled", "is_compiled"]
+                names = ["briefly", "serial", "_address_of_code", "is_compiled"]
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
-        for name in ("is_kept", "has_files"):
-            monkeypatch.setattr(decorators, name, lambda *_: False)
+        monkeypatch.setattr(decorators, "is_kept", lambda *_: False)
         monkeypatch.setattr(decorators, "PATIENCE", 1000.0)
 
     return begin

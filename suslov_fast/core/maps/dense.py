@@ -9,7 +9,6 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
 from ..expressions.symbolic_elimination import LEAST_PIVOT
 from ..numba.arrays import array_at, uncounted
@@ -165,7 +164,7 @@ def solve_rows(a):
     return least > LEAST_PIVOT * largest, negative
 
 
-@c_function(types.int64(*[types.int64] * 6))
+@c_function
 def solve_at(indices, half, x, memory, D, T):
     """Take the step of a lane by `solve_lane`, from addresses; return -status + 256 (det A < 0)."""
     status, negative = solve_lane(

@@ -8,7 +8,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from ..numba.arrays import array_at
 from ..numba.decorators import c_function, function
@@ -142,7 +141,7 @@ def arguments_of(arrays, own_D, first):
     return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)
 
 
-@c_function(types.void(*[types.int64] * 5))
+@c_function
 def pivoting_step(address, line, bad, negative, n):
     """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
 

@@ -9,7 +9,7 @@ The folder must be as trusted as the code.
 import functools
 import hashlib
 import importlib.resources
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 # Private names of Numba: without them each process compiles for itself.
@@ -65,17 +65,6 @@ def _locators():
     return [Named, *usual]
 
 
-@contextmanager
-def named_folder():
-    """Make Numba choose the files of universal functions and of C functions by `_locators`, too."""
-    usual = caching.CacheImpl._locator_classes
-    caching.CacheImpl._locator_classes = _locators()
-    try:
-        yield
-    finally:
-        caching.CacheImpl._locator_classes = usual
-
-
 def _files_of(py_function):
     """Return the reader and writer of a function's cache files; RuntimeError without a folder."""
 
@@ -105,7 +94,11 @@ def _files_of(py_function):
 
 
 def use_cache(compiled, py_function):
-    """Give a compiled function its cache files: `caching`, `FunctionCache`, `_cache` of Numba."""
+    """Give a compiled function its cache files: `caching`, `FunctionCache`, `_cache` of Numba.
+
+    The name of the function, and so the names of its files, end with the digest of all sources.
+    """
+    py_function.__qualname__ += f"_{_digest()}"
     if FunctionCache is not None and hasattr(compiled, "_cache"):
         with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder
             compiled._cache = _files_of(py_function)
@@ -118,21 +111,3 @@ def is_kept(compiled, kinds):
         key = files._index_key(kinds, compiled.targetctx.codegen())
         return key in files._cache_file._load_index()
     return False
-
-
-def has_files(py_function):
-    """Return True if a function that Numba caches by itself has cache files."""
-    with suppress(Exception), named_folder():  # of any class, as in `is_kept`
-        return bool(FunctionCache(py_function)._cache_file._load_index())
-    return False
-
-
-def folder_of(compiled):
-    """Return the folder of the cache files of a function, or None."""
-    files = getattr(compiled, "_cache", None)
-    return files.cache_path if isinstance(files, FunctionCache or ()) else None
-
-
-def name_with_digest(py_function):
-    """Add the digest of all sources to the name of a function, and so to the names of its files."""
-    py_function.__qualname__ += f"_{_digest()}"

@@ -27,8 +27,6 @@ import importlib
 import math
 import os
 import re
-import sys
-import threading
 from contextlib import contextmanager, suppress
 from threading import get_ident
 from time import perf_counter
@@ -40,14 +38,7 @@ from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
 from .arrays import array_at, pack
-from .cache import (
-    folder_of,
-    has_files,
-    is_kept,
-    name_with_digest,
-    named_folder,
-    use_cache,
-)
+from .cache import is_kept, use_cache
 from .interrupts import uninterrupted
 from .intrinsics import call_address, call_code
 from .threads import in_parts
@@ -74,7 +65,6 @@ with suppress(ImportError, AttributeError):  # private names of Numba; Windows h
 # -------------------------------------------------------------------------------------- functions
 def _cached(compile_with, py_function):
     """Return a function that is compiled at its first call; cache it if there is a folder."""
-    name_with_digest(py_function)
     compiled = compile_with(py_function)
     # Numba would cache code with and without bounds checks under the same name.
     if not (config.BOUNDSCHECK or config.DISABLE_JIT):
@@ -94,19 +84,6 @@ def _load_registries():
             registry.cpu_target.target_context.refresh()
 
 
-SILENT = 2.0  # seconds of compiling before the message to a user at a terminal
-_said = []  # the message to users, once it is printed
-
-
-def _say():
-    """Tell a user at a terminal, once in a process, that the package is compiling."""
-    folder = folder_of(_loop)
-    kept = f"later processes load the code from {folder}" if folder else "the code is not kept"
-    if not _said:
-        _said.append(f"suslov_fast compiles for some seconds; {kept}")
-        print(*_said, file=sys.stderr, flush=True)
-
-
 @contextmanager
 def _compiling():
     """Pause Python's garbage collector, which takes an eighth of the time of compiling.
@@ -116,11 +93,7 @@ def _compiling():
     _load_registries()
     was_enabled = gc.isenabled()
     gc.disable()
-    timer = threading.Timer(SILENT, _say)
-    timer.daemon = True
     try:
-        if not _said and sys.stderr is not None and sys.stderr.isatty():
-            timer.start()
         yield
     except Exception as error:  # of any class: a newer Numba may raise anything
         # Kernels that check indices, or are interpreted, raise IndexError when they run.
@@ -129,7 +102,6 @@ def _compiling():
         text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
         raise RuntimeError(text) from error
     finally:
-        timer.cancel()
         if was_enabled:
             gc.enable()
 
@@ -252,36 +224,21 @@ def calling_python():
         raise error
 
 
-class _WithFiles(Patient):
-    """A function whose cache files Numba itself manages."""
+class CFunction(Patient):
+    """A function of integers that machine code calls; it returns an integer or nothing.
+
+    It is compiled when its address is first read.
+    """
+
+    def __init__(self, py_func):
+        self.py_func, count = py_func, py_func.__code__.co_argcount
+        self.kinds, self.words = (types.int64,) * count, (ctypes.c_int64,) * (1 + count)
+        self.compiled = _cached(numba.njit(**_OPTIONS), py_func)
 
     @functools.cached_property
-    def _named(self):
-        """The Python function, renamed by `name_with_digest`."""
-        name_with_digest(self.py_func)
-        return self.py_func
-
-    def _built(self, build, is_whole=bool):
-        """Return build(cache=...)(function); without the cache if that fails or is not whole."""
+    def _address_of_code(self):
         with _compiling():
-            # There is no writable folder; or a file cannot be read, which may raise anything. An
-            # error of compiling comes again.
-            with suppress(Exception), named_folder():
-                compiled = build(cache=not config.BOUNDSCHECK)(self._named)
-                if is_whole(compiled):
-                    return compiled
-            return build(cache=False)(self._named)
-
-
-class CFunction(_WithFiles):
-    """A function that machine code calls; it is compiled when its address is first read."""
-
-    def __init__(self, signature, py_func):
-        self.signature, self.py_func = signature, py_func
-
-    @functools.cached_property
-    def _compiled(self):
-        return self._built(functools.partial(numba.cfunc, self.signature, **_OPTIONS))
+            return _address(self.compiled, self.kinds)
 
     @property
     def address(self):
@@ -293,33 +250,29 @@ class CFunction(_WithFiles):
         Machine code that may call Python code is called within `calling_python`.
         """
         is_slow = not self.is_compiled and self.has_patience(seconds)
-        if config.DISABLE_JIT or (is_slow and not has_files(self._named)):
+        if config.DISABLE_JIT or (is_slow and not is_kept(self.compiled, self.kinds)):
             return ctypes.cast(self._callback, ctypes.c_void_p).value
-        return self._compiled.address
+        return self._address_of_code
 
     @functools.cached_property  # which keeps it alive
     def _callback(self):
-        words = [None if kind == types.void else ctypes.c_int64
-                 for kind in (self.signature.return_type, *self.signature.args)]  # fmt: skip
         function = as_python(self.py_func)
 
         def called(*arguments):
             try:
-                return self.in_python(function, *arguments)
+                return self.in_python(function, *arguments) or 0
             except Exception as error:  # ctypes would print and forget it
                 _raised[get_ident()] = error
                 return 0
 
-        return ctypes.CFUNCTYPE(*words)(called)
+        return ctypes.CFUNCTYPE(*self.words)(called)
 
     @property
     def is_compiled(self):
-        return "_compiled" in vars(self)
+        return "_address_of_code" in vars(self)
 
 
-def c_function(signature):
-    """Return a decorator that makes a `CFunction`."""
-    return functools.partial(CFunction, signature)
+c_function = CFunction  # the decorator
 
 
 # ---------------------------------------------------------------------------------------- kernels
@@ -372,15 +325,10 @@ class Kernel(Patient):
 
     def parallel(self, threads, *arguments):
         """Call the kernel in each of `threads` threads, for one part of the work each."""
-        addresses = None
         # Kernels that check indices or are interpreted may raise, which a
         # parallel loop of Numba ignores.
         may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
-        if not may_raise:
-            kind = self.compiled, _kind(arguments)
-            if kind not in known_addresses:
-                known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
-            addresses = known_addresses[kind]
+        addresses = None if may_raise else _addresses(self.compiled, numba.typeof(arguments))
         if addresses is None:
             in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
         else:
@@ -408,18 +356,7 @@ def _start(loop, kernel, parts, arguments):
     call_address(loop, call_part, kernel, data, parts)
 
 
-known_addresses = {}  # results of `_addresses`, by kernel and kind of its arguments
-
-
-def _kind(argument):
-    """Return a key for Numba's type of an argument; `numba.typeof` takes 0.1 ms for all."""
-    if isinstance(argument, tuple):
-        return type(argument), *map(_kind, argument)
-    if isinstance(argument, np.ndarray):
-        return argument.dtype, argument.ndim, argument.flags.num
-    return type(argument)
-
-
+@functools.cache
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 

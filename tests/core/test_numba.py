@@ -149,7 +149,6 @@ def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
 # from the package alone.
 PRIVATE = {
     "_cache": "numba.core.dispatcher.Dispatcher",
-    "get_compile_result": "numba.core.dispatcher.Dispatcher",
     "FunctionCache": "numba.core.caching",
     "CompileResultWAP": "numba.types",
 }

@@ -360,9 +360,9 @@ def _start(loop, kernel, parts, arguments):
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
-    This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and the private
-    names in `llvm`. If a name is missing or has another meaning, return None. Then Python threads
-    take the parts, and an error in the kernel itself is raised again.
+    This needs private names of Numba: `CompileResultWAP`, and the private names in `llvm`. If a
+    name is missing or has another meaning, return None. Then Python threads take the parts, and an
+    error in the kernel itself is raised again.
     """
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
         addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
@@ -377,7 +377,7 @@ _WORDS = (types.int64,) * 4
 def _address(dispatcher, kinds):
     """Compile a function for arguments of these types; return its address."""
     dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
-    return types.CompileResultWAP(dispatcher.get_compile_result(types.void(*kinds))).address
+    return types.CompileResultWAP(dispatcher.overloads[tuple(kinds)]).address
 
 
 # ------------------------------------------------------------------------------------- in kernels

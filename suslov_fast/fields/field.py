@@ -13,6 +13,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, arguments_of, short, wrong
 from ..core.expressions.event_formulas import EventAction
+from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
 from . import coefficients, right_hand_sides
 from .base import Body, frozen
@@ -382,6 +383,15 @@ class Field(Traced):
     @cached_property
     def _listed_right_hand_sides(self) -> list[OfMembers]:
         return self._motion_lists(twice=True)
+
+    @cached_property
+    def _tables_of_time(self) -> list[tuple[int, float, float]]:
+        """The variable, and the first and last knot, of each table over a variable of rate 1."""
+        if self._equations is None or not (clocks := {*self._right_hand_sides[0].f.clocks}):
+            return []
+        operations = self._equations.values.operations
+        tables = [(args[0], kind.rows[0, 1:]) for kind, _, args in operations if is_table(kind)]
+        return [(k, knots[0], knots[-1]) for k, knots in tables if k in clocks and len(knots)]
 
     # ------------------------------------------------------------------------------ degree 2
     @property

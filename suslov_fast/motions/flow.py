@@ -42,6 +42,7 @@ from .motion_arguments import (
     checked_times,
     warn_of_ends,
     warn_of_growth,
+    warn_of_tables,
     warn_of_times,
 )
 from .sensitivities import Columns, WithColumns
@@ -167,6 +168,8 @@ def flow(
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
+        if sign > 0 and body._tables_of_time:
+            warn_of_tables(body, x, times.max(initial=0.0))
     event_times = None
     if acting:
         event_times = event_times_of(acting, sign, batch)

@@ -126,6 +126,18 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
             )
 
 
+def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
+    """Warn if times from x0 to `last` are all before or after a table of values over time."""
+    for clock, first, end in field._tables_of_time:
+        t, name = x[:, clock], field._labels[clock]
+        if len(t) and ((t >= end).all() or (t + last <= first).all()):
+            low, high = t.min(), t.max() + last
+            checks.warn(
+                f"np.interp: its table is from {first:g} to {end:g}, and {name} from {low:g} to "
+                f"{high:g}, where it is constant: the last component of x0 is the time in the table"
+            )
+
+
 def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
     if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):

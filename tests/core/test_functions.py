@@ -30,7 +30,7 @@ EXACT = {
     "expit": expit,
     "logaddexp": lambda x, y: max(x, y) + mpmath.log1p(mpmath.exp(-abs(x - y))),
 }
-OF_OTHERS = "expm1", "expit", "sinh", "cosh", "tanh", "log2", "log10", "hypot"
+OF_OTHERS = "tan", "expm1", "expit", "sinh", "cosh", "tanh", "log2", "log10", "hypot"
 
 
 def of_size(rng, least, greatest, n):

@@ -69,15 +69,6 @@ def _square(a):
     return high, ((a1 * a1 - high) + (a1 + a1) * a2) + a2 * a2
 
 
-def _quotient(a, b):
-    """Return the quotient of sums high + low, in two parts."""
-    a, b = _sum(*a), _sum(*b)
-    inverse = 1.0 / b[0]
-    high = a[0] * inverse
-    product, rest = _product(high, b[0])
-    return high, (((a[0] - product) - rest) + (a[1] - high * b[1])) * inverse
-
-
 # ----------------------------------------------------------------------------------- powers of two
 # Added to a number, they leave its nearest integer in the last bits of the sum.
 _SHIFT = 1.5 * 2.0**52
@@ -387,13 +378,11 @@ def _less_quarters(x):
     return n + _SHIFT, r, (first + second) - n * _QUARTER[4]
 
 
-def _sine_and_cosine(x, of_tangent=False):
+def _sine_and_cosine(x):
     """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x = r + n pi / 2 >= 0."""
     n, r, low = _less_quarters(x)
     z = r * r
     cosine, rest = _difference(1.0, 0.5 * z)
-    if of_tangent:  # errors of both and of their quotient make 1 ulp if r**2 has no error
-        rest = rest - 0.5 * _square(r)[1]
     cube = r * z  # terms that do not wait for a polynomial are added first
     sine = r, (cube * _SIN[0] + low * cosine) + (cube * z) * _polynomial(_SIN[1:], z)
     return n, sine, (cosine, (rest - r * low) + (z * z) * _polynomial(_COS, z))
@@ -424,12 +413,10 @@ def cos(x):
 
 def tan(x):
     """Return the tangent: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
-    n, sine, cosine = _sine_and_cosine(abs(x), of_tangent=True)
-    is_odd = _is_odd(n)
-    above = [is_odd.select(a, b) for a, b in zip(cosine, sine, strict=True)]
-    below = [is_odd.select(-1.0 * a, b) for a, b in zip(sine, cosine, strict=True)]
-    high, low = _quotient(above, below)
-    return (high + low).then("bits_xor", x.then("bits_and", -0.0))
+    n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
+    sine, cosine, is_odd = sine + first, cosine + second, _is_odd(n)
+    result = is_odd.select(-cosine, sine) / is_odd.select(sine, cosine)
+    return result.then("bits_xor", x.then("bits_and", -0.0))
 
 
 # The functions by the names of their instructions, with the number of operands.

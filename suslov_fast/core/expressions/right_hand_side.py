@@ -6,7 +6,7 @@ import numpy as np
 
 from .derivative import gradients
 from .function_records import RECORDS
-from .numpy_evaluation import OF_TRUTH_VALUES, evaluate
+from .numpy_evaluation import evaluate
 from .programs import Program, needed_for
 
 
@@ -109,13 +109,10 @@ class RightHandSide:
         of = {i: 1 << i for i in range(self.D)}
         # The components that make each value 0 if they are 0.
         factors = {i: 1 << i for i in range(self.D)}
-        truth = set()
         for instruction, number, operands in self.f.operations:
             numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
             of[number] = functools.reduce(int.__or__, numbers, 0)
             factors[number] = _common_factors(instruction, operands, factors, self.D)
-            if instruction in OF_TRUTH_VALUES:
-                truth.add(number)
         self.reads = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
         self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
         self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]

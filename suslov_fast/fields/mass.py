@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import real_array, short, wrong
+from ..checks import real_array, wrong
 from ..core.expressions.numpy_evaluation import evaluate
 from .symbolic import Symbol, Tracer
-from .trace import alone, called, check_function, check_same, taken, taking
+from .trace import check_function, operands_of_function, taken, taking
 
 _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
 # States; a difference beside its terms that may be rounding; the part of states where it is, at
@@ -41,9 +41,13 @@ def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tupl
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     """Return the operands of M^-1 f for the operands `right` that are f."""
     D = len(right)
-    rows = _entries(tracer, mass, D) if callable(mass) else real_array("mass", mass).tolist()
-    if np.shape(rows) != (D, D):
-        raise wrong("mass", f"have the shape ({D}, {D})", np.shape(rows))
+    if callable(mass):
+        _, entries = operands_of_function("mass", mass, (), (), tracer)
+        rows = [entries[k : k + D] for k in range(0, D * D, D)]
+    else:
+        rows = real_array("mass", mass).tolist()
+        if np.shape(rows) != (D, D):
+            raise wrong("mass", f"have the shape ({D}, {D})", np.shape(rows))
     b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
         found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
@@ -51,23 +55,6 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
         samples = _Samples(tracer)
         found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
     return [tracer.result(a) for a in found]
-
-
-def _entries(tracer: Tracer, mass: Any, D: int) -> list[list[Any]]:
-    """Return the operands of the entries of M; the function is called twice."""
-    found = []
-    for _ in range(2):
-        result = called("mass", mass, tracer.state, tracer.parameters)
-        array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
-        if array.ndim != 2:
-            received = f"{short(result)} of shape {array.shape}"
-            raise wrong("mass", f"return a matrix of the shape ({D}, {D})", received)
-        try:
-            found.append([[tracer.result(alone(a)) for a in row] for row in array.tolist()])
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"mass: {error}") from None
-    check_same("mass", *found)
-    return found[0]
 
 
 def _as_symbol(tracer: Tracer, operand: Any) -> Any:

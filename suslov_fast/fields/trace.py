@@ -124,11 +124,17 @@ def components(result: Any, D: int) -> Any:
     return result
 
 
-def check_same(argument: str, first: Any, second: Any) -> None:
-    """Raise ValueError if the results of two calls of f differ."""
-    if first != second:
-        how = "f must compute from x and its parameters alone, without random numbers or memory"
-        raise ValueError(f"{argument}: two calls of f differ: {how}")
+def _parts(argument: str, result: Any, D: int) -> Any:
+    """Return the parts of what a function returned: D components, a number, or entries of M."""
+    if argument in ("H", "surface"):
+        return [result]
+    if argument != "mass":
+        return components(result, D)
+    array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
+    if array.shape != (D, D):
+        received = f"{short(result)} of shape {array.shape}"
+        raise ValueError(f"must return a matrix of the shape ({D}, {D}), not {received}")
+    return array.ravel().tolist()
 
 
 def operands_of_function(
@@ -138,23 +144,24 @@ def operands_of_function(
     parameters: Mapping[str, Any],
     tracer: Tracer | None = None,
 ) -> tuple[Tracer, list[Any]]:
-    """Return the tracer with which f was called, and the operands that are f, or [H]."""
+    """Return the tracer with which f was called, and the operands that are f, [H] or M by rows."""
     tracer = tracer or Tracer(names, [*parameters])
     found = []
     for _ in range(2):
         result = called(argument, f, tracer.state, tracer.parameters)
         try:
-            parts = (
-                [result] if argument in ("H", "surface") else components(result, len(tracer.state))
-            )
-            found.append([tracer.result(alone(part)) for part in parts])
+            parts = _parts(argument, result, len(tracer.state))
+            found.append([tracer.result(_alone(part)) for part in parts])
         except (TypeError, ValueError) as error:
             raise type(error)(f"{argument}: {error}") from None
-    check_same(argument, *([*map(repr, each)] for each in found))  # equal operations are one
+    first, second = ([*map(repr, each)] for each in found)  # equal operations are one
+    if first != second:
+        how = "f must compute from x and its parameters alone, without random numbers or memory"
+        raise ValueError(f"{argument}: two calls of f differ: {how}")
     return tracer, found[0]
 
 
-def alone(value: Any) -> Any:
+def _alone(value: Any) -> Any:
     """Return the entry of an array of one, and anything else as it is."""
     return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
 

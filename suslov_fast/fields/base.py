@@ -35,10 +35,6 @@ class Body(Members, metaclass=Answering):
 
     Attributes
     ----------
-    dimension : int
-        The number of components of a state.
-    _labels : tuple of str
-        The names of the components.
     _axes : dict of str to int
         The number of axes of each parameter that is a vector (1) or a matrix (2): otherwise its
         components count as members of a batch.
@@ -48,20 +44,8 @@ class Body(Members, metaclass=Answering):
         The arguments of formulas and kernels of the map, by default the parameters.
     _coordinates : tuple of str
         Parameters that are coordinates of datasets, and that ``==`` ignores.
-    _meaning : str
-        The meaning of the parameters, for messages.
     _steady_line : ndarray(float, shape=(..., D)) or None
         The direction of the line of steady states through 0; NaN for members, or None, without one.
-    _called : str
-        The name of the class in messages.
-    _variable : {"omega", "x"}
-        The name of the states.
-    _has_eps : bool
-        Whether steps have a length, eps.
-    _may_escape : bool
-        Whether motions may escape to infinity.
-    _is_solved : bool
-        Whether a closed form of the motion is known.
     _read, _texts : callable, tuple of str
         The function that makes a body from its dictionary, and the entries without numbers.
     """

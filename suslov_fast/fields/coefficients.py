@@ -235,10 +235,7 @@ def _values(name: str, given: Any, count: int) -> Any:
 
 
 def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
-    """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values.
-
-    K is an array or the entry of a dictionary; by default it is canonical.
-    """
+    """Return the antisymmetric matrix of a Hamiltonian field as (3, n): i, j and exact values."""
     if K is None:
         if D % 2:
             raise wrong(

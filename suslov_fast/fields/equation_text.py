@@ -120,10 +120,7 @@ def written(
     ratios: Mapping[float, Fraction] = _NONE,
     defines: bool = True,
 ) -> tuple[dict[str, str], list[str]]:
-    """Return definitions of values that occur twice or deep inside, and the texts of results.
-
-    Without `defines` there are no definitions.
-    """
+    """Return definitions of values that occur twice or deep inside, and the texts of results."""
     of, order = {}, []
     stack = [(a, False) for a in reversed(results)]
     while stack:

@@ -491,10 +491,7 @@ class Field(Traced):
 
 
 def system_of(system: Any, x0: Any) -> Any:
-    """Return a system; a function of the state is a field with as many variables as x0 has.
-
-    It is for functions such as `flow`. Other objects than functions are returned as they are.
-    """
+    """Return a system; a function of the state is a field with as many variables as x0 has."""
     if isinstance(system, (Body, type)) or not callable(system):
         return system
     D = (1, *np.shape(x0))[-1]

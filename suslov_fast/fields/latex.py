@@ -37,10 +37,7 @@ def symbol(name: str) -> str:
 def equations(
     rows: Sequence[tuple[str, str]], names: Mapping[str, str] | None = None
 ) -> str | None:
-    """Return equations of left sides, in LaTeX, and texts; None where these are no formulas.
-
-    `names` has the variables with another name in LaTeX.
-    """
+    """Return equations of left sides, in LaTeX, and texts; None where these are no formulas."""
     if sum(len(text) for _, text in rows) > _LONGEST:
         return None
     try:

@@ -67,11 +67,7 @@ def latex(name: str) -> str:
 
 
 def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
-    """Return the checked names of variables; x1, ..., xD if only their number is known.
-
-    `given` is a text with names between spaces or commas, a sequence of names, the number of
-    variables, or None. If D is known there must be D names.
-    """
+    """Return the checked names of variables; x1, ..., xD if only their number is known."""
     if given is None and D:
         return labels(D)
     if isinstance(given, str):

@@ -105,10 +105,7 @@ def of_equations(
 def of_terms(
     terms: Terms, D: int, twice: bool = False, actions: tuple[EventAction, ...] = ()
 ) -> list[OfMembers]:
-    """Return the right-hand sides of members of a family of terms, by the terms that are not 0.
-
-    Arguments are as in `of_equations`.
-    """
+    """Return the right-hand sides of members of a family of terms, by the terms that are not 0."""
     (indices, values), found = terms.floats, []
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
     exists = rows != 0.0
@@ -159,10 +156,7 @@ def equations_of(places: bytes, D: int) -> Equations:
 def with_events(
     field: Any, actions: tuple[EventAction, ...], names: tuple[str, ...] = (), twice: bool = False
 ) -> list[OfMembers]:
-    """Return the right-hand sides of members of a field with events.
-
-    Arguments are as in `of_equations`, with `acts` in the order of code.
-    """
+    """Return the right-hand sides of members of a field with events, in the order of code."""
     key, known = (actions, names, twice), vars(field).setdefault("_with_events", {})
     if key not in known:
         if len(known) >= _MOST_EVENTS:

@@ -53,10 +53,7 @@ def fractions(values: Any) -> Any:
 
 
 def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
-    """Return the sum of terms at any places: of a field with the degree 2, of a Hamiltonian with 3.
-
-    Fractions are added exactly.
-    """
+    """Return the sum of terms at any places: of a field (degree 2), or of a Hamiltonian (3)."""
     indices = np.array(indices, np.int64).reshape(3, -1)
     indices[3 - degree :].sort(axis=0)
     order = np.lexsort((*indices[::-1], indices[2] == D))

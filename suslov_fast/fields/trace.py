@@ -19,10 +19,7 @@ _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names
 
 
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless a user's function takes the state and these parameters.
-
-    `names` are the names of the variables; `argument` is the public one, "f" or "H".
-    """
+    """Raise TypeError unless a user's function takes the state and these parameters."""
     if not callable(f):
         raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
     try:
@@ -85,10 +82,7 @@ def taking(f: Any, names: Sequence[str]) -> Any:
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
-    """Return the value of f; raise TypeError or ValueError where it does not take symbols.
-
-    An error of another class, which has nothing to do with symbols, is raised as it is.
-    """
+    """Return the value of f; raise TypeError or ValueError where it does not take symbols."""
     try:
         return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:

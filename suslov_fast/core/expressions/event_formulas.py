@@ -175,10 +175,7 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of actions, which are in the order of code.
-
-    `by` are numbers of parameters; the last columns are derivatives by these.
-    """
+    """Return the `EventSet` of actions in the order of code; `by` are numbers of parameters."""
     parts, components = {}, []
     for k, action in enumerate(actions):
         own = components_of(action)

@@ -29,10 +29,7 @@ class ComponentSets(NamedTuple):
 
 
 def sets_of(f):
-    """Return the `ComponentSets` of a `RightHandSide`, None if there are none.
-
-    A is the set with rates that take less time, if they may be in A.
-    """
+    """Return the `ComponentSets` of a `RightHandSide`, None if there are none."""
     if f.is_dense or f.branches is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]

@@ -30,10 +30,7 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """The entries of N(x) and the right sides h f(x), as sums over the terms v x_j x_k of a field.
-
-    `x` are the numbers of the components, `halves` the numbers of h v of the terms.
-    """
+    """The entries of N(x) and the right sides h f(x), as sums over the terms; `halves` are h v."""
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -198,7 +195,6 @@ class Factors:
 def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
-    The degree of an unknown is the number of others that occur in an equation together with it.
     Among unknowns of equal degree the next pivot has the shortest chain of pivots that it depends
     on, because processors evaluate independent operations in parallel.
     """

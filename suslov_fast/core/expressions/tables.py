@@ -55,10 +55,7 @@ def is_table(instruction):
 
 
 def interval(kind, number, choice, places):
-    """Return the ends of the interval of arguments in which a table, or `floor`, keeps its branch.
-
-    `choice` is the number of the branch, or of the first number of a table's branch.
-    """
+    """Return the ends of the interval in which a table, or `floor`, keeps its branch."""
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
 

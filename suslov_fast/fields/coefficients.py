@@ -15,8 +15,9 @@ from ..core.expressions.numpy_evaluation import FUNCTIONS
 from .equations import Equations
 from .exact_numbers import as_given, exact
 from .names import check_order
-from .terms import Terms, collected, fractions
+from .terms import Terms, collected
 
+_fractions = np.vectorize(Fraction, "O")
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
 # A polynomial: coefficients by sorted indices, of which (0, 0, 1) stands for x1 x1 x2. They are
@@ -195,7 +196,7 @@ def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
     batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
     values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]
     if batch or any(v.dtype == object for v in values):
-        values = [v.astype(np.float64) if batch else fractions(v) for v in values]
+        values = [v.astype(np.float64) if batch else _fractions(v) for v in values]
     return collected(np.hstack(indices), np.concatenate(values, axis=-1), D, 2), D
 
 
@@ -255,7 +256,7 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         if array.shape != (D, D):
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
         places, values = _of_array("K", array, 2, D)
-    values = fractions(values)
+    values = _fractions(values)
     found = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
     for (i, j), v in found.items():
         if (w := found.get((j, i), Fraction(0))) != -v:

@@ -40,10 +40,8 @@ class Field(Traced):
     each x_j x_k and (x_j + x_next_j) / 2 for each x_j, which :func:`iterate` iterates.
 
     f is kept as a list of operations, from which its exact derivative follows. It is a formula of
-    + - * / ** and of NumPy's exp, log, sqrt, cbrt, sin, cos, tan, sinh, cosh, tanh, their inverses,
-    arctan2, hypot, expm1, log1p, exp2, log2, log10, logaddexp, abs, sign, minimum, maximum, clip,
-    heaviside, floor, where, comparisons joined by & | ~, interp with a table of numbers, and
-    SciPy's expit and erf. Sums, products and shifts of arrays are made of these.
+    + - * / **, of NumPy's functions of numbers, where, comparisons joined by & | ~, interp with a
+    table of numbers, and SciPy's expit and erf.
 
     Parameters
     ----------

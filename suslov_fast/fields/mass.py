@@ -204,12 +204,10 @@ def _pivot(
     is_zero: Callable[[Any], bool],
 ) -> tuple[int, int]:
     """Return the place of the next pivot: a number, else one that fills few places."""
-    places = [(i, j) for i in rows for j in columns if not _is_zero(a[i][j])]
-    is_pivot = [not is_zero(a[i][j]) for i, j in places]
-    if not any(is_pivot):
+    places = [(i, j) for i in rows for j in columns if not is_zero(a[i][j])]
+    if not places:
         raise _singular()
-    allowed = [place for place, is_allowed in zip(places, is_pivot, strict=True) if is_allowed]
-    diagonal = [(i, j) for i, j in allowed if i == j]
+    diagonal = [(i, j) for i, j in places if i == j]
     in_row = {i: sum(place[0] == i for place in places) for i in rows}
     in_column = {j: sum(place[1] == j for place in places) for j in columns}
 
@@ -218,4 +216,4 @@ def _pivot(
         size = abs(a[i][j]) if isinstance(a[i][j], float) else 0.0
         return not size, (in_row[i] - 1) * (in_column[j] - 1), -size, i != j, place
 
-    return min(diagonal if is_symmetric and diagonal else allowed, key=order)
+    return min(diagonal if is_symmetric and diagonal else places, key=order)

@@ -34,22 +34,11 @@ class Terms(NamedTuple):
 
     def read(self, exactly: Callable[[Any], Fraction]) -> Terms:
         """Return the terms of a single polynomial with ``exactly(v)`` in place of a value v."""
-        found: Any = np.empty(self.values.shape, object)
-        found[:] = [*map(exactly, self.values.tolist())]
-        return Terms(self.indices, found)
+        return Terms(self.indices, np.vectorize(exactly, "O")(self.values))
 
     def members(self) -> zip[tuple[tuple[int, ...], Any]]:
         """Yield the indices and the value of each term of a single polynomial."""
         return zip(map(tuple, self.indices.T.tolist()), self.values.tolist(), strict=True)
-
-
-def fractions(values: Any) -> Any:
-    """Return an array of floats or fractions as fractions."""
-    if values.dtype == object:
-        return values
-    found: Any = np.empty(values.shape, object)
-    found.flat = [*map(Fraction, values.ravel().tolist())]
-    return found
 
 
 def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:

@@ -42,8 +42,8 @@ _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 class Watch:
     """Callbacks during an interpolation. An exception in a method ends the search."""
 
-    def at_values(self) -> None:
-        """Do nothing; called before each value."""
+    def at_values(self, done: int) -> None:
+        """Receive the number of values done, before each further value."""
 
     def gave_up(self, reason: str) -> None:
         """Receive the reason why functions are left out."""
@@ -95,8 +95,8 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
     shape, done = [*map(len, found)], itertools.count()
 
     def box(values: Sequence[int]) -> list[int]:
-        watch.get().at_values()
-        if next(done) == SEARCHES:
+        watch.get().at_values(number := next(done))
+        if number == SEARCHES:
             raise Unknown("there are too many terms")
         rows = search(p, tuple(values))
         if [*map(len, rows)] != shape:  # one of the numbers is special

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
+from time import perf_counter
 from typing import Any
 
 from ..checks import integer, is_false, kind_of, wrong
@@ -14,11 +16,12 @@ from .birational_maps import RationalMap, check_map
 from .darboux import check_unknowns
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
-from .interpolation import Watch, watch
+from .interpolation import SEARCHES, Watch, watch
 from .kahan_maps import KahanMap
 from .letters import exact_map
 from .levels import Level
-from .linear_relations import ImplicitIntegral
+from .linear_relations import ImplicitIntegral, count_relations
+from .polynomials import exponents_up_to
 from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
 from .symmetries import Reversor
@@ -26,6 +29,7 @@ from .symmetries import Reversor
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
+_SHOWN = 64  # sets of numbers from which on `progress` prints a line, with twice as many the next
 _NO_INVERSE = "No inverse was given: it is not checked that the map is birational."
 Functions = tuple[RationalFunction, ...]
 
@@ -226,11 +230,13 @@ def report(
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     letters : str or sequence of str, optional
         Names of parameters of a system that stay symbols, ``"a b"``, beside eps. Formulas hold for
-        all their values, and so do degrees and numbers of integrals, except at special values.
-    progress : callable, optional
-        Called as ``progress(done, parts)`` after each part of the search, and while formulas with
-        letters are interpolated. If it returns False, the search ends, and the report has the
-        results found so far.
+        all their values, and so do degrees and numbers of integrals, except at special values. If
+        the values in `system` are such, a note tells how many integrals they have.
+    progress : bool or callable, optional
+        True prints the time, kind and degree of each part of the search to the standard error, and
+        how many sets of numbers in place of letters are done. A function is called as
+        ``progress(done, parts)`` after each part, and while formulas with letters are interpolated.
+        If it returns False, the search ends, and the report has the results found so far.
 
     Returns
     -------
@@ -275,8 +281,8 @@ def report(
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
     check_unknowns("degree", degree, map.dimension)
-    if progress is not None and not callable(progress):
-        expected = "a function that is called as progress(done, parts)"
+    if progress not in (None, True, False) and not callable(progress):
+        expected = "True, for lines of text, or a function that is called as progress(done, parts)"
         raise wrong("progress", expected, kind_of(progress), TypeError)
     found, facts = Report(map, degree, notes=notes), Search(map, degree)
     watched = _Watched(facts, progress)
@@ -286,6 +292,8 @@ def report(
             facts.fill(found)
             watched.tell()
         facts.fill(found)
+        if letters is not None:
+            notes += _special_values(system, facts)
         if not facts.is_complete:
             notes += watched.left_out
     except _Stopped:
@@ -301,18 +309,27 @@ def report(
 
 
 class _Watched(Watch):
-    """Calls `progress`, and collects notes on omissions."""
+    """Calls `progress`, or prints a line for each kind of task; collects notes on omissions."""
 
     def __init__(self, facts: Search, progress: Any) -> None:
-        self._facts, self._progress = facts, progress
+        self._facts, self._progress, self._start = facts, progress, perf_counter()
         self._left_out: dict[str, list[str]] = {}  # kinds of tasks by reason
+        letters, count = ", ".join(facts.map.letters) or "none", facts.unknowns(facts.degree)
+        self._print(f"letters {letters}; {count} monomials to degree {facts.degree}")
+        facts.queue.at_start = self._print
 
-    def at_values(self) -> None:
+    def _print(self, what: Any) -> None:
+        if self._progress is True:
+            print(f"{perf_counter() - self._start:7.1f} s  {what}", file=sys.stderr)
+
+    def at_values(self, done: int) -> None:
+        if done >= _SHOWN and done.bit_count() == 1:
+            self._print(f"{self._facts.queue.task}: {done} of at most {SEARCHES} sets of numbers")
         self.tell()
 
     def gave_up(self, reason: str) -> None:
-        kinds, kind = self._left_out.setdefault(reason, []), self._facts.queue.kind
-        kinds += [kind] * (kind not in kinds)
+        kinds, task = self._left_out.setdefault(reason, []), self._facts.queue.task
+        kinds += [task.kind] * (task.kind not in kinds)
 
     @property
     def left_out(self) -> list[str]:
@@ -324,12 +341,30 @@ class _Watched(Watch):
         """Report the number of tasks to `progress`; end the search if that returns False."""
         done = self._facts.queue.done
         parts = done + len(self._facts.queue.waiting)
-        if self._progress and is_false(self._progress(done, parts)):
+        if callable(self._progress) and is_false(self._progress(done, parts)):
             raise _Stopped
 
 
 class _Stopped(BaseException):
     """A report ends, because `progress` returned False."""
+
+
+def _special_values(system: Any, facts: Search) -> list[str]:
+    """Return a note if there are more integrals at the values of a system than for letters."""
+    degree = facts.queue.finished().get("relations", 0)
+    exponents = exponents_up_to(degree, facts.map.dimension)
+    try:
+        special = count_relations(exact_map(system, None, None), exponents).integrals
+    except ArithmeticError:  # there is no map at these values
+        return []
+    if special <= (facts.relations or 0):
+        return []
+    names = [name for name in facts.map.letters if name in system.parameters]
+    values = ", ".join(f"{name} = {system.parameters[name]:g}" for name in names)
+    return [
+        f"At {values}, relations up to degree {degree} show {special} independent integrals; for "
+        f"general letters they show {facts.relations or 0}."
+    ]
 
 
 def _map_of(field: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:

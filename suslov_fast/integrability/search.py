@@ -81,6 +81,9 @@ class Task:
     degree: int = 0
     needed: bool = True
 
+    def __str__(self) -> str:
+        return self.kind + f", degree {self.degree}" * (self.degree > 0)
+
     @property
     def place(self) -> tuple[int, int, bool]:
         """The sort key of the task in the queue."""
@@ -90,12 +93,14 @@ class Task:
 class Queue:
     """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True. Before tasks of a
+    kind and a degree run, `at_start` is called with the first one.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
-        self.kind = ""  # of the task that runs
+        self.task: Any = None  # that runs
+        self.at_start: Callable[[Task], None] = lambda task: None
         self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
         self._add(tasks)
 
@@ -111,7 +116,9 @@ class Queue:
             if not ready:
                 break
             task = min(ready, key=attrgetter("place"))
-            self.kind = task.kind
+            if str(task) != str(self.task):
+                self.at_start(task)
+            self.task = task
             self._add(task.run())
             self.waiting.remove(task)
             self.done += 1
@@ -204,7 +211,7 @@ class Search:
         degree of the report only norms are wanted: products of conjugate polynomials with
         irrational coefficients.
         """
-        is_small = self._unknowns(degree) <= _FEW
+        is_small = self.unknowns(degree) <= _FEW
         if degree > self.degree:
             return is_small and len(self.known.integrals) < (self.relations or 0)
         highest = max((f.degree for f in self.known.integrals), default=0)
@@ -214,7 +221,7 @@ class Search:
             return highest > self.degree or (is_small and degree <= highest)
         return True
 
-    def _unknowns(self, degree: int) -> int:
+    def unknowns(self, degree: int) -> int:
         """Return the number of coefficients of a polynomial of a degree."""
         return math.comb(self.map.dimension + degree, degree)
 
@@ -359,7 +366,7 @@ class Search:
         for space in self._waiting:
             yield from self._add_space(space)
         for k in range(1, 2 * self.degree + 1):
-            if k <= self.degree or self._unknowns(k) <= _FEW:
+            if k <= self.degree or self.unknowns(k) <= _FEW:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
@@ -522,7 +529,7 @@ class Search:
             yield "nothing else: the map has no inverse, since det DPhi = 0"
         for kind, text in _TEXTS.items():
             if (k := degrees.get(kind)) is not None:
-                count = self._unknowns(k)
+                count = self.unknowns(k)
                 planar = self.planar if kind == "planar entropy" else None
                 reason = f" ({planar.reason})" if planar and planar.reason else ""
                 yield text.format(k=k, count=count) + reason

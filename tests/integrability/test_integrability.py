@@ -601,7 +601,7 @@ class Quantity(float):
         (ValueError, "degree .* 4 .*462", lambda: report(CLEBSCH, degree=5)),
         (ValueError, "eps", lambda: report(MAP, eps=EPS)),
         (TypeError, r"report.* as degree=2", lambda: report(BODY, 2)),
-        (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=True)),
+        (TypeError, "progress", lambda: report(BODY, eps=EPS, progress=3)),
         (TypeError, "cofactor", lambda: darboux_polynomials(MAP, 1, lambda x: 0.5)),
         (TypeError, "map", lambda: rational_map(Map(lambda x: (np.sin(x[0]), 1), 2))),
         (ValueError, "map", lambda: rational_map(Map(lambda x: (1 / (x[0] - x[0]), 1), 2))),

@@ -26,13 +26,6 @@ SHOWN = {
             r"{x_{1} - \sqrt{\left|x_{1}\right|}}"
         ],
     ),
-    "step": (
-        Field(lambda x: (np.where((x[0] > 1) & (x[0] < 2), 1e-9, x[0]),), "y"),
-        [
-            r"\dot{y} &= \operatorname{where}\left(y > 1 \land y < 2, "
-            r"1 \cdot 10^{-9}, y\right)"
-        ],
-    ),
     "hamiltonian": (
         Field.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, "q p"),
         [r"\dot{q} &= p", r"\dot{p} &= -q", r"H &= \frac{q^{2} + p^{2}}{2}"],

@@ -202,10 +202,6 @@ def test_systems_are_plain_data():
         made = system(body, EPS)
         numbers = *(getattr(body, name) for name in "I1 I2 I13 I23 k".split()), EPS, 2
         assert pickle.loads(pickle.dumps(made)) == made == numbers
-    nd = system(ND, 0.4)
-    assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
-    made = system(FIELD, 0.1)
-    again = pickle.loads(pickle.dumps(made))
-    assert repr(made).startswith("FieldSystem(address=")
-    for one, other in zip(made, again, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for made in (system(ND, 0.4), system(FIELD, 0.1)):
+        for one, other in zip(made, pickle.loads(pickle.dumps(made)), strict=True):
+            np.testing.assert_array_equal(one, other)

@@ -40,8 +40,8 @@ class Field(Traced):
     each x_j x_k and (x_j + x_next_j) / 2 for each x_j, which :func:`iterate` iterates.
 
     f is kept as a list of operations, from which its exact derivative follows. It is a formula of
-    + - * / **, of NumPy's functions of numbers, where, comparisons joined by & | ~, interp with a
-    table of numbers, and SciPy's expit and erf.
+    ``+ - * / **``, of NumPy's functions of numbers, of where, of comparisons joined by ``& | ~``,
+    of interp with a table of numbers, and of SciPy's expit and erf.
 
     Parameters
     ----------

@@ -35,9 +35,10 @@ def test_doses_of_subjects_at_times_of_their_own(stiff):
         np.testing.assert_array_equal(alone.states, motion.states[:, 7])
 
 
-def test_time_0_alone():
-    motion = flow(DECAY, [1.0], time=0.0, events=Event(times=[0, 0], to=lambda x: (3 * x[0],)))
-    assert motion.states.tolist() == [[9.0]]
+@pytest.mark.parametrize("times", [[0.0], [1.0, 0.0]])
+def test_events_at_time_0(times):
+    motion = flow(DECAY, [1.0], time=times, events=Event(times=[0, 0], to=lambda x: (3 * x[0],)))
+    np.testing.assert_allclose(motion.states[:, 0], 9.0 * np.exp(np.negative(times)), rtol=1e-9)
     assert motion.ok.all()
 
 
@@ -80,7 +81,7 @@ def test_resets_fill_the_buffer_of_records():
     np.testing.assert_allclose(found.time, right, atol=1e-10)
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-13, 1e-9])
+@pytest.mark.parametrize("apart", [0.0, 1e-13])
 def test_many_that_act_once_within_an_instant_go_on(apart):
     """Seventy neurons in step spike four times, ln 3 apart."""
     N = range(70)

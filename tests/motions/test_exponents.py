@@ -139,7 +139,11 @@ def everything(D):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("field", [ring(17), everything(44)], ids=["ring", "everything"])
+@pytest.mark.parametrize(
+    "field",
+    [ring(17), pytest.param(everything(44), marks=pytest.mark.slow)],
+    ids=["ring", "everything"],
+)
 def test_many_variables(rng, monkeypatch, field):
     """By NumPy: as its QR of each derivative, and a call for each step has the same bits."""
     x, run = 1.0 + 0.1 * rng.normal(size=(2, field.dimension)), (1 / 64, 40)
@@ -230,7 +234,7 @@ def test_motion_with_directions_that_decay_fast(f, exact):
     """They need no more segments than the slow ones, and frames where there are several."""
     field = sf.Field(f, len(f(np.ones(8))))
     starts = np.array([[1.0, 1.0, 0.5, 0.2] * 2, [0.3, -1.0, 2.0, 0.0] * 2])[:, : field.dimension]
-    calls, times = [], {"time": 100.0, "transient": 20.0}
+    calls, times = [], {"time": 40.0, "transient": 10.0}
     found = sf.lyapunov_exponents(
         field, starts, progress=lambda done, _: calls.append(done), **times
     )

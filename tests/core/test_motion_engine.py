@@ -51,7 +51,7 @@ CASES = {
         lambda s: (s[1] * np.cos(s[2]), np.sin(s[2]) - s[0], 1.0, 2.0),
         [[0.1, 0.2, 0.3, 0.4], [1.0, 0.5, 2.0, 0.0]], 9,
     ),
-    "pairs": (pairs, np.append(random(2, 3, 22), [[1.0]] * 3, 1), 3),
+    "pairs": (pairs, np.append(random(2, 3, 10), [[1.0]] * 3, 1), 3),
     # A component is 0 but for rounding.
     "functions": (
         lambda s: (np.sin(s[1]) / 2, np.exp(s[0]) / -10 - np.log(s[0] ** 2 + 1) * s[1],

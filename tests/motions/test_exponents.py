@@ -234,7 +234,7 @@ def test_motion_with_directions_that_decay_fast(f, exact):
     """They need no more segments than the slow ones, and frames where there are several."""
     field = sf.Field(f, len(f(np.ones(8))))
     starts = np.array([[1.0, 1.0, 0.5, 0.2] * 2, [0.3, -1.0, 2.0, 0.0] * 2])[:, : field.dimension]
-    calls, times = [], {"time": 40.0, "transient": 10.0}
+    calls, times = [], {"time": 100.0, "transient": 20.0}
     found = sf.lyapunov_exponents(
         field, starts, progress=lambda done, _: calls.append(done), **times
     )

@@ -386,12 +386,8 @@ def _sums_of_all(I, w):
     return p, square
 
 
-_step_in_python = as_python(nd_step_of_one.py_func)
-_MOST_IN_PYTHON = 256  # steps that lose digits, or pass a pole
-
-
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy; return False if many steps lose digits or pass a pole.
+    """Take all trajectories by NumPy; return False if a step loses digits or passes a pole.
 
     Arguments are as in `suslov.steps.steps`, with m components in place of 2.
     """
@@ -403,12 +399,11 @@ def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status,
     to_even = (0, m % 2), (0, 0)
     J, I = np.pad(J, to_even, constant_values=np.inf), np.pad(I, to_even)
     w = np.pad((omega0 if start == 0 else final)[own].T, to_even)
-    code, failed, passed = status[own].copy(), failed_at[own].copy(), carry[0, own].copy()
     if start == 0:
-        undefined, passed[:] = np.isnan(w).any(axis=0), 0.0
-        code[undefined], failed[undefined] = NONFINITE, 0
-    w[:, code < 0], eps = np.nan, select(code < 0, np.nan, eps)
-    memory, taken = nd_memory(NDSystem(J[:m, 0], I[:m, 0], 0.0, 0.0, m)), 0
+        undefined = np.isnan(w).any(axis=0)
+        status[own][undefined], failed_at[own][undefined], carry[0, own] = NONFINITE, 0, 0.0
+    ended = status[own] < 0
+    w[:, ended], eps = np.nan, select(ended, np.nan, eps)
     near, pairs, inverse = (1.0 - FAR_FROM_0) * J.min(axis=0), len(w) // 2, np.empty_like(w)
     p, square = _sums_of_all(I, w)
     for n in range(start, stop + 1):
@@ -422,25 +417,13 @@ def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status,
                 beta = beta + beta_i + beta_j
                 gamma = gamma + gamma_i + gamma_j
             of_w, of_I, accurate, det = solve_two(eps, p, square, alpha, beta, gamma)
-            alone, before = np.flatnonzero((half >= near) | ~accurate | (det < 0.0)), w
-            taken += len(alone)
-            if taken > _MOST_IN_PYTHON:
+            if ((half >= near) | ~accurate | (det < 0.0)).any():
                 return False
             w = w + (of_w * w + of_I * I) * inverse
-            w[m:, alone] = 0.0
-            for l in alone:
-                k, h = l % J.shape[1], l % I.shape[1]
-                system = NDSystem(J[:m, k], I[:m, h], eps[l], near[k], m)
-                found = _step_in_python(system, before[:m, l], w[:m, l], memory)
-                if found < 0 or (found != OK and code[l] == OK):
-                    code[l], failed[l] = found, n
-                    passed[l] = n if found == PASSED_POLE else passed[l]
-                if found < 0:
-                    eps[l] = w[:, l] = np.nan
             p, square = _sums_of_all(I, w)
         if every > 0 and n % every == 0 and (n > start or start == 0):
             saved[row, own], row = w[:m].T, row + 1
-    final[own], carry[0, own], status[own], failed_at[own] = w[:m].T, passed, code, failed
+    final[own] = w[:m].T
     return True
 
 

@@ -114,13 +114,10 @@ _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not s
 def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
-    They follow from a linear recurrence with integer coefficients that all degrees after a
-    transient satisfy: the one with the least transient plus order, then the one of least order. At
-    least three terms, and as many as the transient has, must confirm it. Degree 1, of the identity,
-    is an additional first term if the recurrence holds for it. The largest root, which
-    must be simple, gives the entropy, and the multiplicity of the roots of modulus 1 the kind. A
-    recurrence may still be accidental: a singularity that is confined late leaves no other trace at
-    first.
+    They follow from the shortest linear recurrence with integer coefficients that all degrees after
+    a transient satisfy. At least three terms, and as many as the transient has, must confirm it.
+    The largest root, which must be simple, gives the entropy, and the multiplicity of the roots of
+    modulus 1 the kind. A recurrence may still be accidental.
 
     Without a recurrence the growth is called exponential if the last three quotients d_(k+1) / d_k
     are above 1.5 and differ by at most a tenth, and unclear otherwise. In the plane, linear growth

@@ -104,11 +104,9 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
     The map contracts some curves to points. If the orbit of such a point comes to a point without
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
-    follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
-    80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
-    rational numbers, or a number field for conjugate lines. An orbit is never confined
-    if it is periodic modulo a small prime, with images at all points. An entropy that is not proved
-    is compared with the degrees of iterates on random lines, and not given if they contradict it.
+    follows from the lengths of these orbits (Diller and Favre 2001). Orbits are followed for 80
+    steps. An entropy that is not proved is compared with the degrees of iterates on random lines,
+    and not given if they contradict it.
 
     Parameters
     ----------

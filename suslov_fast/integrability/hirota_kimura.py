@@ -99,10 +99,8 @@ def hk_bases(
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
     The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
-    their derivatives is the number of independent ones. If the relations of all orbits span one
-    dimension more than those of one orbit, quotients of relations are also first integrals. If a
-    degree is given, quotients of Darboux polynomials are sought as well. An orbit has 10 points
-    more than there are monomials.
+    their derivatives is the number of independent ones. If a degree is given, quotients of Darboux
+    polynomials are sought as well. An orbit has 10 points more than there are monomials.
 
     Parameters
     ----------

@@ -41,11 +41,9 @@ class Report:
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
-    random points". A density satisfies rho(Phi) det DPhi = rho. If there is only one up to sign,
-    rho(Phi) det DPhi = -rho, it is listed with the `cofactor` -1, and abs(rho) is a density.
-    Independent integrals without a short formula are in `implicit`, and can be called as well;
+    random points". A density satisfies rho(Phi) det DPhi = rho, or, with the `cofactor` -1,
+    rho(Phi) det DPhi = -rho. Independent integrals without a short formula are in `implicit`;
     `independent` is the number of all integrals that are known.
-    The growth is evidence, not a proof. If eps is symbolic, formulas are functions of x and eps.
     """
 
     map: RationalMap
@@ -174,11 +172,9 @@ class Report:
         """Return a line on integrals: how many have formulas, and the degrees of the others."""
         if not self.implicit:
             return []
-        *degrees, last = (str(integral.degree) for integral in self.implicit)
-        listed = f"{', '.join(degrees)} and {last}" if {*degrees} - {last} else last
         written, others = len(self.integrals), len(self.implicit)
-        integrals = "1 integral" if written + others == 1 else f"{written + others} integrals"
-        return [f"{integrals}: {written} written, {others} of degree {listed} by their bases."]
+        degrees = ", ".join(str(integral.degree) for integral in self.implicit)
+        return [f"Integrals: {written} written, {others} of degree {degrees} by their bases."]
 
     def _lines_of_level_sets(self) -> list[str]:
         lines = []

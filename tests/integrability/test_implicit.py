@@ -118,7 +118,7 @@ def test_reports_hold_the_integrals_that_are_too_long():
     assert [each.degree for each in found.integrals] == [1, 3, 4]
     assert [each.degree for each in found.implicit] == [8]
     assert len([*independent_of(found.integrals, found.implicit, PRIME)]) == 1
-    assert "4 integrals: 3 written, 1 of degree 8 by their bases." in repr(found)
+    assert "Integrals: 3 written, 1 of degree 8 by their bases." in repr(found)
     assert "Relations along orbits" not in repr(found)
     assert (found.dimension, found.independent) == (2, 4)
     assert repr(found.integrals).endswith(") and 1 without a formula")

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
-from ..checks import integer, one_number, short, warn, wrong
+from ..checks import integer, one_number, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
-from ..maps.batch import Progress, reporter
+from ..maps.batch import Progress
 from ..maps.kernel_calls import thread_count
-from ..status import IntegrationWarning, Status
 from .event import Event, checked_direction, field_of
-from .events import Events, actions_of, derivatives_of, event_times_of
-from .flow import checked_derivatives, motion_with_events, with_derivatives
-from .motion_arguments import RTOL, checked_settings, checked_starts, ends_in_words
+from .events import Events
+from .flow import checked_derivatives, solved
+from .motion_arguments import RTOL, checked_settings, checked_starts
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
@@ -117,64 +115,15 @@ def crossings(
     given = surface if is_many else [surface]
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
-    is_text = all(isinstance(each, str) for each in given)  # what a function returns may change
-    events = (_of_texts if is_text else _of_surfaces)(tuple(given), direction)
+    events = tuple(Event(each, direction=direction) for each in given)
     x, batch = checked_starts(system, x0)
-    sign, last = -1 if duration < 0.0 else 1, abs(duration) + before
-    actions = actions_of(field, events)
-    event_times = event_times_of(events, sign, batch)
-    limit = math.inf if most is None else most
-    with reporter(progress, len(x)) as report:
-        own = settings, thread_count(threads), report, event_times, limit, before
-        request = SolverRequest(np.array([last]), sign, *own)
-        if names:
-            found, _ = with_derivatives(field, x, batch, names, request, actions)
-        else:
-            found = motion_with_events(field, x, batch, actions, request)
-        if report is not None and not found.is_stopped:
-            report(len(x))
-    met = Events._of(
-        _attributes(found, x, batch, limit, len(given))
-        | {"body": system, "_given": events, "_by": names}
+    request = SolverRequest(
+        np.array([abs(duration) + before]),
+        -1 if duration < 0.0 else 1,
+        settings,
+        thread_count(threads),
+        most=math.inf if most is None else most,
+        since=before,
     )
-    ends = met.end.ravel()
-    if message := ends_in_words(met.status.ravel(), ends, found.is_stopped, x, batch):
-        warn(message, IntegrationWarning)
-    return met
-
-
-def _of_surfaces(surfaces: tuple[Any, ...], direction: int) -> tuple[Event, ...]:
-    """Return events that record the crossings of these surfaces."""
-    return tuple(Event(each, direction=direction) for each in surfaces)
-
-
-_of_texts = lru_cache(64)(_of_surfaces)  # which keep what they are for a field
-
-
-def _attributes(found: Any, x: Any, batch: tuple[int, ...], limit: float, C: int) -> dict[str, Any]:
-    """Return the first `limit` crossings of each trajectory, and how trajectories ended."""
-    trajectory, which, time, _, states = found.records[:5]
-    states = states[:, : x.shape[1]]
-    count = np.bincount(trajectory, minlength=len(x))
-    first = np.cumsum(count) - count
-    own: Any = slice(None)
-    if limit < math.inf:
-        own = np.arange(len(trajectory)) - first[trajectory] < limit
-    final, status = found.states[0], np.where(found.status == Status.STOPPED, 0, found.status)
-    ends = np.flatnonzero(count >= limit)
-    if len(ends):
-        final[ends], status[ends] = states[first[ends] + int(limit) - 1], Status.OK
-    trajectory, which, states = trajectory[own], which[own], states[own]
-    counts = np.bincount(trajectory * C + which, minlength=len(x) * C)
-    return {
-        "trajectory": trajectory,
-        "which": which,
-        "time": time[own],
-        "before": states,
-        "states": states,
-        "count": counts.reshape(*batch, C),
-        **{k: a if a is None else a[own] for k, a in derivatives_of(found.records).items()},
-        "status": status.astype(np.int8).reshape(batch),
-        "end": np.where(status < 0, found.t, np.nan).reshape(batch),
-        "final": final.reshape(*batch, x.shape[1]),
-    }
+    motion = solved(system, x, batch, request, progress, names, field, events)
+    return motion.events  # type: ignore[return-value]

@@ -180,11 +180,6 @@ class Event:
         instance("description", description, Mapping)
         entries = dict(description)
         definitions = entries.pop("definitions", {})
-        instance("definitions", definitions, Mapping)
-        if unknown := sorted(
-            {*entries} - {"surface", "to", "direction", "times", "terminal", "most"}
-        ):
-            raise wrong("description", "one of to_dict", f"one with {unknown[0]!r}")
         if (times := entries.get("times")) is not None:
             entries["times"] = np.array(times, np.float64)  # None is NaN
         event = cls(**entries)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +47,6 @@ class EventDerivatives(NamedTuple):
     time: FloatArray
     before: FloatArray
     states: FloatArray
-
-    def __array__(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError("derivatives of events are three arrays: use .time, .before or .states")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -201,19 +198,8 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
     return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 
 
-# The last arguments, identities of events; the events, which keep them theirs; and `EventTimes`.
-_latest: list[tuple[Any, Any, EventTimes]] = [(None, None, NO_EVENT_TIMES)]
-
-
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the given times of events; later calls with the same objects share the result."""
-    key, known = ([*map(id, events)], sign, batch), _latest[0]
-    if known[0] != key:
-        known = _latest[0] = key, events, _new_event_times(events, sign, batch)
-    return known[2]
-
-
-def _new_event_times(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
+    """Return the given times of events."""
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES

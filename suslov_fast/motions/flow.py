@@ -160,29 +160,49 @@ def flow(
     settings = checked_settings(body, rtol, atol, max_step, stiff)
     names, field = checked_derivatives(body, derivatives)
     acting = checked_events(events)
-    actions: tuple[EventAction, ...] = ()
-    of_columns = None
     if acting:
         field = field or field_of(body)
-        actions = actions_of(field, acting)
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             warn_of_tables(body, x, times.max(initial=0.0))
-    event_times = None
     if acting:
-        event_times = event_times_of(acting, sign, batch)
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
         if sign > 0:
             warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
+    request = SolverRequest(times, sign, settings, thread_count(threads))
+    return solved(body, x, batch, request, progress, names, field, acting)
+
+
+def solved(
+    body: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    request: SolverRequest,
+    progress: Progress,
+    names: tuple[str, ...],
+    field: Any,
+    events: tuple[Event, ...],
+) -> Motion:
+    """Return the motion from states x (B, D), with one warning for all solutions that end.
+
+    `field` has the equations of the body if there are events, or derivatives by `names`.
+    """
+    times, settings = request.times, request.settings
+    actions: tuple[EventAction, ...] = ()
+    of_columns = event_times = None
+    if events:
+        actions = actions_of(field, events)
+        event_times = event_times_of(events, request.sign, batch)
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        request = SolverRequest(times, sign, settings, thread_count(threads), report, event_times)
+        request = request._replace(report=report, event_times=event_times)
         if names:
-            found, of_columns = with_derivatives(field, x, batch, names, request, actions)
-        elif acting:
-            found = motion_with_events(field, x, batch, actions, request)
+            found, of_columns = _with_derivatives(field, x, batch, names, request, actions)
+        elif events:
+            own = WithColumns(field.shape, with_events(field, actions))
+            found = to_tolerance(own, x, batch, request)
         else:
             found = motion_of(body, x, batch, request)
         if report is not None and total and not found.is_stopped:
@@ -207,20 +227,10 @@ def flow(
             "events": None,
         }
     )
-    if acting:
-        vars(motion)["events"] = events_of_records(found.records, acting, motion)
+    if events:
+        records = found.records.first(request.most)
+        vars(motion)["events"] = events_of_records(records, events, motion)
     return motion
-
-
-def motion_with_events(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    actions: tuple[EventAction, ...],
-    request: SolverRequest,
-) -> SolverResult:
-    """Return the motion of a field with events."""
-    return to_tolerance(WithColumns(field.shape, with_events(field, actions)), x, batch, request)
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
@@ -241,13 +251,13 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     return tuple(names), field
 
 
-def with_derivatives(
+def _with_derivatives(
     field: Any,
     x: FloatArray,
     batch: tuple[int, ...],
     names: tuple[str, ...],
     request: SolverRequest,
-    actions: tuple[EventAction, ...] = (),
+    actions: tuple[EventAction, ...],
 ) -> tuple[SolverResult, FloatArray]:
     """Return the motion, and its derivatives (n, ..., D, C); the columns by x0 come first."""
     parameters = tuple(name for name in names if name != "x0")

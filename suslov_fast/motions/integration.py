@@ -21,10 +21,10 @@ _IN_THREADS = 64
 # Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
 # By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
-_STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
-_STATUS[LaneState.DONE], _STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
-_STATUS[LaneState.NO_VALUE], _STATUS[LaneState.SLIDING] = Status.NONFINITE, Status.SLIDING
-_STATUS[LaneState.STOPPED], _STATUS[LaneState.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
+STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
+STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
+STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = Status.NONFINITE, Status.SLIDING
+STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
 
 
 class Records(NamedTuple):
@@ -37,6 +37,15 @@ class Records(NamedTuple):
     states: FloatArray  # (K, D), after the change; `before` where none acts
     of_columns: Any = None  # (K, C + 2 D), tau of C columns, f before and after, if there are any
     derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
+
+    def first(self, most: float) -> Records:
+        """Return the first `most` records of each trajectory."""
+        if most == math.inf:
+            return self
+        own = np.arange(len(self.time)) - np.searchsorted(self.trajectory, self.trajectory) < most
+        derivatives = self.derivatives and tuple(a[own] for a in self.derivatives)
+        arrays: dict[str, Any] = {name: getattr(self, name)[own] for name in self._fields[:5]}
+        return self._replace(derivatives=derivatives, **arrays)
 
 
 class SolverResult(NamedTuple):
@@ -123,7 +132,7 @@ def _of_group(
     engine.run(threads, begun)
     ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
     others = engine.is_stopped, engine.records, engine.grown
-    return SolverResult(states, ends, engine.steps, status_of(engine.state), *others)
+    return SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
@@ -165,12 +174,6 @@ def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Recor
     trajectory, which = rows[:, :2].view(np.int64).T.copy()
     before, states, others = (a.copy() for a in np.split(rows[:, 3:], (D, 2 * D), axis=1))
     return Records(trajectory, which, sign * rows[:, 2], before, states, others)
-
-
-def status_of(state: Any) -> NDArray[np.int8]:
-    """Return the `Status` of trajectories with these states of the engine."""
-    found: NDArray[np.int8] = _STATUS[state]
-    return found
 
 
 def threads_for(B: int, threads: int | None) -> int:

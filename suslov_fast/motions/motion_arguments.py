@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
@@ -140,8 +139,20 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
 
 def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
-    if message := ends_in_words(found.status, found.t, found.is_stopped, x, batch):
-        checks.warn(message, IntegrationWarning)
+    if not np.count_nonzero(found.status):  # all but OK are negative
+        return
+    # The closed form has told why it has no state, and then there is no time.
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(found.t))
+    for status, text in _CAUSES.items():
+        own = exists & (found.status == int(status))
+        if not own.any() or (status == Status.TOO_MANY_STEPS and found.is_stopped):
+            continue
+        first = int(np.argmax(own))
+        index = spell(first_index(own.reshape(batch)))
+        count = f"{np.count_nonzero(own)} of {own.size} solutions"
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {found.t[first]:.9g}")
+    if texts:
+        checks.warn("; ".join(texts), IntegrationWarning)
 
 
 def warn_of_growth(found: SolverResult, names: Any, batch: tuple[int, ...]) -> None:
@@ -155,26 +166,3 @@ def warn_of_growth(found: SolverResult, names: Any, batch: tuple[int, ...]) -> N
         "its allowed error, or below it, and grew far above it again, perhaps without right "
         f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
     )
-
-
-def ends_in_words(
-    statuses: NDArray[np.int8],
-    t: FloatArray,
-    is_stopped: bool,
-    x: FloatArray,
-    batch: tuple[int, ...],
-) -> str:
-    """Return why solutions stop, and when the first ones do; "" if none stop early."""
-    if not np.count_nonzero(statuses):  # all but OK are negative
-        return ""
-    # The closed form has told why it has no state, and then there is no time.
-    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
-    for status, text in _CAUSES.items():
-        own = exists & (statuses == int(status))
-        if not own.any() or (status == Status.TOO_MANY_STEPS and is_stopped):
-            continue
-        first = int(np.argmax(own))
-        index = spell(first_index(own.reshape(batch)))
-        count = f"{np.count_nonzero(own)} of {own.size} solutions"
-        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
-    return "; ".join(texts)

@@ -34,7 +34,7 @@ from ..core.flow.batch_solver import (
 from ..fields.right_hand_sides import with_events
 from ..maps.kernel_arguments import ALL
 from ..status import Status
-from .integration import SolverResult, empty_result, right_hand_sides, status_of
+from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
 _MOST = 40  # m of the shortest segment
 _UNITS = 2**_MOST  # of a phase, the lengths of this segment
@@ -202,7 +202,7 @@ class _Run:
         request = self._request(length, self._event_times_of(which))
         engine = BatchSolver(self.tangent, table, start, request, states)
         engine.run(self.threads)
-        (end,), status = states, status_of(engine.state)
+        (end,), status = states, STATUS[engine.state]
         ended = status != Status.OK
         columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
         V = columns.transpose(0, 2, 1) / sizes[:, None, None]
@@ -255,7 +255,7 @@ class _Run:
         table = np.ascontiguousarray(frame.table_of(table.T).T)
         engine = BatchSolver(frame, table, start, self._request(length), states)
         engine.run(self.threads)
-        (end,), ended = states, status_of(engine.state) != Status.OK
+        (end,), ended = states, STATUS[engine.state] != Status.OK
         if starts is not None:
             end[:, [*self.f.offsets]] += starts
         V = end[:, D:-n].reshape(K, n, n) - SHIFT

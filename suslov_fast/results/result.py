@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import fields
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
 import numpy as np
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, integer, short, warn, wrong
 from ..keywords import lacking, public
 from ..status import count_in_words
-from ..words import answer
 from .schema import OF_KIND
 
 if TYPE_CHECKING:
@@ -84,8 +81,6 @@ class Result:
             here = ""
             labels = {label.lower(): label for label in self.body._labels}
             plain = name.lower().replace("_", "")
-            if plain not in labels and not answer(name, dir(self)):
-                plain = next(iter(get_close_matches(plain, labels, 1, 0.75)), "")
             if plain in labels:
                 here = f"run[{labels[plain]!r}], or run.states for all"
             elif name in ("omega", "x"):
@@ -94,21 +89,18 @@ class Result:
                 here = f"run.body.parameters[{name!r}]"
             raise lacking(self, name, here)
 
-    def __getitem__(self, name: str | Sequence[str]) -> FloatArray:
-        """Return a component of the states by its name, or several."""
-        names = [name] if isinstance(name, str) else name
-        if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) for each in names):
-            label, how = self.body._labels[0], "run.states[k], or run.member(k) for one trajectory"
-            raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return a component of the states by its name."""
         labels = self.body._labels
-        for each in names:
-            if each not in labels:
-                known = f"run.{each}" if each in dir(self) else ", ".join(labels)
-                if each in getattr(self, "derivatives", ()):
-                    known = f"run.derivatives[{each!r}]"
-                raise KeyError(f"run[{each!r}] is no component: use {known}")
-        numbers = [labels.index(each) for each in names]
-        return self.states[..., numbers[0] if isinstance(name, str) else numbers]
+        if not isinstance(name, str):
+            label, how = labels[0], "run.states[k], or run.member(k) for one trajectory"
+            raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
+        if name not in labels:
+            known = f"run.{name}" if name in dir(self) else ", ".join(labels)
+            if name in getattr(self, "derivatives", ()):
+                known = f"run.derivatives[{name!r}]"
+            raise KeyError(f"run[{name!r}] is no component: use {known}")
+        return self.states[..., labels.index(name)]
 
     def __iter__(self) -> NoReturn:
         kind = type(self).__name__

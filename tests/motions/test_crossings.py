@@ -95,7 +95,7 @@ def test_solutions_that_end():
     # A trajectory that has stopped before does not end.
     stopped = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5, most=1)
     assert stopped.ok.tolist() == [True, True, False, True]  # of the start that is NaN
-    assert stopped.status.tolist() == [0, 0, sf.Status.NONFINITE, 0]
+    assert stopped.status.tolist() == [sf.Status.STOPPED, 0, sf.Status.NONFINITE, 0]
 
 
 def test_values_that_are_no_numbers_make_no_crossing():

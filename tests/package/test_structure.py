@@ -86,7 +86,7 @@ ARROWS = {
     "maps": "core checks status fields",
     "bodies": "core checks keywords errors status fields maps",
     "kahan": "checks keywords fields maps bodies",
-    "results": "core words checks keywords errors status fields maps bodies",
+    "results": "core checks keywords errors status fields maps bodies",
     "orbits": "core checks keywords status maps bodies kahan results",
     "motions": "core checks keywords errors status fields maps bodies results",
     "ensembles": "checks keywords status fields maps orbits results motions",

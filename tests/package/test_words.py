@@ -95,7 +95,6 @@ ROWS = [
     ("MOTION.sol", r"time=\[3\.3\]"),
     ("MOTION.y | RUN.y | RUN.values", "states"),
     ("MOTION.to_csv('a.csv')", "to_dataframe"),
-    ("np.asarray(with_slopes())", r"\.time"),
     ("sf.equilibria(PENDULUM, [0, 0]).multipliers", "eigenvalues"),
     ("sf.Map(np.sin, 'x').inverse", r"Map\(g, names\)"),
     ("sf.periodic_orbit(sf.Map(np.sin, 'x'), [0.1])", "equilibria"),
@@ -143,11 +142,6 @@ ROWS = [
     ("integrability.reversing_symmetries", r"report\(field\)\.symmetries"),
     ("integrability.RationalMap(lambda x: x, 'x y')", r"Map\(f, names\)"),
 ]  # fmt: skip
-
-
-def with_slopes():
-    motion = flow(PENDULUM, [1, 0], time=2.0, events=sf.Event("q"), derivatives="k")
-    return motion.events.derivatives["k"]
 
 
 def in_zeros(x):

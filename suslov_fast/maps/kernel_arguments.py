@@ -71,18 +71,12 @@ ALL = slice(None)  # the indices of a group of all trajectories
 def in_stages(stages: Stages) -> Callable[..., Any]:
     """Return a function that makes the kernel arguments of fields, for steps of these stages.
 
-    The arguments are the operations of a step, values and eps; a single field keeps its last ones.
+    The arguments are the operations of a step, values and eps.
     """
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        is_single = not body.shape and type(eps) is float and eps != 0.0  # 0.0 equals -0.0
-        of, arguments = vars(body).get("_last", (None, None)) if is_single else (None, None)
-        if of != (stages, eps):
-            indices, values, rows = by_field(body, eps, batch)
-            arguments = scheme_of(indices, body.dimension, stages), values, rows
-            if is_single:
-                vars(body)["_last"] = (stages, eps), arguments
-        return arguments
+        indices, values, rows = by_field(body, eps, batch)
+        return scheme_of(indices, body.dimension, stages), values, rows
 
     return by_scheme
 

@@ -148,10 +148,6 @@ class Index(_Comparable):
 
     comparison, equal, different, kind, of_comparison = "icmp", "eq", "ne", "i64", "i1"
 
-    def is_at_most(self, number):
-        """Return the truth value that this integer, as a signed integer, is at most a number."""
-        return self._compare("sle", number)
-
     def _operate(self, instruction, a, b):
         if instruction == "add" and isinstance(b, int) and b == 0:
             return a

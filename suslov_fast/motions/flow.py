@@ -197,7 +197,8 @@ def solved(
         event_times = event_times_of(events, request.sign, batch)
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        request = request._replace(report=report, event_times=event_times)
+        if report is not None or events:
+            request = request._replace(report=report, event_times=event_times)
         if names:
             found, of_columns = _with_derivatives(field, x, batch, names, request, actions)
         elif events:

@@ -17,7 +17,7 @@ from ..core.maps.stages import Scheme
 from ..core.numba.status import PASSED_POLE
 from ..fields.terms import Terms, slopes_at
 from .batch import Report
-from .kernel_arguments import ALL, by_zeros, flat_arrays, in_stages
+from .kernel_arguments import ALL, by_scheme, by_zeros, flat_arrays
 from .problem import Problem
 
 # Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
@@ -83,9 +83,11 @@ def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
     """Yield groups of the batch, as indices, and the kernel arguments of each."""
     own = problem.map.methods[problem.method]
     is_field = own.divide is not None or own.kernel is not field_steps
-    make = in_stages(problem.map.stages) if is_field else own.arguments
-    arguments = make(problem.body, problem.eps, problem.batch)
-    yield from by_zeros(arguments) if is_field else [(ALL, arguments)]
+    of_problem = problem.body, problem.eps, problem.batch
+    if is_field:
+        yield from by_zeros(by_scheme(*of_problem, problem.map.stages))
+    else:
+        yield ALL, own.arguments(*of_problem)
 
 
 def jacobian(problem: Problem) -> FloatArray:

@@ -1,7 +1,7 @@
 """Arguments of kernels: one row for all trajectories, or one for each."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -68,20 +68,10 @@ def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Argu
 ALL = slice(None)  # the indices of a group of all trajectories
 
 
-def in_stages(stages: Stages) -> Callable[..., Any]:
-    """Return a function that makes the kernel arguments of fields, for steps of these stages.
-
-    The arguments are the operations of a step, values and eps.
-    """
-
-    def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        indices, values, rows = by_field(body, eps, batch)
-        return scheme_of(indices, body.dimension, stages), values, rows
-
-    return by_scheme
-
-
-by_scheme = in_stages(WHOLE)
+def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:
+    """Return the kernel arguments of fields: the operations of a step, values and eps."""
+    indices, values, rows = by_field(body, eps, batch)
+    return scheme_of(indices, body.dimension, stages), values, rows
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:

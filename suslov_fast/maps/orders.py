@@ -15,7 +15,6 @@ from .kernel_arguments import (
     by_zeros,
     field_system,
     gauss_system,
-    in_stages,
     map_system,
     nd_system,
 )
@@ -89,9 +88,8 @@ COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDD
 
 def field_in(stages: Stages) -> StepMethod:
     """Return the step method of fields with these stages."""
-    system = partial(field_system, stages=stages)
     return FIELD._replace(
-        arguments=in_stages(stages),
-        system=system,
+        arguments=partial(by_scheme, stages=stages),
+        system=partial(field_system, stages=stages),
         goes_back=min(stages.fractions) < 0.0,
     )

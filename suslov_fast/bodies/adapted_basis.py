@@ -40,9 +40,6 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
 
     The axis a becomes e_n; the other axes diagonalize their block and rotate as little as possible.
     """
-    if isinstance(a, str):
-        example = [*[0] * (n - 1), 1]
-        raise wrong("a", f"{n} numbers, such as {example}", repr(a), TypeError)
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)

@@ -23,7 +23,8 @@ def _of_arrays(formula: Any) -> Any:
     return as_python(formula.py_func, of_arrays=True)
 
 
-_frame_and_XY, _is_supercritical = map(_of_arrays, (steps.frame_and_XY, steps.is_supercritical))
+_frame_of, _XY_in_frame = map(_of_arrays, (steps.frame_of, steps.XY_in_frame))
+_is_supercritical = _of_arrays(steps.is_supercritical)
 _unit_of, _constants_of, _coordinates = (
     *map(_of_arrays, (closed.unit_of, closed.constants_of, closed.coordinates)),
 )
@@ -116,7 +117,8 @@ def _criticality(problem: Problem) -> FloatArray:
     T = in_range(abs(eps) * size) / np.hypot(2.0 * np.sqrt(I1 * I2), step)
     near = (k != 0.0) | (abs(T - 1.0) < 1e-6)
     if near.any():
-        frame, X, Y = _frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2)  # with the bits of steps
+        frame, e = _frame_of(I1, I2, I13, I23, k, eps)  # with the bits of steps
+        X, Y = _XY_in_frame(frame, e, I13, I23, k, w1, w2)
         beyond = _is_supercritical(frame, X, Y)
         T = np.where(near & beyond & (T < 1.0), 1.0, T)
         T = np.where(near & ~beyond & (T >= 1.0), 1.0 - 2.0**-53, T)
@@ -144,7 +146,7 @@ def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     unit, t = _unit_of(w1, w2, 0.0), _criticality(problem)
     w1, w2, eps = w1 / unit, w2 / unit, eps * unit
-    _, X, Y = _frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2)
+    X, Y = _XY_in_frame(*_frame_of(I1, I2, I13, I23, k, eps), I13, I23, k, w1, w2)
     root_a, g1, g2, *_ = _constants_of(I1, I2, I13, I23)
     x, _, nu = _coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
     h = 0.25 * (x * x + nu * nu) / (1.0 + X * X)

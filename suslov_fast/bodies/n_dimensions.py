@@ -86,9 +86,6 @@ class SuslovND(Suslov):
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
             received = f"{J} and {I}{self._meaning}"
             raise wrong("J and I", "have the shape (..., n - 1), both", received)
-        if len(J) == 2 and J[0] == J[1] > 2 and len(I) == 1 and (self.J == self.J.T).all():
-            how = "SuslovND.from_mass_tensor(M) takes a tensor, and I[np.newaxis] tells a family"
-            warn(f"J: the rows of this symmetric matrix are bodies of a family: {how}")
         # The mass tensor is positive, so that I_in**2 < I_ii I_nn <= J_i**2 / 4.
         beyond = abs(self.I) > 0.5 * self.J
         if beyond.any():

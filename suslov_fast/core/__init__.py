@@ -1,4 +1,4 @@
-"""Numbers only: the maps, their closed form and functions of states, as Numba compiles them.
+"""Numbers only: the maps, their closed form and the motion, as Numba and LLVM compile them.
 
 Nothing here checks an argument or imports another part of the package.
 """

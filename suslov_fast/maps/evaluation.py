@@ -12,7 +12,6 @@ from .problem import Problem, check, part_of
 
 # Numbers of a part of a batch, which stays in the caches: D**2 for each state, as of a matrix.
 PART = 2**16
-_FEW = 64  # numbers
 
 
 class Formula(NamedTuple):
@@ -64,11 +63,8 @@ def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> 
     If `poles`, infinite values are results; otherwise they are missing. Formulas return no finite
     value for a state that is not finite, so a finite sum shows that nothing is missing.
     """
-    if values.size <= _FEW:  # a sum of few is faster in Python
-        total = sum(values.ravel().tolist())
-    else:
-        with np.errstate(all="ignore"):
-            total = values.sum()
+    with np.errstate(all="ignore"):
+        total = values.sum()
     if math.isfinite(total):
         return values
     unknown = np.isnan(real_array(problem.name, problem.omega, allow_nan=True)).any(axis=-1)

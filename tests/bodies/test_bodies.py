@@ -253,10 +253,3 @@ def test_coefficients_of_bodies_are_rounded_once():
     field = SINGLE[1].field()
     place = (field.terms[0] == [[0], [0], [1]]).all(axis=0)
     assert field.terms[1][place] == [float(Fraction(-0.7) / Fraction(1.3))]
-
-
-def test_a_tensor_in_place_of_a_vector_is_told_of():
-    matter = np.diag([1.0, 2.0, 3.0]) + 0.1
-    with pytest.warns(UserWarning, match="from_mass_tensor"):
-        assert SuslovND(J=matter, I=[0.01, 0.02, 0.03]).shape == (3,)
-    assert SuslovND(J=matter, I=[[0.01, 0.02, 0.03]]).shape == (3,)

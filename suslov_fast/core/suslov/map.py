@@ -65,14 +65,6 @@ def XY_in_frame(frame, e, I13, I23, k, w1, w2):
 
 
 @formula
-def frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2):
-    """Return the `Frame` of a body, and X and Y of its state."""
-    frame, e = frame_of(I1, I2, I13, I23, k, eps)
-    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
-    return frame, X, Y
-
-
-@formula
 def is_supercritical(frame, X, Y):
     """Return True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)

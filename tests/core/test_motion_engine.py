@@ -136,7 +136,10 @@ def test_bits_do_not_depend_on_the_batch(name, monkeypatch):
 
 
 # The rows and columns of coefficients of linear systems.
+CELLS = np.arange(42).reshape(6, 7)
+SIDES = [np.roll(CELLS, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
 PATTERNS = {
+    "lattice": np.stack([np.tile(CELLS.ravel(), 4), np.concatenate(SIDES)]),
     "dense": np.indices((12, 12)).reshape(2, -1),
     "scattered": np.random.default_rng(60).integers(0, 24, (2, 60)),
 }

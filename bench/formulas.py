@@ -19,6 +19,12 @@ def step_as_printed(p, q):
     )
 
 
+def advance(X, Y):
+    """One step of the parameter-free map."""
+    X_next = X * (1 + Y) / (1 - Y + X * X)
+    return X_next, Y - X * X_next
+
+
 class Formulas:
     """Formulas for states (p, q), with the constants of the body in a given type of number."""
 

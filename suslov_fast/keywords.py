@@ -93,7 +93,9 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     known = [name for name in parameters if name not in ("self", "cls")]
     kinds = {name: parameters[name].kind for name in known}
     first = [name for name in known if kinds[name] is inspect.Parameter.POSITIONAL_ONLY]
-    if unknown := [name for name in kwargs if name in first or name not in kinds]:
+    takes_all = inspect.Parameter.VAR_KEYWORD in kinds.values()
+    unknown = [name for name in kwargs if name in first or not (takes_all or name in kinds)]
+    if unknown:
         is_method = args and not isinstance(args[0], type)
         own = getattr(args[0], "parameters", {}) if is_method else {}
 

@@ -209,7 +209,9 @@ OF_STEPS = (
   ("order integrator solver alg algorithm scheme method", "method",
    "rtol= of flow, which chooses between an explicit and an implicit method at each step; "
    "stiff=True takes the implicit one always; iterate has method="),
-  ("n num nsteps numsteps iterations maxsteps maxiter steps samples size",
+  ("maxsteps maxiter maxnumsteps mxstep", "",
+   "nothing: a solution ends after 250,000 steps from one time to the next; progress= ends calls"),
+  ("n num nsteps numsteps iterations steps samples size",
    "steps trajectories n J",
    "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
   ("denseoutput interp interpolate interpolant resample at sol deval", "",

@@ -15,13 +15,16 @@ from ..words import STEPS, answer
 from .names import TIME, of_time
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
 
+_OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 
 
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
     """Raise TypeError unless a user's function takes the state and these parameters."""
     if not callable(f):
-        raise wrong(argument, "a function of x", f"{short(f)}: {_OF_SYMPY}", TypeError)
+        texts = [f] if isinstance(f, str) else f if isinstance(f, list | tuple | dict) else []
+        how = _OF_TEXT if any(isinstance(each, str) for each in texts) else _OF_SYMPY
+        raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
     try:
         signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments
@@ -34,6 +37,8 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
     if TIME & {*signature.parameters}:
         calls = {first: "*f(s[-1], s[:-1])", second: "*f(s[:-1], s[-1])"} if len(own) < 2 else {}
         how = of_time(names, next((calls[name] for name in calls if name in TIME), "..."))
+        if argument != "f":
+            how = "pass lambda x: ...; time is a variable of the field, with the rate 1"
     elif _fits(signature, parameters):
         return
     elif any(each.kind is each.VAR_POSITIONAL for each in own):
@@ -90,7 +95,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
         if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
-            if "enough dimensions" in text:
+            if "enough dimensions" in text or "not subscriptable" in text:
                 how = "a parameter is one number: leave a matrix out of the parameters"
             elif "valid indices" in text:
                 how = f"write {STEPS} for values[k] from knots[k] on"

@@ -99,6 +99,7 @@ class Events(Result):
     """
 
     _called = "events"
+    _by_number = "events.states[k], or events.time[events.which == k] for one event of a list"
     _coordinates: ClassVar[Any] = "trajectory", "which", "time"
 
     trajectory: NDArray[np.int64]

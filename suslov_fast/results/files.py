@@ -60,7 +60,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
 
 def load(path: PathLike) -> Any:
     """Return the result in a file of `save`; errors name the file."""
-    name = os.fspath(_checked(path, "xarray reads other formats"))
+    name = os.fspath(_checked(path, "xarray.open_zarr(path).states reads a store"))
     with open(name, "rb") as file:
         try:
             with np.load(file) as entries:  # only known entries are read, with their checksums

@@ -31,6 +31,7 @@ class Result:
     body: Any
     status: Any
     _called: ClassVar[str] = "a run"  # in messages
+    _by_number: ClassVar[str] = "run.states[k], or run.member(k) for one trajectory"
 
     def __post_init__(self) -> None:
         """Make arrays read-only: views of them, because a caller may go on writing to their own."""
@@ -93,8 +94,9 @@ class Result:
         """Return a component of the states by its name."""
         labels = self.body._labels
         if not isinstance(name, str):
-            label, how = labels[0], "run.states[k], or run.member(k) for one trajectory"
-            raise TypeError(f"run[{short(name)}]: a name such as {label!r} is needed: use {how}")
+            raise TypeError(
+                f"[{short(name)}]: a name such as {labels[0]!r} is needed: use {self._by_number}"
+            )
         if name not in labels:
             known = f"run.{name}" if name in dir(self) else ", ".join(labels)
             if name in getattr(self, "derivatives", ()):

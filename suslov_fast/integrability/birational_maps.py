@@ -82,7 +82,7 @@ class RationalMap(WithLetters):
         return self._in_letters(self.forms)
 
     def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return the functions F_i / F_0 in factors, with the variables' names."""
+        """Return F_i / F_0 for these forms: factored functions of the map's variables."""
         *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
         return tuple(F / denominator for F in numerators)
 

@@ -318,7 +318,7 @@ def _homogeneous(values: Sequence[int], count: int, degree: int, p: int) -> Term
 
 
 def _exponents(number: int, count: int) -> tuple[int, ...]:
-    """Return the exponents of a product of powers of primes; (-1,) for other numbers."""
+    """Return e with number = 2^e_1 3^e_2 5^e_3 ... for `count` primes; (-1,) if none exists."""
     exponents = []
     for base in _BASES[:count]:
         exponents.append(0)

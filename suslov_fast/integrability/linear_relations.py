@@ -46,7 +46,7 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
 
 
 def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list[Any]) -> Residues:
-    """Return the relations along an orbit modulo a prime, in the form of `HKBasis.basis`."""
+    """Return coefficients of relations along the orbit of x modulo a prime, see `HKBasis.basis`."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 

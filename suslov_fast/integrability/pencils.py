@@ -33,7 +33,7 @@ _HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
 
 
 class _Equations:
-    """Linear equations for the pairs (g, h) that belong to a polynomial f, on a random plane."""
+    """The linear equations d/dv (g / f) = d/du (h / f) for g and h, on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)
@@ -46,8 +46,8 @@ class _Equations:
     def equations(self, P: Any) -> Any:
         """Return the matrix of the equations for f = P modulo p, without its first column.
 
-        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for a monomial g, then h. Without
-        the first column, the gradient of f, which is always a solution, is none.
+        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for a monomial g, then h. The
+        gradient of f always solves the equations. Omitting the first column excludes it.
         """
         f = P.compose(*self._points, ctx=self._ring)
         columns = []

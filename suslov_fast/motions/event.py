@@ -346,7 +346,7 @@ class TracedEvent:
         return operand
 
     def _results(self, argument: str, f: Any) -> list[Any]:
-        """Return the operands that a function returns, or that formulas as text give."""
+        """Return the operands of an argument of `Event`: results of a function, or of formulas."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
         needed, known = arguments_of(f), taken(f, self.tracer.parameters)

@@ -286,7 +286,7 @@ def found(flow: OfMotion, x: FloatArray, T: float) -> Shooting:
 
 
 def _sizes(flow: OfMotion, start: FloatArray, T: float) -> FloatArray:
-    """Return the ranges of components, as units of the lengths of steps."""
+    """Return the range of each component during T; lengths of steps are measured in ranges."""
     states = flow.states(start, T * np.arange(1, _LOOKS + 1) / _LOOKS)
     own = ~flow.drifts
     sizes = np.ptp(np.vstack([start, states[np.isfinite(states).all(axis=1)]]), axis=0)

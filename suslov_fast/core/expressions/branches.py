@@ -36,7 +36,7 @@ class Branches:
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Store the kinds; the first `jumps` kinds are surfaces at which f jumps."""
+        """Count the branches: the first `jumps` kinds belong to jumps of f, the others to kinks."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -255,9 +255,9 @@ def _derived(f, choices):
 def _choices(tests, kinds, jumps, found, first):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    Its values include the present branches, from number `first` on. Its results are the number of a
-    surface at which f jumps and that has a new branch, else -1; 1 if any branch is new, else 0; and
-    the branches: 1 or 0, for `floor` its value, for a table its argument.
+    Its values from number `first` on are the present branches. Its first result is the number of
+    the first jump of f with a new branch, else -1. The second is 1 if any branch is new, else 0.
+    The others are the branches at the state: 1 or 0, the value of `floor`, or a table's argument.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]

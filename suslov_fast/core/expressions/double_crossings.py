@@ -198,7 +198,7 @@ def _turns(operations, arguments):
 
 
 def _told(points, rates, rounding, tells_nothing):
-    """Return e / |m| of one surface, and 1 if the points show that it is crossed twice, else 0."""
+    """Return e / |m| of one surface (see the top), and 1 if points show two crossings, else 0."""
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
     points = [sign * s for s in points]

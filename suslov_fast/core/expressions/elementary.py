@@ -213,7 +213,7 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return `result`, a logarithm of x - zero; -inf, inf or NaN if that is its value."""
+    """Return a logarithm of x - zero: `result` if x > zero is finite, else -inf, inf or NaN."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 

@@ -226,7 +226,7 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return the `EventProgram`s for columns by the initial state, or by parameter q of `by`."""
+    """Return tau and column of `EventSet.parts` for event k; by parameter by[q], if q is given."""
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
     results += [] if action.surface is None else emitted(values, action.surface)

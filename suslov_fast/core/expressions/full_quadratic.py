@@ -39,7 +39,7 @@ class DenseRightHandSide:
         return linear + (totals + totals)
 
     def _parts(self, x, table):
-        """Return x_i, c_i, l_ij, and the sums of q_ijk x_k in the order of machine code."""
+        """Return x_i, c_i, l_ij and sum_k q_ijk x_k; machine code adds terms in the same order."""
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
         x, own = (np.reshape(a, (D, -1, *(np.shape(a)[1:] or [1] * axes))) for a in (x, table))
         products = own[:, 1 + D :].reshape(D, D, D, *own.shape[2:]) * x[:, 0]

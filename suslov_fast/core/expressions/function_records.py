@@ -62,7 +62,7 @@ def _of_angle(y, x, _):
 
 
 def _of_power(a, b, y):
-    """Return the derivatives of a**b by a and by b; they are 0 for b = 0 and for a = 0."""
+    """Return the derivatives of y = a**b: by a, 0 if b is 0, and by b, 0 if a is 0."""
     lower = b * a.then("pow", b - 1.0)
     return b.equals(0.0).select(0.0, lower), a.equals(0.0).select(0.0, y * a.then("log"))
 

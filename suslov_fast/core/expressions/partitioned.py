@@ -29,7 +29,7 @@ class ComponentSets(NamedTuple):
 
 
 def sets_of(f):
-    """Return the `ComponentSets` of a `RightHandSide`, None if there are none."""
+    """Return the `ComponentSets` of a `RightHandSide`; None if columns over sets do not suit it."""
     if f.is_dense or f.branches is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]

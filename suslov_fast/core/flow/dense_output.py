@@ -90,9 +90,9 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 
 @scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return whether a step is taken again, to the next time, because its interior is not accurate.
+    """Return whether the interior of a step is inaccurate, and the values that repeat the step.
 
-    If the new step is long, and so goes on to the last time, a step aside reaches the next time.
+    The repeated step ends at the next time, or a step aside reaches this time.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)

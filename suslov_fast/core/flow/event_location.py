@@ -200,7 +200,7 @@ def CUT(
 
 @scalar_kernel
 def BACK(found, taken, end):
-    """Return the fraction of the step at which a motion is back on a surface."""
+    """Return the fraction of a step at which it crosses again the surface on which it began."""
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 
@@ -280,7 +280,7 @@ def _watch(code, *names):
 
 
 def _keep_far(code, truth, state):
-    """Keep a state beyond a surface in some lanes."""
+    """Copy a state beyond a surface to `line.far`, in lanes where `truth` is true."""
     far = code.line.far
     for i in _read(code):
         far.put_chosen(i, truth.select(state[i], far[i]))

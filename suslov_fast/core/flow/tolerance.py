@@ -128,7 +128,7 @@ def apart_in(code, own, i):
 
 
 def _noise(code, own, i):
-    """Return the sum of the moduli of the terms whose sum is the next state."""
+    """Return the sum over columns of abs(factor * end): rounding errors of x_i grow with it."""
     ends = code.of_columns(code.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 

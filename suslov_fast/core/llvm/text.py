@@ -226,7 +226,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """The rows of a `Table` in a text, `bytes` apart; their number is padded to a power of 2."""
+    """The rows of a `Table` as constants, `bytes` apart; each row has 2**n numbers, inf at last."""
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]

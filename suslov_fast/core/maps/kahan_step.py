@@ -113,7 +113,7 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
 
     def _increments(self, indices, D, halves, order, fill):
-        """Add elimination and the next state; return half of each increment that is not 0."""
+        """Add elimination and the next state; return delta_k by k, without constant zeros."""
         right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
         self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
         for k in reversed(order):

@@ -145,9 +145,8 @@ def arguments_of(arrays, own_D, first):
 def pivoting_step(address, line, bad, negative, n):
     """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
 
-    `address` is the address of the `LineArguments`. The low bits of `negative` mark lanes that took
-    this stage from det A < 0. Its bits from CHANGED on mark lanes in which a component changed
-    sign.
+    `address` is the address of the `LineArguments`. The other lanes have taken this stage: bit l of
+    `negative` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]

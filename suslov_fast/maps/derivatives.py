@@ -30,22 +30,16 @@ def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
     return np.asarray(np.eye(x.shape[-1]) - half * slopes_at(Terms(*terms), x))
 
 
-def units_of(sizes: FloatArray) -> FloatArray:
-    """Return factors (..., D, D) for the entries of A, if units are near these sizes (..., D).
-
-    Units are powers of two. In them partial pivoting keeps more digits.
-    """
-    units = 2.0 ** np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))
-    return np.asarray(units[..., np.newaxis, :] / units[..., np.newaxis])
-
-
 def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
-    """Return A(x; eps)**-1 A(x_next; -eps) (B, D, D), NaN where it does not exist."""
-    units = units_of(abs(x) + abs(after))
-    A, back = units * matrix(terms, eps, x), units * matrix(terms, -eps, after)
+    """Return A(x; eps)**-1 A(x_next; -eps) (B, D, D), NaN where it does not exist.
+
+    The second solution corrects the first one: then small entries have digits, too.
+    """
+    A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
     A[~exists] = np.eye(x.shape[1])
-    found = np.linalg.solve(A, back) / units
+    found = np.linalg.solve(A, back)
+    found += np.linalg.solve(A, back - A @ found)
     found[~exists] = np.nan
     return found
 

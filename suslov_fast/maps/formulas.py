@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, kind_of
 from ..fields.terms import with_one
 from .batch import states_after
-from .derivatives import jacobian, matrix, units_of
+from .derivatives import jacobian, matrix
 from .evaluation import Formula
 from .problem import Problem
 
@@ -46,8 +46,7 @@ def _matrix(problem: Problem) -> FloatArray:
 def _density(problem: Problem) -> FloatArray:
     """Return 1 / det A (...)."""
     with np.errstate(all="ignore"):
-        A = units_of(problem.omega) * _matrix(problem)
-        return np.asarray(1.0 / np.linalg.det(A))
+        return np.asarray(1.0 / np.linalg.det(_matrix(problem)))
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:

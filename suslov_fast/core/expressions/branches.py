@@ -29,10 +29,10 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 class Branches:
     """The branches of a right-hand side: first branches at which f jumps, then kinks.
 
-    kinds          of the surfaces: comparisons, "floor", and `Table`s
-    jumps, kinks   how many branches of each sort there are
+    kinds          for each surface: a comparison, "floor" or a `Table`
+    jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
     P              number of parameters before the branches
-    shifts         numbers of tables with arguments that are sums with a shift, see `ElapsedTime`
+    shifts         places in `kinds` of tables with an argument p + q, see `ElapsedTime`
     """
 
     def __init__(self, kinds, jumps, P, shifts):
@@ -44,20 +44,19 @@ class Branches:
 
 
 def branch_count(kind):
-    """Return how many parameters the branch of a surface takes."""
+    """Return how many parameters hold the branch of a surface of this kind, see `Branches`."""
     return Table.ROWS if is_table(kind) else 1
 
 
 def watch_of(f, kinds, jumps):
     """Return the `Program` that finds the first surface of f on the line from x to y.
 
-    Its values are the surfaces at x, the surfaces at y, and the table, in which branches follow the
-    parameters. Its results are the fraction of the line before the surface, 1 if there is none; 1
-    if one is crossed, else 0; 1 if f jumps there; and the branches of kinks at y, for a table its
-    argument. `kinds` are those of `Branches`; f jumps at the first `jumps` of them.
+    It reads the surfaces at x, the surfaces at y, sides and levels of the surfaces of events (see
+    `TrajectoryRows`), and the table of f. f jumps at the first `jumps` of `kinds`; events follow.
 
-    The last surfaces are surfaces of events; their sides and levels, see `TrajectoryRows`, follow
-    y.
+    The first result is the fraction of the line before a crossing, 1 without one. Next come 1 if a
+    surface is crossed, else 0, and 1 if f jumps at a crossed surface, else 0. The others are the
+    branches of kinks at y; for a table, its argument.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -111,11 +110,11 @@ def watch_of(f, kinds, jumps):
 
 
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
-    """Return the `RightHandSide` with its branches as the last parameters, after the P others.
+    """Return the `RightHandSide` f with these results; its branches are parameters after P others.
 
-    If f has branches, so it has `surfaces`, `watch` and `Branches`. `by` are numbers of
-    parameters to differentiate by; `twice` asks for second derivatives. `actions` are the actions
-    of events, in the order of `EventSet`.
+    `f.branches` is None if f has no branches. `by` are numbers of parameters to differentiate by.
+    `twice` is True if f is for `variational`. `actions` are the actions of events, in the order of
+    `EventSet`.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -166,9 +165,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    `chosen` is (a dict of the kinds of conditions by number, the kinks, a dict of the numbers of
-    branches). Return four results: the new numbers of values in `fixed`; the surfaces, values in
-    `fixed`; their operands in `tests`; shifts of tables by number, see `ElapsedTime`.
+    `chosen` is (kinds of conditions, kinks, numbers of branches), three dicts by number. Return
+    four results: a dict from old to new operands, in `fixed`; the surfaces, in `fixed`; branches at
+    a state, in `tests`; and shifts q of tables by number, see `ElapsedTime`.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -207,7 +206,7 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 
 
 def _choosing(values, operations, of_clocks):
-    """Return the kinds of values at which f may jump, and of values at which it bends, by number.
+    """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
     A table that jumps, but depends on clocks alone, counts as a kink: no motion slides along its
     knots.
@@ -255,9 +254,10 @@ def _derived(f, choices):
 def _choices(tests, kinds, jumps, found, first):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    Its values from number `first` on are the present branches. Its first result is the number of
-    the first jump of f with a new branch, else -1. The second is 1 if any branch is new, else 0.
-    The others are the branches at the state: 1 or 0, the value of `floor`, or a table's argument.
+    Values from number `first` on are the known branches; `found` are branches at the state, in
+    `tests`, the program so far. The first result is the number of the first jump of f with a new
+    branch, else -1. The second is 1 if any branch is new, else 0. The others are the branches at
+    the state: 1 or 0, the value of `floor`, or a table's argument.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]

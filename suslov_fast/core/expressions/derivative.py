@@ -19,7 +19,7 @@ def gradients(values, operations, results, D, by=()):
 
 
 def _row_of(values, instruction, number, operands, rows):
-    """Return the derivative of a value. A power a**c, computed by products, gives c a**(c - 1)."""
+    """Return the row of a value, see `_row`; for a**c, made of products, it is c a**(c - 1) a'."""
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
@@ -31,7 +31,7 @@ def _row_of(values, instruction, number, operands, rows):
 
 
 def _row(emit, instruction, number, operands, rows):
-    """Return the derivative of the value of an operation."""
+    """Return the row {component: derivative} of an operation, from the rows of its operands."""
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
         truth = operands[0]
@@ -74,7 +74,7 @@ def _negative(emit, a):
 
 
 def _sum(emit, parts):
-    """Return the sum of the rows of derivatives times their factors, from pairs (factor, row)."""
+    """Return the row, see `_row`, that is the sum of factor times row over pairs (factor, row)."""
     total = {}
     for factor, row in parts:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None

@@ -10,10 +10,10 @@ the three values inside and of the quartic through all five points.
 - m > e: the surface is not crossed.
 
 A state is known within its tolerance, so that a distance below rtol times the numbers that are
-compared is undecided, too: no step becomes shorter for less. Beyond a kink, where f bends, the
-factor is rtol**(3/4): a motion is there for a time of the order of its root, and misses less than
-rtol. Within ROUNDING of the numbers nothing is crossed, as when a temperature relaxes to that of a
-room.
+compared is undecided, too: no step becomes shorter for less. At a kink, where f bends, the factor
+is d = rtol**(3/4): a motion is beyond it for a time of the order of d**(1/2), and its error is less
+than rtol. Within ROUNDING of the numbers nothing is crossed, as when a temperature relaxes to the
+temperature of a room.
 
 Values do not show a hump between points of a function that is no polynomial, such as a bell. Rates
 do: ds/dt changes its sign in the part with the top. If a straight line through the rates at both
@@ -52,17 +52,16 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 class DoubleCrossings(NamedTuple):
     """Expression programs that decide whether a step hides crossings.
 
-    told         the `Program` that decides by values, None if no surface may be crossed twice; see
-                 below
+    told         the `Program` that decides, see below; None if no surface may be crossed twice
     phases       the `Program` of arguments of waves at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
     of_clocks    True if some surfaces depend on clocks alone
     of_states    True if some surfaces depend on states
 
-    The values of `told` are the surfaces at five points, the phases and rates there, the state at
-    the middle point, rtol, and the table. Its results are the largest e / |m|, at most MOST (it is
-    MOST if parabolas or rates alone show two crossings); 1 if the points show them, else 0; and how
-    much longer the step is than waves allow.
+    `told` reads the surfaces at five points, the phases and rates there, the state at the middle
+    point, rtol, and the table. It has three results. The first is the largest e / |m|, see the top,
+    or MOST if the quartic or rates alone show two crossings. The second is 1 if points show two
+    crossings, else 0. The third is the step length divided by the length that waves allow.
     """
 
     told: Program | None = None
@@ -73,15 +72,15 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """The numbers of phases and of rates at a point."""
+        """How many results `phases` and `rates` have, which are the numbers at a point."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
 def double_crossings_of(f, kinds, jumps, choices):
     """Return the `DoubleCrossings` of f.
 
-    `choices` are the numbers of the branches of `kinds`; f jumps at the first `jumps` of these. The
-    surfaces of events follow. Surfaces that are linear in clocks are left out.
+    `kinds` are `Branches.kinds`, `choices` the numbers of their branches; f jumps at the first
+    `jumps`. Surfaces of events follow. Surfaces that are linear in clocks are left out.
     """
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
@@ -104,7 +103,7 @@ def double_crossings_of(f, kinds, jumps, choices):
 
 
 def _humps(f, operations):
-    """Return the numbers of values that are not polynomials in states and waves."""
+    """Return the numbers of values that may have humps: all but polynomials in states and waves."""
     found, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
@@ -116,9 +115,9 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` of the rates of these surfaces, each with a size that counts as 0.
+    """Return the `Program` of ds/dt of surfaces s, each followed by a size that counts as 0.
 
-    Its values are the state, its change in a step at the present rate, rtol, and the table.
+    It reads the state, its change in a step at the present rate, rtol, and the table.
     """
     if not humps:
         return None
@@ -138,7 +137,7 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return `DoubleCrossings.told`, the `Program` that decides by values of surfaces."""
+    """Return `DoubleCrossings.told`; `own` are the surfaces as (place, operand, kind, branch)."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases
@@ -181,7 +180,7 @@ def _list_of(f, own, by_states, kinks, humps, inside):
 
 
 def _turns(operations, arguments):
-    """Return the phase changes of values in each part of a step, for waves with these arguments."""
+    """Return {number: phase changes in the parts of a step} from `arguments` of waves at points."""
     found, arguments = {}, iter(arguments)
     for name, number, operands in operations:
         of = [found[a] for a in operands if not isinstance(a, float) and a in found]
@@ -198,7 +197,11 @@ def _turns(operations, arguments):
 
 
 def _told(points, rates, rounding, tells_nothing):
-    """Return e / |m| of one surface (see the top), and 1 if points show two crossings, else 0."""
+    """Return e / |m| of one surface (see the top), and 1 if points show two crossings, else 0.
+
+    `points` are its values; `rates` are its rates and their sizes, or None. Distances below
+    `rounding` are no crossings, and an |m| below `tells_nothing` counts as `tells_nothing`.
+    """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
     points = [sign * s for s in points]
@@ -249,7 +252,7 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return True if a hump towards 0 has its top where neighbouring rates show another slope."""
+    """Return the truth value: s has a minimum in a part, and rates beside it are not in line."""
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]
@@ -264,7 +267,7 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return the sizes of values at a state: for a sum the sum of moduli, else the modulus."""
+    """Return {number: size}, the scale of rounding errors: for a + b both sizes, else moduli."""
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
         a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])
@@ -282,7 +285,7 @@ def sizes_of(values, operations, state):
 
 
 def _degrees(f):
-    """Return the degrees, 0 or 1, of values that are linear in clocks."""
+    """Return {number: degree} of values with degree 0 or 1 in clocks, crossed at most once."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
     for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]

@@ -49,7 +49,7 @@ def _difference(a, b):
 
 
 def _split(a):
-    """Return a number as a sum of two numbers with 26 and 27 bits."""
+    """Return two numbers with the sum a: the first has 26 bits, the second 27."""
     if isinstance(a, float):
         upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
         return from_bits(upper), a - from_bits(upper)
@@ -112,7 +112,7 @@ _SINH = tuple(map(float.fromhex, (
 
 
 def _less_log_2(x, low=None):
-    """Return n, and r = x + low - n log 2 in two parts."""
+    """Return the integer n nearest to x / log 2, and r = x + low - n log 2 in two parts."""
     n = _nearest(x * _PER_LN2)
     first, second = x - n * _LN2[0], n * _LN2[1]
     if low is not None:
@@ -147,7 +147,7 @@ def expit(x):
 
 
 def _hyperbolic(x):
-    """Return n, and sinh and cosh of x >= 0 divided by 2**(n - 1)."""
+    """Return n, sinh(x) / 2**(n - 1) and cosh(x) / 2**(n - 1), for x >= 0."""
     n, r, low = _less_log_2(x)
     high, rest = _exp_of(r, low)
     e = high + rest
@@ -201,7 +201,7 @@ _PER_LN10 = float.fromhex("0x1.bcb7b1526e50ep-2")
 
 
 def _exponent(x):
-    """Return k and f with x = 2**k (1 + f), for positive x."""
+    """Return k and f with x = 2**k (1 + f), for positive x; 1 + f is from 2**-0.5 to 2**0.5."""
     is_small = x < _LEAST_NORMAL
     x = is_small.select(x * 2.0**54, x)
     parts = x.then("bits_sub", from_bits(_ROOT_HALF))
@@ -213,7 +213,7 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return a logarithm of x - zero: `result` if x > zero is finite, else -inf, inf or NaN."""
+    """Return `result`, a logarithm of x - zero; it is -inf at x = zero, NaN below, inf at inf."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 
@@ -367,7 +367,7 @@ _COS = tuple(map(float.fromhex, (
 
 
 def _less_quarters(x):
-    """Return n + _SHIFT and r = x - n pi / 2 in two parts, for x >= 0.
+    """Return n + _SHIFT, which has n in its last bits, and r = x - n pi / 2 in two parts; x >= 0.
 
     If the first part is tiny, the second part need not be smaller.
     """
@@ -389,12 +389,12 @@ def _sine_and_cosine(x):
 
 
 def _is_odd(n):
-    """Return the truth value that n is odd, from n + _SHIFT."""
+    """Return the truth value that n is odd; the argument is n + _SHIFT, see `_less_quarters`."""
     return n.then("bits_shl", from_bits(63)).then("bits_or", 1.0) < 0.0
 
 
 def _signed(x, n, *others):
-    """Return x, with the opposite sign if n mod 4 is 2 or 3, from n + _SHIFT."""
+    """Return x times the signs of `others`, times -1 if n mod 4 is 2 or 3; n as for `_is_odd`."""
     x = x.then("bits_xor", n.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
     for other in others:
         x = x.then("bits_xor", other.then("bits_and", -0.0))
@@ -412,7 +412,7 @@ def cos(x):
 
 
 def tan(x):
-    """Return the tangent: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
+    """Return the tangent of r + n pi / 2: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
     n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
     sine, cosine, is_odd = sine + first, cosine + second, _is_odd(n)
     result = is_odd.select(-cosine, sine) / is_odd.select(sine, cosine)
@@ -429,7 +429,7 @@ ELEMENTARY = {
 
 @functools.cache
 def list_of(name):
-    """Return the operations of an elementary function of values 0, ..., and the number of f(x)."""
+    """Return the operations of a function of values 0, 1, ..., and the number of its result."""
     function, count = ELEMENTARY[name]
     operations = []
 

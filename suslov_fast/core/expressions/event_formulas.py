@@ -121,7 +121,7 @@ def read_by(program, results):
 
 
 class EventProgram(NamedTuple):
-    """A `Program` with its inputs: `rows` numbers, the parameters, and scales of columns."""
+    """A `Program` that reads `rows` numbers of a motion, the parameters, and scales of columns."""
 
     program: Program
     rows: int
@@ -130,19 +130,19 @@ class EventProgram(NamedTuple):
 class EventSet(NamedTuple):
     """Events as code takes them: first events on surfaces, then events at times.
 
-    directions   of the events on surfaces
+    directions   `EventAction.direction` of the events on surfaces
     jumps, gaps, flats  for each of these, whether its function jumps somewhere, may have no value,
                  or may be 0 all around a state
-    most         of all events
+    most         `EventAction.most` of all events
     parts        `EventProgram`s by name, see below
     components   for each event the numbers of the components that it may set
     P            number of parameters
 
     The part `to{k}` reads the state, and returns the components that event k sets. `toward` reads
-    the state and f there, and returns `OF_SURFACE` of each surface. If columns are wanted, `tau{k}`
-    reads the state, a column and f before the event; `column{k}` reads these, f after it and tau.
-    For a column by parameter q these two are `tau{k}_{q}` and `column{k}_{q}`, which also read its
-    scale.
+    the state and f there, and returns `OF_SURFACE` numbers of each surface. `tau{k}` reads the
+    state, a column v and f before the event, and returns tau (see the top). `column{k}` reads also
+    f after it and tau, and returns the new column. `tau{k}_{q}` and `column{k}_{q}`, for a column
+    by parameter q, also read its scale. Without columns, parts for columns are missing.
     """
 
     directions: tuple
@@ -164,7 +164,7 @@ class EventSet(NamedTuple):
 
 
 def in_order_of_code(actions):
-    """Return the numbers of actions in the order of `EventSet`."""
+    """Return the places of actions in the order of `EventSet`: surfaces first, then times."""
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
@@ -175,7 +175,7 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of actions in the order of code; `by` are numbers of parameters."""
+    """Return the `EventSet` of actions in its order, with columns also by the parameters `by`."""
     parts, components = {}, []
     for k, action in enumerate(actions):
         own = components_of(action)
@@ -201,7 +201,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return the `EventProgram` of `OF_SURFACE` for all surfaces, one after the other."""
+    """Return `toward` of `EventSet.parts`: `OF_SURFACE` numbers of each surface, in order."""
     values = Expressions(D + P, range(D, D + P))
     known = [{i: i for i in range(D + P)} for _ in actions]
     of_surfaces = [
@@ -226,7 +226,7 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return tau and column of `EventSet.parts` for event k; by parameter by[q], if q is given."""
+    """Return `tau` and `column` of `EventSet.parts` for event k; given q, for a column by by[q]."""
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
     results += [] if action.surface is None else emitted(values, action.surface)

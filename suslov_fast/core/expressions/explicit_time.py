@@ -20,7 +20,7 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class _Pair(NamedTuple):
-    """A value p + q. `whole` is the operand of the value if that has more digits, else None."""
+    """A value p + q, see the top. `whole` is one operand for it if that keeps more digits."""
 
     p: object
     q: object
@@ -28,10 +28,11 @@ class _Pair(NamedTuple):
 
 
 class ElapsedTime:
-    """`values`, `results`, `actions`, P for clocks from 0; `offsets`: numbers of starts by clock.
+    """A right-hand side rewritten for clocks that count from 0; see the top.
 
-    actions  actions of events; no action sets a clock that counts from 0
-    shifts   (p, q) of tables with an argument that is a sum, by number of the argument
+    values, results, P, actions  after rewriting; no action sets a clock that counts from 0
+    offsets  {clock: number of the parameter that is its start}
+    shifts   {number of the value of a table: (p, q)} for tables with an argument p + q
     """
 
     def __init__(self, values, results, P, actions=()):
@@ -51,7 +52,7 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return an action that has the operands `results` as results of its programs."""
+        """Return an action for the new clocks; `results` are old results of its two programs."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
@@ -85,7 +86,7 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, a):
-        """Return the pair of an old operand, None if it is no sum with a clock."""
+        """Return the pair p + q of an old operand that is a sum or constant, None of any other."""
         found = None if isinstance(a, float) else self.known[a]
         if isinstance(found, _Pair):
             return found
@@ -131,7 +132,7 @@ class ElapsedTime:
         return number
 
     def _scales(self, name, operands):
-        """Return True if a factor, or the divisor, is constant along a step."""
+        """Return True if a factor, or the divisor, is constant along a step: pairs stay pairs."""
         rigid = [self._is_rigid(a) for a in operands]
         return rigid[1] if name == "fdiv" else any(rigid)
 
@@ -147,7 +148,7 @@ def _is_0(a):
 
 
 def _joined(emit, name, a, b):
-    """Return the sum or difference of two parts, either of which may be 0."""
+    """Return the operand of a + b or a - b; a constant 0 takes no operation."""
     if _is_0(b):
         return a
     if _is_0(a):

@@ -49,7 +49,7 @@ class DenseRightHandSide:
 
 
 def dense_parameters(indices, values, D):
-    """Return the parameters (P, ...) of terms at indices (3, T) with values (..., T)."""
+    """Return parameters (P, ...) of f for terms v x_j x_k in f_i; x_D = 1, (i, j, k) = indices."""
     shape = values.shape[:-1]
     parts = np.zeros((D, 1 + D + D * D, *shape))
     for (i, j, k), v in zip(indices.T.tolist(), np.moveaxis(values, -1, 0), strict=True):

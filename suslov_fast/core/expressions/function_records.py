@@ -62,19 +62,19 @@ def _of_angle(y, x, _):
 
 
 def _of_power(a, b, y):
-    """Return the derivatives of y = a**b: by a, 0 if b is 0, and by b, 0 if a is 0."""
+    """Return dy/da = b a**(b - 1), 0 at b = 0, and dy/db = y log(a), 0 at a = 0, for y = a**b."""
     lower = b * a.then("pow", b - 1.0)
     return b.equals(0.0).select(0.0, lower), a.equals(0.0).select(0.0, y * a.then("log"))
 
 
 def _of_hypot(a, b, y):
-    """Return a / y and b / y, 0 at 0."""
+    """Return the derivatives a / y and b / y of y = hypot(a, b), both 0 where y = 0."""
     is_0 = y.equals(0.0)
     return is_0.select(0.0, a / y), is_0.select(0.0, b / y)
 
 
 def _of_logaddexp(a, b, y):
-    """Return the shares of exp(a) and exp(b) in their sum, even if both are infinite."""
+    """Return exp(a) / s and exp(b) / s, s = exp(a) + exp(b), the derivatives; without overflow."""
     way = a.equals(b).select(0.0, a - b)
     return way.then("expit"), (-way).then("expit")
 

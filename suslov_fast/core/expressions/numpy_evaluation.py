@@ -39,7 +39,7 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return the sum of products of pairs, in order, plus the first operand if it has no pair."""
+    """Return a b + c d + ..., or s + a b + c d + ... for an odd number of operands, in order."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))

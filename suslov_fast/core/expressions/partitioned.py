@@ -4,11 +4,11 @@ Every Hamiltonian T(p) + V(q) has such sets. The graph of the variables that rat
 colours. Variables of constant rate, such as clocks, may be in both sets.
 
 Columns over such sets evaluate f at half as many points of a step (`flow.stormer`). So f must not
-have features that fall within a gap and leave no trace beside it: Gaussians, tanh, and other
-functions that decay as fast, roots of x**2 + 1e-8, and quotients by it. Polynomials, sin, cos, exp
-of affine functions, and quotients and roots of polynomials without a constant have none. Rates in A
-are not evaluated near the ends of a step, where a quotient may change abruptly: rates in A have no
-quotients and roots.
+have features that fall into a gap between points and leave no trace beside it: Gaussians, tanh, and
+other functions that decay as fast, roots of x**2 + 1e-8, and quotients by it. Polynomials, sin,
+cos, exp of affine functions, and quotients and roots of polynomials without a constant have none.
+Rates in A are not evaluated near the ends of a step, where a quotient may change abruptly: rates in
+A have no quotients and roots.
 """
 
 import functools
@@ -50,14 +50,14 @@ def sets_of(f):
 
 
 def part_of(program, numbers):
-    """Return the `Program` of the results with these numbers; the other results are None."""
+    """Return the part of a `Program` for results at these places; its other results are None."""
     of = {*numbers}
     own = [a if k in of else None for k, a in enumerate(program.results)]
     return Program(needed_for(program.operations, own), own)
 
 
 def _colours(reads):
-    """Return a colour, True or False, for each component; None if a rate must read its own."""
+    """Return {component: colour, True or False} where no rate reads its own colour, or None."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:
@@ -82,7 +82,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """The dependence of a value on the state."""
+    """How a value depends on the state, which tells if it may have features in a gap (top)."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
@@ -95,7 +95,7 @@ _ROOTS = "sqrt", "log", "pow", "hypot"
 
 
 def _kinds(f):
-    """Return the `_Kind` of all values of f by number, None if f may have thin features."""
+    """Return {number: `_Kind`} of values of f, or None if f may have features in a gap (top)."""
     kinds = {i: _Kind(1) for i in range(f.D)}
     for name, number, operands in f.f.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
@@ -107,7 +107,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of an operation on values of these kinds, None if it has none."""
+    """Return the `_Kind` of an operation on values of kinds `of`, or None as for `_kinds`."""
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("select", "fabs"):

@@ -12,7 +12,7 @@ from .values import Number
 
 
 def length_of(operations):
-    """Return the number of instructions of straight-line code; a "sum" is several instructions."""
+    """Return the number of instructions of operations; a "sum" of n operands takes n - 1."""
     return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
 
 
@@ -40,15 +40,15 @@ class Values:
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
-        """Return the value start + sum of a c over the pairs (a, c), in this order.
+        """Return the operand of start + a c + ..., for the pairs (a, c) in `products`, in order.
 
-        It is None if `start` is None and there are no pairs. All pairs in a "sum" have 0, or all
-        have 1 factor of parameters alone. A product of two such factors is a separate value.
+        The result is None if `start` is None and there are no pairs. Pairs with a factor that
+        depends on parameters alone, and pairs without one, stand in separate "sum" operations.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return `total` for the factors of all pairs in one list."""
+        """Return `total` for all pairs (a, c) in one list `factors`: a, c, a, c, ..."""
         own, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)
@@ -67,12 +67,12 @@ class Values:
         return own[0] if own else None
 
     def number(self, operand):
-        """Return the `Number` of an operand."""
+        """Return the `Number` of an operand, to write formulas with Python's operators."""
         return Number(self.emit, operand)
 
 
 def dot(emit, pairs, total=None):
-    """Return `total` plus products of pairs, each an operation; None if there are none."""
+    """Emit total + a b + ... for pairs (a, b); return its operand, or None if it has no terms."""
     for a, b in pairs:
         product = emit("fmul", a, b)
         total = product if total is None else emit("fadd", total, product)
@@ -87,11 +87,11 @@ class Program(NamedTuple):
 
 
 class Expressions(Values):
-    """Values without repetition: equal values are computed once, operations on constants at once.
+    """Values without repetition: equal operations share a value, constants give a constant.
 
-    `written` records the functions that a user wrote and operations decompose, such as powers. `of`
-    contains the instruction and operands of each value, `fixed_truths` the numbers of truth values
-    that depend on parameters alone.
+    `of` contains the instruction and operands of each value. `fixed_truths` contains the numbers of
+    truth values that depend on parameters alone. `written` records, by number, functions that a
+    user wrote and that several operations compute, such as powers.
     """
 
     def __init__(self, count, fixed=()):
@@ -114,7 +114,7 @@ class Expressions(Values):
         return self.count - 1
 
     def take_written(self, others, new):
-        """Copy `written` of other values, which have `new` numbers here."""
+        """Copy `written` of other `Expressions`; `new` maps their numbers to operands here."""
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
             place = new.get(number)
@@ -167,7 +167,7 @@ class Expressions(Values):
 
 
 def _is_power_of_2(operand):
-    """Return True if products with a constant have no rounding error within a wide range."""
+    """Return True if an operand is a constant 2**n or -2**n, which multiplies without rounding."""
     if not isinstance(operand, float):
         return False
     fraction, exponent = math.frexp(operand)
@@ -175,9 +175,9 @@ def _is_power_of_2(operand):
 
 
 def in_order(values, results, more=0):
-    """Return `Expressions` that compute these results alone, and the results in them.
+    """Return a copy of `Expressions` without needless operations, and the results in the copy.
 
-    The results determine the order of operations. `more` parameters follow the given values.
+    The results determine the order of operations. `more` new parameters follow the given values.
     """
     given = values.count - len(values.operations)
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
@@ -241,7 +241,7 @@ def emitted(values, program, new=None):
 
 
 def renumbered(program, given):
-    """Return a `Program` with new numbers; `given` maps old numbers of given values to new ones."""
+    """Return a `Program` with new numbers; `given` is {old: new number} of its given values."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

@@ -23,23 +23,23 @@ class RightHandSide:
     places       the place of each of these in the table
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `Program` of f' by itself; results are the entries of `pattern`
-    of_parameters  `Program` of df/dp for the parameters `by`; D results for each, in `by`
+    of_parameters  `Program` of df/dp for the parameters `by`, with D results for each
+    by           these results; the argument `by` has numbers of parameters
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
-    denominators numbers of values of `f` that change their sign at poles by clocks and parameters
-                 alone: divisors, 0 where their quotient is 0 or not taken
+    denominators numbers of values in `f` made of divisors that depend on clocks and parameters
+                 alone; they change sign at poles, see `_signs_of_poles`
     surfaces     `Program` of the surfaces on which steps end
-    slopes       `Program` of derivatives of the surfaces on which f jumps, by components j, and by
-                 the parameters `by`, which have j = D, ...; `slope_places` are their (k, j)
-    branches, branch_program, watch, double_crossings, aim, derived  see `branches`; None if f has
-                 no branches
+    slopes       `Program` of ds_k/dx_j of the surfaces s_k at which f jumps; j = D, ... are `by`
+    slope_places the places (k, j) of these derivatives
+    branches, branch_program, watch, double_crossings, aim, derived  see the module `branches`; None
+                 if neither branches nor events need them
     watched      `Program` of the surfaces whose crossings end steps, or None
-    offsets      numbers of the parameters that are starts of clocks, by clocks that count from 0
+    offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     events       `EventSet` of actions along the motion, or None
-    of, columns  the right-hand side of x, and the number of columns of derivatives beside x, see
-                 `variational`; here itself and 0
+    of, columns  here f itself and 0; with columns of derivatives beside x, see `Variational`
     key          a text that identifies this right-hand side
     """
 
@@ -166,10 +166,10 @@ def _carried_out(program, values, shape):
 
 
 def _signs_of_poles(values, f, quotients):
-    """Return values that change their sign at poles of quotients (number, dividend, divisor).
+    """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
 
-    There are two for each quotient. One is the divisor if the dividend is above 0, else 0; the
-    other if it is below. Where both vanish there is no pole. Unused quotients give 0.
+    Each quotient has two: the divisor if the dividend is positive, else 0; and the divisor if the
+    dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f does not use the quotient.
     """
     found = {}
     is_taken = _taken(values, f)
@@ -190,7 +190,7 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return, for each value, a truth value or 1 that says if results of f depend on it.
+    """Return {number of a value: truth value, or 1.0}; it is true if results of f depend on it.
 
     They do not if `select` leaves it out, or if a parameter or branch that is 0 multiplies it.
     """
@@ -217,7 +217,7 @@ def _taken(values, f):
 
 
 def _both(emit, *truths):
-    """Return the conjunction of truth values and the constants 0 and 1."""
+    """Return "and" of truth values, where 0 and 1 mean false and true, as simply as possible."""
     others = [a for a in truths if a != 1.0]
     if 0.0 in others or not others:
         return 0.0 if others else 1.0

@@ -36,16 +36,16 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 
 
 class Sparse:
-    """The plan of elimination in A, for entries at places (i, j); 1 is added to the diagonal.
+    """The plan of elimination in A = 1 - s J; J has entries at `places`, `filled` gives `fill`.
 
     Columns and rows are places in the order of pivots, except in `lower` and `upper`.
 
-    order        (D,) the unknowns
+    order        (D,) the unknowns in the order of pivots
     offsets      (D + 1, 6) `ColumnOffsets` of each column
-    rows         of the entries, column by column
-    numbers      of these entries in `places`
+    rows         the row of each entry of J, column by column
+    numbers      the number of each of these entries in `places`
     pivots       of each column j: each k < j with u_kj != 0
-    spans        (-, 2) first row and number of rows
+    spans        (-, 2) first row and number of rows of each span
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
 
@@ -83,7 +83,7 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return (columns, rows) below the diagonal and above it; `sets` are bits of rows by column."""
+    """Return (columns, rows) below the diagonal, and above; bits in `sets` are rows by column."""
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
         own = [*bits_of(rows_of_column)]

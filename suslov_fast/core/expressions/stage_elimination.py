@@ -51,7 +51,7 @@ class _Scaled:
         self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
 
     def entry(self, i, j):
-        """Return the entry, and None for its early part."""
+        """Return s J_ij, or None if it is 0; and None, because there are no right sides."""
         k, s = self.numbers.get((i, j)), len(self.numbers)
         return (None if k is None else self.values.emit("fmul", s, k)), None
 

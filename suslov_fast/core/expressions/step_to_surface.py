@@ -17,11 +17,11 @@ from .values import larger, operand_of, smaller
 def aim_of(f, kinds, choices, is_implicit):
     """Return the `Program` that finds when surfaces of f and of its events are crossed.
 
-    Its values are the state, f there with the sign of time, sides and levels of the surfaces of
-    events, see `TrajectoryRows`, and the table. `kinds` are the kinds of `Branches`, and
-    `choices` the numbers of their branches. It has two results by Newton's method: the least time
-    to a surface that the state is not beyond or has just passed; and the longest time since a
-    surface was crossed, infinity if the rate leads back.
+    It reads the state, f there with the sign of time, sides and levels of the surfaces of events
+    (see `TrajectoryRows`), and the table. `kinds` are the kinds of `Branches`, and `choices` the
+    numbers of their branches. The first result is the least time to a surface, negative if the
+    state is just beyond it. The second result is the longest time since a surface was crossed: 0
+    if none was crossed, infinity if the rate leads back.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)

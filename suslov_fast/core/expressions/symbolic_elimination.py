@@ -17,7 +17,7 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return the places (i, j) of the entries of N, and of the entries that depend on the state."""
+    """Return two sets of places (i, j): all entries of N, and entries that depend on the state."""
 
     def of(i, j):
         numbers = np.unique(i * D + j)
@@ -30,7 +30,7 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """The entries of N(x) and the right sides h f(x), as sums over the terms; `halves` are h v."""
+    """The entries of N(x) and the right sides h f(x), as sums over terms; `halves` are h v."""
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -72,7 +72,7 @@ class Matrix:
         return self.entries[i, j]
 
     def right_side(self, i):
-        """Return h f_i."""
+        """Return the operand of h f_i."""
         products = []
         for j in sorted(self.columns[i]):
             early = self.entry(i, j)[1]
@@ -83,7 +83,7 @@ class Matrix:
         return self.values.total(self.constant.get(i), products)
 
     def linear_part(self, i):
-        """Return the products whose sum is h (l x + 2 c)_i, with the linear part l of f."""
+        """Return pairs (a, b); the sum of a b is h (l x + 2 c)_i, see `core.maps.kahan_step`."""
         products = [
             (self.linear[i, j], self.x[j]) for j in sorted(self.columns[i]) if (i, j) in self.linear
         ]
@@ -95,8 +95,8 @@ class Matrix:
 class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
-    `fill` is the result of `filled`. Elimination fills the dict `right`, if given, with right
-    sides.
+    `fill` is the result of `filled`. If `right` is given, it is an empty dict: elimination fills it
+    with the right sides g_k after elimination.
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0
@@ -141,12 +141,12 @@ class Factors:
                     row[j] += (lower, upper)
 
     def forward(self, k, start, right):
-        """Return right side k after elimination, from the right sides of earlier pivots."""
+        """Return g_k = start + sum_i m_ki g_i over earlier pivots i; `right` contains the g_i."""
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)
 
     def backward(self, k, right):
-        """Return unknown k, from the unknowns of later pivots."""
+        """Return unknown k; `right` contains g_k, and the unknowns of later pivots."""
         products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
         value = self.values.total(right[k], products)
         if value is None or k not in self.inverse:
@@ -188,7 +188,7 @@ class Factors:
         return joined(instruction, [joined(instruction, fixed), *others])
 
     def _least_constant(self):
-        """Return 1 if a pivot is 1 for all states, else infinity."""
+        """Return the least pivot that is constant: 1 if a pivot is always 1, else infinity."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
@@ -230,7 +230,7 @@ def bits_of(number):
 
 
 def filled(pattern, order):
-    """Return, after elimination, the set of columns of each row, and of rows of each column.
+    """Return the pattern after elimination: sets of columns by row, and sets of rows by column.
 
     Rows and columns are places in the order of pivots; a set is the bits of an integer.
     """
@@ -249,7 +249,7 @@ def filled(pattern, order):
 
 
 def before_and_after(order, fill):
-    """Return, for each row of a matrix, the columns of earlier and of later pivots."""
+    """Return two dicts by row: its columns of earlier pivots in `fill`, and of later pivots."""
     before, after = {}, {}
     for k, columns in enumerate(fill[0]):
         places = [*bits_of(columns)]

@@ -17,14 +17,14 @@ LARGEST = float(np.finfo(float).max)
 class Table(str):
     """The name of a table in expression programs; different tables have different names.
 
-    rows           (4, N + 1), of each interval: low, high, height, slope
+    rows           (4, N + 1): low end, high end, height at the low end, and slope of each interval
     is_continuous  True if its values do not jump at knots
     """
 
     ROWS = 4
 
     def __new__(cls, knots, heights, slopes, is_continuous):
-        """Make a table from N knots, and the first heights and the slopes of N + 1 intervals."""
+        """Make a table from N knots, and heights (at low ends) and slopes of N + 1 intervals."""
         low, high = np.append(-LARGEST, knots), np.append(knots, np.inf)
         rows = np.array([low, high, heights, slopes])
         digest = hashlib.blake2b(rows.tobytes(), digest_size=16).hexdigest()
@@ -44,18 +44,18 @@ class Table(str):
 
     @functools.cached_property
     def derivative(self):
-        """The table of slopes; at a knot, of the interval to the right."""
+        """The derivative, a `Table` of slopes; at a knot, the slope to the right."""
         low, _, _, slopes = self.rows
         return Table(low[1:], slopes, np.zeros(len(slopes)), False)
 
 
 def is_table(instruction):
-    """Return True if an instruction, or a kind of surface, is a table."""
+    """Return True if an instruction, or one of `Branches.kinds`, is a table."""
     return isinstance(instruction, Table)
 
 
 def interval(kind, number, choice, places):
-    """Return the ends of the interval in which a table, or `floor`, keeps its branch."""
+    """Return low and high, made by `number`; a table or `floor` keeps its branch between them."""
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
 

@@ -2,7 +2,7 @@
 
 
 class Number:
-    """A value of a program, or a constant: +, -, *, /, comparisons; & | ^ ~ of truth values.
+    """A value of a program, or a constant, with Python's operators; & | ^ ~ for truth values.
 
     `emit` adds an operation to the program and returns the number of its value.
     """
@@ -85,9 +85,9 @@ def smaller(a, b):
 
 
 def joined(instruction, numbers):
-    """Return numbers joined by an instruction: neighbours in pairs, then these in pairs, and so on.
+    """Return the sum of numbers by "fadd", their maximum by "max", or similar.
 
-    So no operation waits for a long chain of others.
+    Neighbours are joined in pairs, then the results in pairs, and so on, without long chains.
     """
     numbers = [*numbers]
     while len(numbers) > 1:

@@ -18,9 +18,8 @@ class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
     A column has D components. The last q columns are derivatives by the parameters `by` of f, times
-    scales that follow the table of f: v' = f'(x) v + scale df/dp. u and s exist if `has_trace`; u
-    is a size that columns have, because columns and s should count as much as x in the error. Its
-    parameters are the table of f.
+    scales: v' = f'(x) v + scale df/dp. The parameters are the table of f, then the scales. u and s
+    exist if `has_trace`; u is the size of columns, so that s counts as much as x in the error.
 
     of       the right-hand side of x
     columns  how many columns there are

@@ -45,7 +45,7 @@ if hasattr(os, "register_at_fork"):  # a child has no thread that would give it 
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):
-    """Return the `Address` of the machine code of `text_of(step, name, W, *options)`.
+    """Return the `Address` of machine code of `text_of(step, name, W, *options)`; it is cached.
 
     If `lasts` is true, the code stays until the process ends.
     """

@@ -13,7 +13,7 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Return the lengths of a `Sparse` plan, and the addresses of its arrays with these names."""
+    """Return a namespace: lengths in a `Sparse` plan, and addresses of its arrays in `names`."""
     lengths = {
         "D": plan.order,
         "entries": plan.rows,
@@ -39,10 +39,10 @@ def _offsets(text, of, j):
 
 
 def _along(text, of, begin, end, rows, numbers=0):
-    """Add loops over the rows of spans; `rows` is the address of row 0.
+    """Add loops over the rows of the spans begin, ..., end - 1, with the body of `for`.
 
-    The body gets a text, the address of a row, and the address of its number; `numbers` is the
-    first of these. If W is 1, it gets AT_ONCE rows as the lanes of a wider text.
+    The body gets a text, the address of a row (`rows` is the address of row 0), and the address of
+    its number (`numbers` is the first). If W is 1, AT_ONCE rows are lanes of a wider text.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):

@@ -226,7 +226,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """The rows of a `Table` as constants, `bytes` apart; each row has 2**n numbers, inf at last."""
+    """The rows of a `Table` as constants, `bytes` apart, filled up with inf to 2**n numbers."""
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
@@ -339,7 +339,7 @@ class Code:
         self.add("}")
 
     def leave(self, result):
-        """Return `result` from the function; code up to the next block is not reached."""
+        """Add the return of `result`, such as "i64 0"; code up to the next label is not reached."""
         self.add(f"  ret {result}")
         self.label(self._name("left"))
 
@@ -408,7 +408,7 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop that copies `count` numbers, `step` bytes apart, to places `other` apart."""
+        """Add a loop that copies `count` numbers from steps of `step` bytes to steps of `other`."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
@@ -654,10 +654,7 @@ class Code:
         return result
 
     def _call_list(self, name, operands):
-        """Call the function of W lanes that runs the expression program of an elementary function.
-
-        The text defines it once.
-        """
+        """Call the function of W lanes that computes `list_of(name)`; the text defines it once."""
         function = f"lanes_{name}_{self.W}"
         if function not in self.target.functions:
             operations, result = list_of(name)

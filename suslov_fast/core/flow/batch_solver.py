@@ -51,7 +51,7 @@ class SolverRequest(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, atol):
-    """Return `CodeArguments.components` (5, D)."""
+    """Return the `ComponentNumbers` of f as an array (5, D), for `CodeArguments.components`."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
@@ -65,7 +65,7 @@ def components_of(f, atol):
 
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
-    """Return an array of `SharedNumbers` in which the times are not set yet."""
+    """Return `SharedNumbers` as an array; `set_times` sets its last time and its longest step."""
     return array("d", SharedNumbers(
         settings.rtol,
         inf,
@@ -80,19 +80,19 @@ def numbers_of(settings, sign):
 
 
 def set_times(numbers, integrator, settings, times):
-    """Set the last time, and the longest step; NO_TIMES follow the times."""
+    """Set the last time and the longest step in `SharedNumbers`; `times` end with NO_TIMES."""
     numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
     longest = settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
 
 
 def set_limits(numbers, request):
-    """Set how many crossings end a trajectory, and the time from which they count."""
+    """Copy the limits on crossings, `most` and `since` of a `SolverRequest`, to `SharedNumbers`."""
     numbers[NUMBER.enough], numbers[NUMBER.since] = request.most, request.since
 
 
 def code_of(integrator, W, for_each):
-    """Return the `Address` of the machine code of an integrator."""
+    """Return the `Address` of the code for W lanes, with one table for all or one `for_each`."""
     # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
     if (W, for_each) not in integrator.codes:
         key = "motion", integrator.key, W, for_each
@@ -112,14 +112,14 @@ class EventTimes:
         self.times, self.which = times, which
 
     def of(self, trajectories):
-        """Return the times of some trajectories."""
+        """Return the `EventTimes` of some trajectories, given by their numbers."""
         if len(self.times) == 1:
             return self
         return EventTimes(self.times[trajectories], self.which[trajectories])
 
     @functools.cached_property
     def array(self):
-        """`CodeArguments.event_times` (1 or B, n + 1, 2), and how many times are equal at most."""
+        """The pairs (time, which) for `CodeArguments`, and the largest number of equal times."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -134,7 +134,7 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Return table and states x0 (B, D) for clocks from 0, and their starts, None if they are 0."""
+    """Return (table, x0, starts) with clocks that count from 0; if none changes, starts is None."""
     if not f.offsets:
         return table, x0, None
     starts = x0[:, [*f.offsets]]
@@ -153,7 +153,7 @@ def counted_from_start(f, table, x0):
 
 
 def add_starts(f, starts, states, records):
-    """Add the starts (B, clocks) of clocks to states (count, B, D), and to states in records."""
+    """Add the starts of clocks, see `counted_from_start`, to states (count, B, D) and records."""
     clocks = np.array([*f.offsets])
     states[..., clocks] += starts
     for rows in records:
@@ -195,12 +195,12 @@ class BatchSolver:
             self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
     def integrator(self, mode):
-        """Return the explicit or the implicit integrator, for this `LaneState`."""
+        """Return the `Integrator` for lanes in this `LaneState`, EXPLICIT or IMPLICIT."""
         has_atol = self.request.settings.atol is not None
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
 
     def run(self, threads=1, begun=None):
-        """Take all steps of all trajectories; `begun` are those that `solve_small_batch` has begun.
+        """Take all steps of all trajectories, or continue with `begun` of `solve_small_batch`.
 
         `report` is called in this thread from time to time; if it returns False, the steps end.
         """
@@ -222,7 +222,7 @@ class BatchSolver:
             add_starts(self.f, self.starts, self.states, self.records)
 
     def _rows(self, block):
-        """Return the rows of a block of trajectories before the first step."""
+        """Return the `TrajectoryRows` of a block (a slice) before the first step."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
@@ -232,7 +232,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take all steps of a block of trajectories; `flat` are their rows, if they have begun."""
+        """Take the steps of a block, from rows `flat` if given; entries in `abandoned` end them."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
@@ -289,9 +289,9 @@ class BatchSolver:
 
 
 class StepRunner:
-    """The arguments of the code of an integrator, and its memory.
+    """A call of an integrator's code: its arguments and its memory.
 
-    It takes trajectories with these `rows`, and a table for all or one for each.
+    `take` takes steps of the trajectories in `rows`, with one table for all or one for each.
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):
@@ -308,12 +308,12 @@ class StepRunner:
         self.code = code_of(integrator, W, self.for_each)
 
     def point_to(self, times, states, state_bytes):
-        """Set the addresses of times and states in the arguments."""
+        """Set the addresses of times and states; states at two times are `state_bytes` apart."""
         self.arguments[SLOT.times], self.arguments[SLOT.states] = times, states
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, event_times, equal, records):
-        """Set the addresses of the times of events; records are appended to the list `records`."""
+        """Set addresses for events, from `EventTimes.array`; `take` appends to list `records`."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W

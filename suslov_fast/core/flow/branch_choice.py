@@ -10,8 +10,8 @@ other f. The determinant of this matrix is (grad s . f_after) / (grad s . f_befo
 enters exponents.
 
 A solution that comes back to surfaces at once, again and again, slides along them, and ends. If a
-solution ends just before a surface, because f has no value beyond it, it continues beyond it with
-the other branches.
+solution ends just before a surface, because f with the old branches has no value beyond it, the
+solution continues there with the other branches.
 """
 
 import itertools
@@ -37,7 +37,7 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Count changes of branches in immediate succession; changes after an event do not count."""
+    """Count changes of branches in immediate succession, 0 after an event; too many are SLIDING."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -52,14 +52,14 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return a fraction of the elapsed time, and the same with the sign of time."""
+    """Return how far to look for a surface: `part` of the time, and this with the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Search for the surface, because a solution crosses it again at once: steps end on it."""
+    """Return the rows that start a search (`CUT`) for a surface that is crossed again at once."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -68,7 +68,7 @@ def SEEK(wanted, ahead):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
-    """Continue a solution, which ended just before a surface, beyond the surface."""
+    """Return the rows of a trajectory that goes on a time `ahead` later, beyond a surface."""
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
     state = slides.select(float(LaneState.SLIDING), first_state)
@@ -86,14 +86,14 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return the jump of the integral of u trace f', from grad s . f on both sides."""
+    """Return u log|after / before| of grad s . f: the jump of the integral of u trace f'."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return 0 in place of `low` if the jump of f feeds a component: then it is not low."""
+    """Return `low`, see `growing_components.LOW`; 0 if the jump of f now feeds the component."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
@@ -116,7 +116,7 @@ def update_branches(code, truth):
 
 
 def choose(code):
-    """Choose the branches of kinks in lanes whose step ends on a surface; evaluate f with them.
+    """After a step to a surface, choose branches of kinks, see `Branches`; evaluate f with them.
 
     f may change much even if it is continuous, for example along a steep line of a table.
     """
@@ -129,7 +129,7 @@ def choose(code):
 
 
 def renew(code):
-    """Choose branches at which f jumps, and continue solutions that end before a jump."""
+    """Choose new branches where f has jumped, and continue solutions that end before a jump."""
     text, line, work = code.text, code.line, code.work
     if code.f.branches.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
@@ -143,7 +143,7 @@ def renew(code):
 
 
 def _look(code, x):
-    """Find the branches at a state."""
+    """Write the branches at the state x to the row `chosen`."""
     code.call("branches", x, code.table, code.work.chosen)
 
 
@@ -165,13 +165,13 @@ def _jump(code, jumped):
 
 
 def _put_ahead(code, x, f, signed):
-    """Write the state a signed time after x, along f, to `start`."""
+    """Write x + signed f to the row `start`: a state about the time `signed` later."""
     for i in code.text.each(code.D):
         code.work.start[i] = x[i] + signed * f[i]
 
 
 def _choose(code, truth, acted):
-    """Choose branches at the new state of lanes, and compute f and columns with them."""
+    """Choose branches at the new state; update f, `low` and, unless `acted` is 1, columns."""
     text, line, work, f = code.text, code.line, code.work, code.f
     has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
@@ -191,7 +191,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Update the columns of a `Variational` in lanes where f jumps."""
+    """Update the columns of a `Variational` where f jumps, by the formula at the top."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -231,7 +231,7 @@ def _change_columns(code, truth):
 def _go_on(code, ended):
     """Continue solutions in lanes that end just before a surface.
 
-    Their next state lies beyond it; it is saved at the times in between.
+    Their next state lies beyond the surface. States at requested times in between are saved.
     """
     text, line, work = code.text, code.line, code.work
     accepted, none = work.accepted[0] > 0.0, text.value(0.0)
@@ -281,7 +281,7 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write branches to the table of lanes: numbers from rows, or intervals by their argument."""
+    """Write branches of `kinds`, in rows `found`, to the table; for a `Table` its interval."""
     text, f = code.text, code.f.of
     first = len(f.branches.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
@@ -299,7 +299,7 @@ def _put_choices(code, truth, kinds, found, place):
 
 
 def shift_of(f, number):
-    """Return the place of the shift of a table, see `Intervals.holding`; None if there is none."""
+    """Return where f's table has the shift of the argument of surface `number`, or None."""
     branches = f.branches
     if number not in branches.shifts:
         return None
@@ -308,7 +308,7 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval with an argument, minus the shift, to the tables of lanes with bits."""
+    """Write the interval of a `Table` that holds argument + shift, less the shift, to f's table."""
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

@@ -19,7 +19,7 @@ class FunctionCode:
         self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call a function of the integrator, see `vector_functions`, with from, table and to."""
+        """Call a function of `Integrator.functions`; its arguments are from, table and to."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
@@ -40,13 +40,13 @@ class StepCode(FunctionCode):
         self.table = self.work.table.at() if for_each else self.of.table
 
     def has_trajectories(self):
-        """Return the truth value that a lane has a trajectory: `own` is its number + 1, or 0."""
+        """Return whether any lane has a trajectory; the row `own` is its number + 1, or 0."""
         text = self.text
         own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
 
     def columns(self, x, f, count):
-        """Write the end of each of the first `count` columns of a step, minus x, to `work.ends`."""
+        """Write the ends y_c - x of the first `count` columns of a step from x to `work.ends`."""
         self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
 
     @property
@@ -95,7 +95,7 @@ class StepCode(FunctionCode):
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return the `last` input of kernels: the time of the next event, if that is earlier."""
+        """Return {'last': time that no step passes}, see `step_length.GOAL`; {} without events."""
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
@@ -104,14 +104,14 @@ class StepCode(FunctionCode):
         self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
 
     def lanes_with(self, bits):
-        """Add a loop over lanes; the body runs for lanes with bits, and gets their offsets."""
+        """Add a loop over lanes with bit 1 in `bits`; yield the offset of each lane in bytes."""
         for lane in self.text.each(self.text.W):
             bit = (bits >> lane) & 1
             with self.text.when(bit.equals(1)):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write results of a kernel to the rows with their names, in these lanes."""
+        """Write results of a kernel to rows of the same names, in lanes where `truth` is true."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))

@@ -38,13 +38,13 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 @scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
-    """Return the signed length of a quarter if a step has passed a time, else 0."""
+    """Return a quarter of the signed length of a step that has passed a requested time, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
 
 def weights_at(v):
-    """Return, by name, weights of states minus x, and of rates times the length of a quarter."""
+    """Return the weights of x_j - x and of h / 4 f(x_j) in p(v) - x, see the top, by name."""
     of_states, of_rates = {}, {}
     for j in _NODES:
         product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
@@ -57,12 +57,12 @@ def weights_at(v):
 
 @scalar_kernel
 def BETWEEN(t, taken, next):
-    """Return the weights at the next time."""
+    """Return `weights_at` the next requested time."""
     return weights_at(4.0 * ((next - t) / taken))
 
 
 def weights_of_test(v):
-    """Return the weights of the polynomial, and of its derivative by v, at v quarters."""
+    """Return two dicts of weights, see `weights_at`: for p(v) - x, and for p'(v)."""
     weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},
@@ -75,7 +75,7 @@ def INTERPOLATED(
     x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
     rate0, rate1, rate2, rate3, rate4,
 ):  # fmt: skip
-    """Return a component of the polynomial minus x, or of its derivative, for these weights."""
+    """Return a component of p(v) - x, or of p'(v), see the top, with these weights."""
     rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
     states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
     return {"value": states + signed * rates}
@@ -83,7 +83,7 @@ def INTERPOLATED(
 
 @scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Return the largest estimated error of the polynomial relative to the allowed error."""
+    """Return the largest ratio so far, error of p / allowed error, and sum |f| to detect NaN."""
     ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
     return {"ratio": ratio, "total": total + abs(f)}
 
@@ -110,7 +110,7 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
 
 @scalar_kernel
 def WITH_SIGN(value, x, keeps):
-    """Return a component inside a step with the sign of x, even if its error allows 0."""
+    """Return a component inside a step; if `keeps` is 1, with the sign of x."""
     signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
     return {"value": (keeps > 0.0).select(signed, value)}
 
@@ -152,7 +152,7 @@ def save_at_end(code):
 
 
 def _passed(code, how):
-    """Return which lanes have passed their next time within the step."""
+    """Return which lanes have passed their next time; `how` is the comparison: >, >= or =."""
     return (code.work.accepted[0] > 0.0) & how(_until(code), code.line.next[0])
 
 
@@ -214,7 +214,7 @@ def _find_nodes(code):
 
 
 def _between(code, weights, i):
-    """Return a component of the polynomial with these weights, minus x."""
+    """Return component i of p(v) - x, or of p'(v), see the top, with these weights."""
     work, inputs = code.work, {}
     for k in range(3):
         node = work.nodes.after(2 * k * code.D)
@@ -234,7 +234,7 @@ def _put_between(code, weights):
 
 
 def save(code, bits, states):
-    """Save rows of `WorkRows` as states of the lanes with these bits; go to their next time."""
+    """Write the rows `states` to the output, for lanes with bits; go on to their next time."""
     text, of, rows = code.text, code.of, code.integrator.rows
     one = text.lanes(1)
     for offset in code.lanes_with(bits):

@@ -31,10 +31,10 @@ FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the
 
 
 def _side(value, rate, size, rate_size, near, sign):
-    """Return the side of a state, and the level from which it is on that side within this instant.
+    """Return `side` (1 above, 0 below, STAYS, GAP) and `level`, the value that separates sides.
 
-    A state nearer the surface than `near`, or than rounding, is on it: its side is where the rate
-    leads. If the rate is rounding, the state stays on the surface, which it cannot cross.
+    A state with |value| <= `near` + rounding is on the surface. Its side is where the rate leads,
+    and the level moves, so that the value lies on this side. If the rate is rounding, it STAYS.
     """
     rounding = ROUNDING * size + TINY
     is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
@@ -63,7 +63,7 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
 
 
 def _is_on(value, rate, last, jumps):
-    """Return whether a state with this value may be on the surface, and not at a jump of it."""
+    """Return whether a state may be on a surface; if s jumps, |s| must be small beside its rate."""
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
@@ -72,14 +72,14 @@ def CROSSED(
     value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
     at_surface,
 ):  # fmt: skip
-    """Return whether a state is on another side of a surface, up or down.
+    """Return whether a state has crossed a surface, `up` or `down`; also side, level and `near`.
 
-    A state at which the step arrives counts, too, see `event_location.CUT`. An action may leave the
-    state beyond the surface by rounding, on its way back, and a step ends there. If the rate
-    contradicts a crossing by the motion, it is none: the surface lies just beyond the state, until
-    its next action. It is no crossing if a state leaves a surface on which it has stayed, or a gap
-    without values begins or ends. After its action a state counts as on the surface if it is
-    `near`: within twice the distance of the crossing.
+    A crossing is a change of side. A step that arrives just before a surface crosses it, too, see
+    `event_location.CUT`. It is no crossing if a state leaves a surface on which it has stayed, or
+    if a gap without values begins or ends. It is none if the motion changes the side, but the rate
+    leads back: an action had left the state beyond the surface by rounding. Then the level moves to
+    the state. `near` is twice the distance of a crossing by the motion. After the action a state so
+    near is on the surface.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -109,7 +109,7 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Return whether an event acts again at once, the weight of that, and the limit of its times.
+    """Return `more`, the weight of an action that comes again at once, and their `limit` in time.
 
     A state that an action turns back returns along a parabola: it is away for 2 |r / a| with the
     rate r and its derivative a, and rises by r**2 / (2 |a|). If it returns at once, or stays LOW,
@@ -143,11 +143,11 @@ def AFTER_EVENT(
     size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
     stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
-    """Return the next length after actions.
+    """Return the next length, and the state of a lane, after actions.
 
-    It is the length of a first step, if that is longer. If the rate is FASTER times the rate at the
-    beginning of the last step, as after a dose, it is at most the length of a first step for a
-    state as large as the largest so far.
+    The length becomes the length of a first step, if this is longer. If the rate is FASTER times
+    the rate at the beginning of the last step, as after a dose, the length is at most the length of
+    a first step for a state as large as the largest so far.
 
     Events accumulate if one acts again at once, see `AGAIN`, ACTIONS_AT_ONCE times in a row.
     """
@@ -178,7 +178,7 @@ def AFTER_EVENT(
 def add_actions(text, integrator, name, for_each):
     """Add the function void change(arguments), which writes `new` and `f_new` after actions.
 
-    It acts in lanes in which `accepted` is 1 that are at the time of an event.
+    Events act in lanes in which `accepted` is 1, at their given times and on surfaces.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -228,7 +228,7 @@ def _is_there(code):
 
 
 def _look(code):
-    """Find `OF_SURFACE` of surfaces at the new state."""
+    """Write `OF_SURFACE` numbers of each surface (value, rate, ...), for `new`, to `toward`."""
     _look_at(code, code.work.new, code.work.f_new, code.work.toward)
 
 
@@ -328,7 +328,7 @@ def _with_flat_side(code, k, side, level):
 
 
 def _look_a_moment_later(code):
-    """Find `OF_SURFACE` of surfaces a MOMENT after the new state; write it to `ahead`."""
+    """Write the numbers of `_look`, for a state a MOMENT after the new state, to `ahead`."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -382,7 +382,7 @@ def _note(code, k, truth, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let event k act in the lanes `truth`; to `by_motion` lanes the motion has brought it."""
+    """Let event k act in lanes `truth`; `by_motion` marks lanes that the motion brought to it."""
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
@@ -420,7 +420,7 @@ def _of_columns(code, f_before):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
-    """Find tau of the columns of a `Variational`; update them if the action moves the state."""
+    """Find tau of each column, see `event_formulas`; update columns if the state `is_changed`."""
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     if not f.columns:
         return
@@ -454,7 +454,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Update the largest moduli by the state before an action; no component is low from then on."""
+    """Update the largest moduli before an action; forget which components are low, see `LOW`."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))

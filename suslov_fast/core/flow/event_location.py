@@ -45,14 +45,14 @@ ON = 2.0**-8  # part of a step in which a straight line crosses the surface on w
 
 
 def _bend(change, f, f_new, signed, u):
-    """Return the difference between the cubic and the straight line, divided by u (u - 1)."""
+    """Return (1 - 2 u) d + (u - 1) h f + u h f_new, d = `change`, of the formula at the top."""
     return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
 
 
 def _point(x, new, f, f_new, signed, u, quartic=0.0):
-    """Return a component at u in an explicit step: the cubic by values and rates at the ends.
+    """Return a component at the fraction u of an explicit step, by the formula at the top.
 
-    `quartic`, from the rate at another point, makes it a polynomial of degree 4.
+    `quartic`, a result of `QUARTIC`, makes it a polynomial of degree 4.
     """
     change, product = new - x, u * (u - 1.0)
     bend = _bend(change, f, f_new, signed, u)
@@ -80,7 +80,7 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """Return a component at u in an implicit step, from states at its quarters minus x.
+    """Return a component at the fraction u of an implicit step, from its quarters minus x.
 
     The polynomial of degree 4 through them does not use rates, because these contain fast modes.
     """
@@ -93,7 +93,7 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Return the place of the first crossing in a step, by results of `watch` up to u."""
+    """Update `place` and `end` of the first crossing by the part of a step that ends at u."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
@@ -104,9 +104,9 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 
 
 def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
-    """Return the next length between two, and the weights of the inner and the outer length.
+    """Return the next length to try between `lengths`, and the Illinois weights of both.
 
-    A straight line between the states there crosses the surface at the fraction `part`.
+    A straight line between the states at both crosses the surface at the fraction `part`.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
     starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
@@ -128,18 +128,18 @@ def CUT(
     crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
     rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
 ):  # fmt: skip
-    """Return whether a step that crosses a surface is accepted, and the next length.
+    """Return whether a step that crosses a surface is accepted, and the next length, see the top.
 
-    A step that may hide two crossings (`hidden`, see `double_crossings`) is taken again with half
-    its length or more. If points show two, `twice` is 1. A search starts if `starts` is 1. After a
-    search a step is at most `known` long, the length in which values were decisive, if that is
-    long: a time may lie just before a surface. Steps end at a `goal`.
+    A search for a surface starts if `starts` is 1. In it a step aside counts as any other step.
 
-    A straight line crosses the surface at `whole_part` if it ends at the end of this step, and at
-    `part` from there to the state at `outer`. A step aside on the way to a surface counts as any
-    other step. So does a step that ends on the surface, or NEARLY, except for the time `left` to
-    the surface of an event. Once a step has ended near a surface, `aim` is the length of the step
-    that ends there. `since` is the longest time since a surface was crossed, see `step_to_surface`.
+    hidden, twice, waves  results of `DoubleCrossings.told`: the step may be taken again, shorter
+    known             the longest step after a search, if this step is long
+    whole_part, part  fractions at which straight lines cross the surface: from x to the end of this
+                      step, and from there to the state at `outer`
+    aim               length of the step that ends on the surface, see `step_to_surface`
+    since             the longest time since a surface was crossed
+    left              time to a surface of an event; if it is NEARLY 0, the step ends there
+    goal              the time that no step passes
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -245,7 +245,7 @@ def cut(code, before, total):
 
 
 def _look_at_points(code, taken, from_start):
-    """Return the place of the first crossing in a step, and the row of the state in the middle."""
+    """Evaluate surfaces at POINTS; return the results of `LOOK`, and rows of the middle state."""
     text, line, work, of = code.text, code.line, code.work, code.integrator.double_crossings
     count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
@@ -302,10 +302,10 @@ def _look_inside(code, u, x, phases, rates, quartic):
 
 
 def _aim(code, inputs, is_far, from_start):
-    """Return `aim`, `since` and `left` of `CUT`, and `place`, including that of `BACK`.
+    """Return inputs of `CUT`: `aim`, `since`, `left`, and `place`, which `BACK` may replace.
 
     `is_far` marks lanes that were not searching for a surface before this step. `from_start` marks
-    lanes that know no first part of it without a crossing.
+    lanes with `inner` = 0.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)
@@ -359,7 +359,7 @@ def _read(code):
 
 
 def find_quartic(code):
-    """Find the coefficients of degree 4 of the polynomials of an explicit step."""
+    """Write the results of `QUARTIC`, for components that surfaces read, to the row `quartic`."""
     text, work = code.text, code.work
     u = text.value(POINTS[0])
     for i in text.each(code.D):

@@ -36,7 +36,7 @@ OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
 
 class ExplicitColumns(FunctionCode):
-    """The function void columns(x, f, table, work, count): the ends y_c - x of first columns.
+    """The function void columns(x, f, table, work, count): the ends y_c - x of `count` columns.
 
     `x` and `f` are the addresses of the rows of a state and of f there. The row `signed` of `work`
     is the length of the step.
@@ -70,9 +70,9 @@ class ExplicitColumns(FunctionCode):
         return any(getattr(function, name) for function in self.functions.values())
 
     def narrower(self):
-        """Return the text in which sub-steps are written.
+        """Return the `Code` to which sub-steps are added: for all W lanes, or for fewer.
 
-        If f is inlined and calls no function, it has the lanes of one register at a time.
+        It is for the lanes of one register if f is inlined and calls no function.
         """
         W = numbers_in_register()
         if self.is_inlined and W < self.text.W and not self._have("calls"):
@@ -126,13 +126,13 @@ class ExplicitColumns(FunctionCode):
                         of_work.f_last[i] = value
 
     def caller(self, table, f):
-        """Return a function that writes rates at a state to rows."""
+        """Return a function of (name, rows of a state) that writes rates there to the rows `f`."""
         return lambda name, of: self.call(name, of, table, f)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return the rates that are missing at the end of the last column.
+        """Return the rates at the end of the last column that sub-steps did not find: here none.
 
-        If f is not inlined, `call` writes them to their rows.
+        If f is not inlined, `call` writes these rates to their rows.
         """
         return {}
 
@@ -141,7 +141,7 @@ class ExplicitColumns(FunctionCode):
         return self.of_a(), self.of_b()
 
     def begin(self, a, b, x, f, s, of_a, of_b):
-        """Begin a column."""
+        """Begin a column: a = x, b = x + s f."""
         for i in of_a:
             a[i] = x[i]
         for i in of_b:
@@ -153,7 +153,7 @@ class ExplicitColumns(FunctionCode):
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
     def pair(self, work, table, double, factor):
-        """Add two sub-steps; return f at the state after the first, {} if it is in its rows."""
+        """Add two sub-steps; return f(a) between them by component, or {} if it is in `f_last`."""
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
@@ -168,7 +168,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add two sub-steps with inlined f; return f at the state after the first."""
+        """Add two sub-steps with inlined f; return f(a) between them by component."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)

@@ -12,10 +12,10 @@ If none takes from another, growth shows as h f_i / x_i > 1 as long as no compon
 sign. So components that decay keep their sign in an implicit step, which costs less than the
 allowed error.
 
-A warning (`LOW`) is for a component that was large, falls below FEW allowed errors in two steps in
-a row while it remembers, and then grows to GROWN allowed errors, or a tenth of its size: it may
-have no digits. It remembers its former value if nothing else feeds it: let g be f in the state
-where all components below their allowed errors are 0; then h |g_i| is below the allowed error, and
+A warning (`LOW`) is for a component that may have no digits. It was large, falls below FEW allowed
+errors in two steps in a row while it remembers, and then grows to GROWN allowed errors, or a tenth
+of its size. It remembers its former value if nothing else feeds it. Let g be f in the state where
+all components below their allowed errors are 0. Then h |g_i| is below the allowed error, and
 |g_i| <= |f_i| / 2. If f_i contains the factor x_i, nothing feeds it, and one step below FEW_ALONE
 allowed errors counts.
 """
@@ -38,7 +38,7 @@ NEXT = 0.25  # of the growth in a step that is looked at: the next step is four 
 
 
 def _is_below(x, inverse, times=NEAR):
-    """Return whether a component is below this many allowed errors; clocks have none."""
+    """Return whether |x| < `times` allowed errors, which are 1 / `inverse`; False for clocks."""
     return (abs(x) * inverse < times) & (inverse > 0.0)
 
 
@@ -49,7 +49,7 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """Return 1 if a component below its allowed error grows at an end, or changes sign."""
+    """Return 1 if a component below NEAR allowed errors grows at an end, or changes its sign."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -57,14 +57,14 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
 
 @scalar_kernel
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
-    """Return a component of L; it keeps its sign if it decays and none takes from another."""
+    """Return `new`; it gets the sign of x if it decays in L, see the top, and `feeds` is 1."""
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
 
 
 @scalar_kernel
 def LARGE_ALONE(x, inverse, times):
-    """Return a component, or 0 if it is below this many allowed errors."""
+    """Return a component, or 0 if it is below `times` allowed errors."""
     return {"alone": _is_below(x, inverse, times).select(0.0, x)}
 
 
@@ -74,7 +74,7 @@ def _is_fed(fed, inverse, taken):
 
 @scalar_kernel
 def REMEMBERS(x, f, fed, inverse, taken, signed):
-    """Return 1 for a component of L, else 0."""
+    """Return 1 if a component belongs to L, see the top, else 0; `fed` is g_i."""
     grows = signed * (f - fed) / x > NEXT
     is_free = ~_is_fed(fed, inverse, taken) | grows
     is_in = _is_below(x, inverse) & (abs(x) > 0.0) & is_free
@@ -83,7 +83,7 @@ def REMEMBERS(x, f, fed, inverse, taken, signed):
 
 @scalar_kernel
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
-    """Return an entry of J if both components are in L, else 0.
+    """Return an entry of J if both components are in L, see the top, else 0.
 
     `feeds` becomes 0 if one takes from the other, `of_row` 2 if its component decays in a step.
     """
@@ -98,7 +98,7 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Return the longest step, from inverse pivots, and the sign of the determinant so far."""
+    """Return the least h / (1 - 1 / `pivot`) of inverse pivots, and the determinant's sign."""
     growth = 1.0 - 1.0 / pivot
     return {
         "length": (growth > NEXT).select(smaller(taken / growth, length), length),
@@ -108,12 +108,12 @@ def PIVOT(pivot, taken, length, sign):
 
 @scalar_kernel
 def LONGEST(length, sign, feeds, least):
-    """Return the longest step, the smaller one of both ends."""
+    """Return the longest step of both ends; `length` counts only if sign < 0 or feeds > 0."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
 def _grown(rtol):
-    """Return the number of allowed errors to which a component has grown again."""
+    """Return how many allowed errors a component exceeds that has grown again, see the top."""
     return smaller(GROWN, 0.1 / rtol)
 
 
@@ -125,7 +125,7 @@ def _bounds(rtol, keeps):
 
 @scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
-    """Return 1 if a component may be low."""
+    """Return 1 if a component was large, but is below few allowed errors, see `_bounds`."""
     few, grown = _bounds(rtol, keeps)
     has_fallen = (abs(new) * inverse < few) & (largest * inverse > grown)
     return {"fallen": has_fallen.select(1.0, fallen)}
@@ -178,7 +178,7 @@ def _growth(code, x, f, least):
 
 
 def _factor_alone(code, x, rates):
-    """Factorise 1 - h J for components that remember; return 1 if none takes from another."""
+    """Factorise 1 - h J restricted to L, see the top; return 1 if none takes from another."""
     text, work, f = code.text, code.work, code.f
     _find_fed(code, x, NEAR)
     text.fill(work.start, code.D, lambda: 0.0)
@@ -202,7 +202,7 @@ def _factor_alone(code, x, rates):
 
 
 def _find_fed(code, x, times):
-    """Write f to the row `f`, at x with 0 for components below this many allowed errors."""
+    """Write f to the row `f`, at x with 0 for components below `times` allowed errors."""
     text, work = code.text, code.work
     text.copy(x, work.start, code.D)
     for i in text.each(code.f.of.D):

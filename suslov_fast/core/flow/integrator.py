@@ -18,9 +18,9 @@ from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 class Integrator:
     """The explicit or the implicit integrator of a right-hand side.
 
-    functions    by name: `f` with the denominators of clocks; `watch`, see `watch_of`, if steps
-                 end on surfaces; in the implicit integrator also `j`, the entries of f'; `factor`,
-                 from these and s; and `solve`
+    functions    `vector_functions` by name: `f` with the denominators of clocks, and functions of
+                 surfaces, events and branches; in the implicit integrator also `j`, which finds
+                 the entries of f', `factor` for 1 - s f', and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`

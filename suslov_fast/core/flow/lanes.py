@@ -47,7 +47,7 @@ def _write_back(code, offset, own):
 
 
 def pause_if_spent(code):
-    """Return 0 from the code if the budget is spent."""
+    """Let the code return 0, to pause, if the budget is spent or the buffer of records is full."""
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.equals(0)
     if code.integrator.events:  # whose records may have no place any more

@@ -11,9 +11,8 @@ notice it:
 
 N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 
-They vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is tested by A**-1,
-of the last column, times the first and half of the second, so that layers at both ends do not
-cancel.
+They vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is tested by
+A**-1 (first + second / 2), with A of the last column, so that layers at both ends do not cancel.
 
 Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated like the end, are
 of order 4, and as stable. They locate the crossings of surfaces.
@@ -87,7 +86,7 @@ class ImplicitColumns(FunctionCode):
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
     def column(self, c, N, s, weight, ends):
-        """Add column c, of N sub-steps; write the sum of its increments to `ends`."""
+        """Add column c, of N sub-steps of the length s; write its end minus x to `ends`."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -109,7 +108,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Begin the sums of columns at the quarters of the step; the number 3 means no quarter."""
+        """Set the sums for states at quarters to 0; number sub-steps by quarters, 3 for none."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -139,7 +138,7 @@ def _plus_change(a, part, after, before):
 
 
 def find_apart(code):
-    """Write the quantity that shows false steps to `right`, after f at the next state."""
+    """Write the quantity that shows false steps, see the top, to `right`; it needs `f_new`."""
     text, work = code.text, code.work
     half = work.signed[0] * -0.5
     text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)
@@ -147,7 +146,7 @@ def find_apart(code):
 
 
 def derive(code):
-    """Write the entries of f'; return its largest rate by a step of the power iteration."""
+    """Write f' to `jacobian`; return its largest rate |mu| by a step of the power iteration."""
     text, line, work = code.text, code.line, code.work
     entries = code.f.entries
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a

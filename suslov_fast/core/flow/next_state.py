@@ -11,7 +11,7 @@ from .scalar_kernels import scalar_kernel
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return whether components that must keep their sign do; `new` gets the sign back.
+    """Return `kept`, 0 if a large component has lost its sign, and `new` with the sign of x.
 
     A component that has decayed below its tolerance may have any sign after a long step.
     """
@@ -35,7 +35,7 @@ def SAME_SIGN(x, new, kept):
 
 
 def find_next_state(code):
-    """Write x_next, f there, and e; return which lanes keep signs, and the sizes of parts."""
+    """Write x_next, f there and e; return `kept`, and a dict of sizes for each of `parts`."""
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
     sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []

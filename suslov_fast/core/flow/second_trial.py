@@ -1,11 +1,11 @@
 """The second trial of a step whose error may be due to rounding of the state.
 
 The state is rounded, and f with it. The effect is large if components cancel, or if f is steep in
-time or begins at 0. So a step that would be rejected has a second trial, which allows the error |h
-(f(x') - f(x))|, for states x' beside both ends of the step, whichever is less; in an implicit step
-A**-1 of that, see `linearly_implicit`, because fast modes forget it. In x' clocks are 2**-50 of
-their values later, and other components differ by about 2**-49 of theirs. A trial takes time, and
-so it is only for steps after one that was rejected, or accepted by such a trial.
+time or begins at 0. So a step that would be rejected has a second trial. It allows the error
+|h (f(x') - f(x))| for states x' beside the ends of the step, at the end where this is less. In an
+implicit step A**-1 multiplies it, see `linearly_implicit`, because fast modes forget it. In x'
+clocks are 2**-50 of their values later, and other components differ by about 2**-49 of theirs. A
+trial takes time. So it is only for steps after one that was rejected, or accepted by a trial.
 
 A component that is 0 up to rounding, because terms of its rate cancel, consists of rounding alone:
 no step has digits of it, and shorter steps would not help. So an error below NOISY of the largest
@@ -58,15 +58,15 @@ def TOP(x, largest, counts, top):
 
 @scalar_kernel
 def ON_LINE(x, new, u):
-    """Return a state on the straight line along the step."""
+    """Return x + u (new - x), a state on the straight line along the step."""
     return {"point": x + u * (new - x)}
 
 
 @scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
-    """Return a component changed by some units in its last place; a clock is later.
+    """Return a component of x', see the top: it differs by rounding; a clock is later.
 
-    Between the ends the units are those of the larger end: a component may begin at 0.
+    Between the ends the larger end counts for rounding: a component may begin at 0.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -98,13 +98,13 @@ def SECOND(
 ):  # fmt: skip
     """Return the largest ratios of a second trial, and the inverse of the error it allows.
 
-    If rounding limits the allowed error, shorter steps have relatively no less of it. So the next
-    length depends on other components alone.
+    `of_length` is the ratio for the next length. It omits errors that only rounding allows:
+    shorter steps have relatively no less of it.
 
-    `least` is the change of f at the end of the step where it is smaller: f may be steep at one
-    end. If a step is not much longer than the rounding of time, the largest change counts: its
-    sub-steps see little but rounding, which `grows` in the sum of columns. If an error is rounding
-    of the largest component, changes at other points count, too, without the largest.
+    `least` is the smaller change of f at both ends, because f may be steep at one of them. In a
+    step not much longer than the rounding of time `largest` counts: its sub-steps see little but
+    rounding. The sum of columns makes these changes larger by `grows`. If an error is below the
+    rounding of `top`, the largest component, the second largest change of all points counts, too.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))
@@ -121,7 +121,7 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return the ratios of each lane; after a second trial the new ratios, and 1 for `on_trial`."""
+    """Return the ratios in `sums` by name; after a second trial new ratios, and `on_trial` = 1."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)

@@ -70,7 +70,7 @@ def prepared(f, settings, sign, B, for_each):
 
 
 def solve_small_batch(f, table, x0, request):
-    """Take trajectories x0 (B, D) to the times of a request, as far as one integrator does.
+    """Take trajectories x0 (B, D) to the times of a request, as far as one integrator takes them.
 
     Return (states, steps, records, begun):
 

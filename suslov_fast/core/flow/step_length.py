@@ -51,7 +51,7 @@ OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 
 def first_part(rtol):
-    """Return the fraction of |x| by which it changes in the first step."""
+    """Return the relative change of x in the first step: 5 rtol**(1/8), but at most 1."""
     return min(FIRST_PART * _root8(rtol), 1.0)
 
 
@@ -71,7 +71,7 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 def first_length(size, rate, part, last):
-    """Return the length in which |x| changes by a fraction; from 0, a fraction of the time."""
+    """Return a first length: part size / rate, or FIRST_AT_REST part last if size = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
@@ -94,22 +94,22 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return `reach` and `shortest` of a step; they are less strict near a surface."""
+    """Return `reach` and `shortest`: 1 and 0 on the way to a surface, else REACH and SHORTEST."""
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
 
 @scalar_kernel
 def GOAL(last, stop):
-    """Return the time beyond which no step goes."""
+    """Return the time that no step passes: `last`, or the next given time of an event, `stop`."""
     return {"last": smaller(last, stop)}
 
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Return the length of this step, 0 in other lanes, and 1 if it is a step aside.
+    """Return the length of this step, 0 in lanes of the other integrator, and `aside`.
 
-    It is a step aside if it would pass the time `next` but not the time `second`.
+    If the step would pass the time `next`, but not `second`, `aside` is 1, and it ends at `next`.
     """
     rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -178,7 +178,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, the state of lanes with too short steps, and lanes with too many."""
+    """Return which lanes run, states (ENDED if steps are too short), and lanes with many tries."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -202,7 +202,7 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Return whether the motion ends, or a lane becomes implicit, after `AFTER`."""
+    """Return the state of an explicit lane, which may end or become implicit, and its counts."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
@@ -228,7 +228,7 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return whether the motion ends, or an implicit lane becomes explicit, after `AFTER`."""
+    """Return the state of an implicit lane, which may end or become explicit, and its counts."""
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)

@@ -19,8 +19,8 @@ from .stormer import StormerColumns
 def text_of_integrator(integrator, name, W, for_each):
     """Return the text of i64 name(arguments), see `CodeArguments`, for an `Integrator`.
 
-    It takes steps of all trajectories with this integrator and returns 1; or 0 when the budget is
-    spent, to continue in the next call. A lane whose trajectory ends takes the next one.
+    The function takes all steps with this integrator, and returns 1. When the budget is spent, it
+    returns 0, and the next call continues. When a trajectory ends, its lane takes the next one.
     """
     text = Code(W)
     for key, function in integrator.functions.items():

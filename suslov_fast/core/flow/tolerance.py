@@ -34,7 +34,7 @@ def NO_SIZE():
 
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
-    """Return the largest modulus of all components; clocks count with their change in the step."""
+    """Return `top`, which is max_j s_j, and `moved`, the largest change of a clock in the step."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -42,7 +42,7 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return the least allowed error, from the largest component, and the size of its rounding."""
+    """Return the least allowed error, rtol smallest top, and `noisy`, the rounding of `top`."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
@@ -73,21 +73,21 @@ def LARGER_RATIO(error, inverse, ratio):
 
 @scalar_kernel
 def LARGE(error, inverse, noisy, large):
-    """Return the largest ratio of the errors that exceed rounding of the largest component."""
+    """Return the largest |e_i| / allowed_i so far, from errors above `noisy` alone."""
     return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
 
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Return squared differences of h f and of x between the next state and the last column."""
+    """Return sums of squares of h (f_new - f_last) and of new - last, which show h |mu|."""
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
 def find_errors(code, own, sizes):
-    """Return sums over components: the largest ratio of errors to allowed errors, and others.
+    """Return `ratio`, `total`, `apart`, `fallen` and others by name, over all components.
 
-    The inverse of the allowed error replaces the error.
+    The inverse of the allowed error replaces the error in the row `error`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (
@@ -119,7 +119,7 @@ def find_errors(code, own, sizes):
 
 
 def apart_in(code, own, i):
-    """Return the quantity of component i that shows whether all columns agree on a false end."""
+    """Return component i of d, see `step`: it is large if all columns agree on a false end."""
     if code.integrator.is_implicit:
         return code.work.right[i]
     if code.integrator.sets:
@@ -134,9 +134,9 @@ def _noise(code, own, i):
 
 
 def differences_of_sets(code):
-    """Return products of the sums of `DIFFERENCES` of both sets, and the limit of their quotient.
+    """Return `rates` and `states`, products of `DIFFERENCES` of both sets, and their `limit`.
 
-    The quotient does not depend on the allowed errors of either set.
+    The quotient rates / states does not depend on the allowed errors of either set.
     """
     text, work, sums = code.text, code.work, []
     for components in code.integrator.sets:

@@ -35,7 +35,7 @@ class ProgramFunction:
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
 
     def values(self, text, row, table, for_each):
-        """Return the results by place; row(k) is the k-th input."""
+        """Add the operations to a text; return the results by place. row(k) is the k-th input."""
         found = {}
         load = self._loader(text, row, table, for_each)
         text.carry_out(self.program.operations, found, load)
@@ -119,7 +119,7 @@ class DenseQuadratic:
         numbers = text.array("%table") if for_each else Shared(text, "%table")
 
         def linear_and_sum(own, j):
-            """Return l_ij, and the sum of q_ijk x_k."""
+            """Return l_ij and sum_k q_ijk x_k."""
             q, sums = own.from_here(j * D + (1 + D)), Carried(total=0.0)
             for k in text.each(D, sums):
                 sums.total = sums.total + q[k] * x[k]

@@ -22,7 +22,7 @@ EXPLICIT = 2, 4, 6, 8, 10
 
 
 def weights(columns, p):
-    """Return the weights of the ends of columns, each rounded once."""
+    """Return the weights w_c of the ends of columns with N_c in `columns`, each rounded once."""
     return [
         n ** (p * (len(columns) - 1)) / prod(n**p - m**p for m in columns if m != n)
         for n in columns
@@ -30,6 +30,6 @@ def weights(columns, p):
 
 
 def weights_of_errors(columns, p):
-    """Return the weights of the error estimate: all weights less those without column one."""
+    """Return the weights w_c - v_c of the error estimate; v_c are weights without column one."""
     without = [0.0, *weights(columns[1:], p)]
     return [w - v for w, v in zip(weights(columns, p), without, strict=True)]

@@ -135,7 +135,7 @@ class BatchRun:
         return self.carry[0].reshape(self.problem.batch) < 0
 
     def noted(self) -> tuple[NDArray[np.int64], Any]:
-        """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
+        """Return the number (B,) of the first state beyond a pole, 0 if none, and its status."""
         if not self.steps.notes_poles:
             return np.zeros(len(self.omega0), np.int64), OK
         return abs(self.carry[0]).astype(np.int64), PASSED_POLE
@@ -287,7 +287,7 @@ class BatchRun:
 
 
 def _rows(begin: int, end: int, every: int) -> int:
-    """Return how many states are saved after state `begin`, or from state 0 on, up to `end`."""
+    """Return how many multiples of `every` are in (begin, end], or in [0, end] if `begin` is 0."""
     return end // every - (begin or -1) // every if every else 0
 
 

@@ -31,9 +31,9 @@ def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
 
 
 def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
-    """Return A(x; eps)**-1 A(x_next; -eps) (B, D, D), NaN where it does not exist.
+    """Return the derivative A(x; eps)**-1 A(x_next; -eps) of a step (B, D, D); NaN if undefined.
 
-    The second solution corrects the first one: then small entries have digits, too.
+    A second solution corrects the first one, so that small entries have digits, too.
     """
     A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
@@ -61,7 +61,7 @@ def _with_derivative(arguments: Any, x: FloatArray, notes: Any, n: int) -> Any:
 
 
 def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
-    """Return states after steps; `notes` are carry, status and failed_at of the kernel."""
+    """Return states after steps start + 1 to stop; `notes` are carry, status and failed_at."""
     carry, status, failed_at = notes
     final, saved = x.copy(), np.empty((0, *x.shape))
     span = 0, len(x), start, stop, 0, 0
@@ -74,7 +74,7 @@ def _no_notes(B: int) -> Any:
 
 
 def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
-    """Yield groups of the batch, as indices, and the kernel arguments of each."""
+    """Yield groups of trajectories with the same operations: indices, and kernel arguments."""
     own = problem.map.methods[problem.method]
     is_field = own.divide is not None or own.kernel is not field_steps
     of_problem = problem.body, problem.eps, problem.batch
@@ -148,7 +148,7 @@ class _Part:
 def growth(
     problem: Problem, steps: int, transient: int, report: Report | None = None
 ) -> TangentGrowth:
-    """Return the sums of Kahan's map over `steps` steps after a transient.
+    """Return the `TangentGrowth` of a map over `steps` steps after a transient.
 
     Tangent vectors follow the transient, too. When `report` is called with a number of steps, all
     trajectories have taken these steps; if it returns False, the sums end there.

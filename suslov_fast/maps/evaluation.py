@@ -37,7 +37,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
-    """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
+    """Return compute(problem), of a large batch part by part, so that Ctrl-C works in between."""
     batch, D = problem.batch, problem.body.dimension
     work, length = math.prod(batch) * D**2, max(batch, default=1)
     if work <= PART or length == 1:

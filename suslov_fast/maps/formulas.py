@@ -25,7 +25,7 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    """Return H + grad H . (x_next - x) / 3, with terms v x_i x_j x_k of H.
+    """Return H + grad H . (x_next - x) / 3, which Kahan's map keeps; terms of H are v x_i x_j x_k.
 
     It is the symmetric form H(x, x, x_next), the mean over the three places of x_next.
     """
@@ -44,7 +44,7 @@ def _matrix(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return 1 / det A (...)."""
+    """Return the density 1 / det A(x) (...) of the invariant measure of Kahan's map."""
     with np.errstate(all="ignore"):
         return np.asarray(1.0 / np.linalg.det(_matrix(problem)))
 

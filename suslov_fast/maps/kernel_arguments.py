@@ -69,7 +69,7 @@ ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:
-    """Return the kernel arguments of fields: the operations of a step, values and eps."""
+    """Return the kernel arguments of fields: a `Scheme`, values of terms, and eps."""
     indices, values, rows = by_field(body, eps, batch)
     return scheme_of(indices, body.dimension, stages), values, rows
 
@@ -94,7 +94,7 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
-    """Return the arguments of the kernel of fields for a map, with its parameters as eps v / 2."""
+    """Return the kernel arguments of a map: its parameters as values v; eps = 2, so h v = v."""
     rows = body._rows if body.shape else body._rows[np.newaxis]
     return Scheme(body._operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
 

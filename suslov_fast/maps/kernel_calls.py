@@ -41,7 +41,7 @@ def call_kernel(
 ) -> None:
     """Call a kernel; in parallel if `work`, in steps of single trajectories, is large enough.
 
-    In Python the call would take about this many seconds.
+    `seconds` is about how long the call would take in Python.
     """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     if seconds < math.inf and kernel.by_numpy(*arguments):

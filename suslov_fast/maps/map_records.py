@@ -77,7 +77,7 @@ MAPS: dict[str, Discretization] = {}  # by name
 
 # ------------------------------------------------------------------------------------------- lookup
 def map_of(body: Any, method: str = "auto") -> Discretization:
-    """Return the map of a method for a body."""
+    """Return the `Discretization` that `method` names for a body, or raise an error."""
     kind: Any = type(body)
     by_method = methods_of(kind)
     if type(method) is str and method in by_method:
@@ -104,7 +104,7 @@ def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, in
 
 
 def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
-    """Return the step size; 1 for a `Map`, which has no eps."""
+    """Return eps, or 1 for a `Map`; TypeError if eps is missing, or given for a `Map`."""
     if isinstance(system, Map):
         if eps is not None:
             raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")
@@ -116,7 +116,7 @@ def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
 
 @lru_cache(maxsize=64)  # for speed in small calls
 def methods_of(kind: Any) -> dict[str, Discretization]:
-    """Return the maps of a class of bodies by the names of their methods."""
+    """Return {name of a method: `Discretization`} for a class of bodies."""
     records = [record for record in MAPS.values() if issubclass(kind, record.body)]
     return {method: record for record in records for method in record.methods}
 

@@ -21,7 +21,7 @@ from .kernel_arguments import (
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the relative time of a usual step; a call with much pivoting ends early by itself."""
+    """Return the time of a usual step, relative to the 3D map; much pivoting ends calls early."""
     step, stages = arguments[0]
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 

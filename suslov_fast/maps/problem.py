@@ -42,7 +42,7 @@ def part_of(problem: Problem, where: Where) -> Problem:
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return the slices that take a part of the batch from an array that broadcasts to it."""
+    """Return the part `where` of a batch as slices of an array of this shape, which broadcasts."""
     last = where[len(where) - len(shape) :]
     return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
 

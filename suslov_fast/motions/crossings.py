@@ -45,12 +45,11 @@ def crossings(
 ) -> Events:
     """Find where motions cross a surface s(x) = 0: Poincare sections, maxima, escapes, basins.
 
-    A point where s becomes positive, or stops being so, has the digits of the tolerance: each
-    trajectory takes the steps of :func:`flow`, and ends one there. Pairs of crossings within a step
-    are found by values of s at five points of the step, and by their rates. Points where a motion
-    touches the surface, and humps that are narrower than a thirtieth of a step, may be missed. A
-    smaller `max_step` looks closer. Where s is NaN nothing is crossed. A start on the surface is
-    never a crossing.
+    A crossing is a point where s becomes positive, or stops being so. A step of :func:`flow` ends
+    there, so that it has the digits of the tolerance. Pairs of crossings within a step are found by
+    values of s at five points of the step, and by their rates. Points where a motion touches the
+    surface, and humps that are narrower than a thirtieth of a step, may be missed. A smaller
+    `max_step` looks closer. Where s is NaN nothing is crossed. A start on the surface never counts.
 
     Parameters
     ----------

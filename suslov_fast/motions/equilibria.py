@@ -217,8 +217,8 @@ class _Equations:
 
     own      True for these variables (D,)
     start    their given values (..., k)
-    totals   (..., k, k): a row c in place of each equation that follows from others; else 0
-    is_total True for these rows (..., k)
+    totals   (..., k, k): integrals c . x as rows c, in place of equations that follow from others
+    is_total True for these rows (..., k); the other rows of `totals` are 0
     sizes    of the components (..., k), none far smaller than the largest
     units    sizes of the components (..., k), however small
     """
@@ -249,7 +249,7 @@ class _Equations:
         return found[0] if len(known) == 1 else found.reshape(*shape, k, k)
 
     def member(self, index: tuple[int, ...]) -> _Equations:
-        """Return the equations of one state."""
+        """Return the equations of one state, by its index in the batch."""
         own, totals = self.field, self.totals
         if own.shape:
             place = index[len(index) - len(own.shape) :]
@@ -274,7 +274,7 @@ class _Equations:
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray) -> FloatArray:
-        """Return f' with negative eigenvalues in place of the zero eigenvalues of totals."""
+        """Return f' with negative eigenvalues for totals, not 0: the others tell the stability."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -282,7 +282,7 @@ class _Equations:
 
     @cached_property
     def terms(self) -> FloatArray:
-        """The sum of the moduli of the terms of f' u at the given states, with u the `units`."""
+        """The sums |f'| u (..., k) at the given states, with `units` u: sizes for `is_zero`."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
         return terms
@@ -292,10 +292,10 @@ class _Equations:
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
-        """Return a step (..., k) of Newton's method, the scaled f, and the matrix of the step.
+        """Return Newton's step (..., k), the scaled f, a matrix, and a ratio of singular values.
 
-        The matrix (..., k, k) times f is the step. The last result is the ratio of the smallest
-        singular value to the largest, in units of the components.
+        The matrix (..., k, k) times f is the step. The ratio is the smallest singular value
+        divided by the largest, in units of the components.
         """
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)
@@ -370,7 +370,7 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return whether Newton's method leads from near y back to y, and not along a family.
+        """Return where Newton's method leads from near y back, and where y is one of a family.
 
         A component far smaller than others may be a true value or rounding: so smaller
         displacements are tried, too.
@@ -386,7 +386,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
-    """Return states, where they are equilibria, and where these are degenerate or in a family."""
+    """Return states y, and where they are equilibria, degenerate ones, and ones of a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
@@ -433,7 +433,7 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
-    """Return eigenvalues, the largest real part first; for a map, add 1 and sort by modulus."""
+    """Return eigenvalues by real part; for slopes f' - 1 of a map, multipliers by modulus."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

@@ -362,7 +362,7 @@ class TracedEvent:
         return operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
-        """Return the operands of formulas as text."""
+        """Return the operands of formulas that are given as text."""
         tracer = self.tracer
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
         each = [*self.event._definitions.items(), *enumerate(texts)]

@@ -25,14 +25,14 @@ _EVEN = 2.0**-8  # the odd part of a surface near x0, divided by the even one, i
 
 
 class Derivatives(dict[str, Any]):
-    """Derivatives by the names of the variables of differentiation, "x0" or parameters."""
+    """Derivatives by "x0" and names of parameters; the error for another name tells how to ask."""
 
     def __missing__(self, name: str) -> Any:
         raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},)")
 
     @classmethod
     def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
-        """Return ``part(index)`` for each name; columns by x0 are the first D of the last axis."""
+        """Return {name: part(index)}: index slice(D) is for "x0", numbers are for parameters."""
         others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
@@ -158,7 +158,7 @@ class Events(Result):
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
     def _at_events(self, values: Any) -> Any:
-        """Return the values (...) of the trajectories of all events."""
+        """Return for each event the value of its trajectory; `values` broadcast with the batch."""
         return np.broadcast_to(values, self._batch).ravel()[self.trajectory]
 
     def __repr__(self) -> str:
@@ -171,7 +171,7 @@ class Events(Result):
 
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
-    """Return events as a tuple."""
+    """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
     if type(events) is tuple and not events:  # as in most calls
         return ()
     many = events if isinstance(events, (tuple, list)) else (events,)
@@ -186,13 +186,13 @@ def checked_events(events: Any) -> tuple[Event, ...]:
 
 
 def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
-    """Return the actions of events, in the order of code."""
+    """Return the actions of events, traced for a field: surfaces first, then given times."""
     actions = [traced(event, field).action for event in events]
     return tuple(actions[k] for k in in_order_of_code(actions))
 
 
 def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
-    """Return the shape of the batch of the times of events."""
+    """Return the batch shape to which the given times of events broadcast; () without events."""
     if not events:
         return ()
     shapes = [event.times.shape[:-1] for event in events if event.times is not None]
@@ -200,7 +200,7 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
 
 
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the given times of events."""
+    """Return the given times of events, as ascending moduli; inf for NaN and times before x0."""
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES
@@ -277,7 +277,7 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
 
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the events in `Records`, with their numbers in the list of the user."""
+    """Return `Records` as `Events`, with the numbers of events in the list of the user."""
     D, order = motion.body.dimension, in_order_of_code(events)
     columns = {
         "trajectory": records.trajectory,

@@ -57,7 +57,7 @@ def lyapunov_exponents(
     Exponents of a :class:`Map` are mean logarithms per step. With `eps` and `steps` the exponents
     belong to orbits of Kahan's map: mean logarithms per step, divided by ``abs(eps)``. With `time`
     they belong to the motion, as :func:`flow` computes it.
-    The derivative along the orbit, that of the map or the solution of the variational equations, is
+    The derivative of the map along the orbit, or the solution of the variational equations, is
     decomposed as Q R before its columns lose digits (Benettin's method). The exponents are the mean
     logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi| / |eps|``, or of
     the trace of f' (relative error 1e-10 for maps). Where f jumps, a jump adds ``log |det S|``,

@@ -235,7 +235,7 @@ def solved(
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
-    """Return the names of derivatives, and the field that provides them."""
+    """Return the checked names of derivatives, and the field that has them; None without names."""
     if type(derivatives) is tuple and not derivatives:  # as in most calls
         return (), None
     names = (derivatives,) if isinstance(derivatives, str) else derivatives

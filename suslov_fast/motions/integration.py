@@ -62,7 +62,7 @@ class SolverResult(NamedTuple):
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
-    """Return the result of trajectories at `count` times before their first step."""
+    """Return the result before any step: states at `count` times are NaN."""
     B = len(starts)
     states = np.full((count, *starts.shape), np.nan)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
@@ -73,7 +73,7 @@ def empty_result(starts: FloatArray, count: int) -> SolverResult:
 def right_hand_sides(
     groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
 ) -> list[tuple[Any, Any, FloatArray]]:
-    """Return groups of trajectories of a batch: indices, or ALL, a right-hand side, and its table.
+    """Return groups of trajectories that share a right-hand side f: (indices or ALL, f, table).
 
     `groups` are the right-hand sides of the members of a field of this shape.
     """
@@ -96,7 +96,7 @@ def right_hand_sides(
 def solve(
     field: Any, starts: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
-    """Return the `SolverResult` of the motion from `starts` (B, D); moduli of times ascend.
+    """Return the `SolverResult` of the motion from `starts` (B, D); `times` are ascending moduli.
 
     If `report` returns False, states that are not yet computed stay NaN.
     """
@@ -160,7 +160,7 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
-    """Return the `Records`, in order, from the records of the engine."""
+    """Return the rows that the engine recorded as `Records`, ordered by trajectory and time."""
     D = starts.shape[1]
     rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
     if len(starts) > 1:

@@ -103,14 +103,14 @@ def checked_settings(
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return the initial states (B, D), and the batch shape; `others` is that of events."""
+    """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
     x = checks.states("x0", x0, system._labels)
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
-    """Warn if times begin at the value of a clock: they count from x0, and are not its values."""
+    """Warn if the first time is the value of a clock in x0, because times count from x0."""
     if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])

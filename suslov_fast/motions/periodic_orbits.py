@@ -56,10 +56,10 @@ class PeriodicOrbit(NamedTuple):
 
     The largest modulus of a component, divided by the largest one of the states."""
     stable: bool
-    """True if the orbit attracts: the moduli of the other multipliers are below 1 - 1e-6.
+    """True if the orbit attracts: moduli of nontrivial multipliers are below 1 - 1e-6.
 
-    These are all multipliers without the one of the flow, which equations that depend on time lack,
-    and those of known integrals."""
+    Trivial is one multiplier 1 of the flow, unless the equations depend on time, and one for each
+    known integral."""
 
     def __getattr__(self, name: str) -> NoReturn:
         raise lacking(self, name)
@@ -205,7 +205,7 @@ def _checked_period(
 
 
 def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArray | None:
-    """Return the state at which a motion ends at rest, or None."""
+    """Return the state at which the motion from x rests at the time `last`, or None."""
     own = ~motion.drifts
     with np.errstate(all="ignore"):
         end = motion.states(x, np.array([last]))[0]
@@ -216,7 +216,7 @@ def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArra
 
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
-    """Return a text on the state that was found, if that is no periodic orbit."""
+    """Return what was found, as text, or None for a periodic orbit; `given` is the T asked for."""
     x, own, T = search.nodes[0], ~search.drifts, search.T
     state, least = short(x.tolist()), _AT_REST * search.largest
     rate = abs(search.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period

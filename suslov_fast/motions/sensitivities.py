@@ -20,7 +20,7 @@ from ..maps.kernel_arguments import flat_arrays
 
 @dataclass
 class WithColumns:
-    """The attributes of a field that `integration.solve` reads, for states beside columns."""
+    """Stands for a field in `integration.solve`, with right-hand sides of columns or events."""
 
     shape: tuple[int, ...]
     _right_hand_sides: list[OfMembers]
@@ -32,7 +32,7 @@ class Columns:
     field, settings  for the motion with columns, in place of the field and its settings
     starts           (B, D + D C) for C columns
 
-    `groups` are the right-hand sides of members, if they differ from those of the field.
+    `groups`, if given, replace the right-hand sides of the members of the field, as with events.
     """
 
     def __init__(

@@ -101,7 +101,7 @@ class OfMotion:
         return self._solved(self._moving, x[np.newaxis], times).states[:, 0]
 
     def has_force_of(self, x: FloatArray, period: float) -> bool:
-        """Return True if motions from states of the motion are the same a period later."""
+        """Return True if `period` is one of the force: motions a period later are the same."""
         own = ~self.drifts
         states = self.states(x, period * _FRACTIONS)
         later = states + np.where(self.drifts, period * self.rate, 0.0)
@@ -161,7 +161,7 @@ class Shooting:
 
     @property
     def allowed(self) -> float:
-        """The largest residual of a solution."""
+        """The largest residual with which arcs count as an orbit."""
         rtol = self.flow.settings.rtol
         most = max(_MOST_RESIDUAL, _NOISE * rtol)
         rates = self.rates[:, ~self.drifts] * len(self.nodes)
@@ -199,7 +199,7 @@ class Shooting:
         return matrix.shape[1] - rank
 
     def _step(self) -> tuple[FloatArray, float]:
-        """Return the step of the nodes and of log T."""
+        """Return changes of nodes and log T by a damped Newton step; NaN without derivatives."""
         M, D = self.nodes.shape
         own = np.flatnonzero(~self.drifts)
         n, sizes = len(own), self.sizes[own]
@@ -261,7 +261,7 @@ class Shooting:
 
 
 def found(flow: OfMotion, x: FloatArray, T: float) -> Shooting:
-    """Return arcs that are an orbit, or came nearest to one.
+    """Return arcs that form an orbit near x with a period near T, or came nearest to one.
 
     More arcs are tried if one arc finds no orbit, or derivatives grow much along it.
     """

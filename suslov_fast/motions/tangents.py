@@ -63,10 +63,10 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return exponents (B, n) over the requested time, the largest first, and the final result.
+    """Return exponents (B, n), the largest first, and a `SolverResult` with status and ends.
 
     n counts the components that an action sets, or that have no constant rate in some member.
-    `actions` are actions of events, in the order of code.
+    `actions` are actions of events, surfaces first.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     found = empty_result(starts, 0)
@@ -153,7 +153,7 @@ class _Run:
         self.dead = np.zeros((B, self.n), bool)
 
     def over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Advance by `time`; return False if `told`, which takes the time done, ended it."""
+        """Advance by `time`; return False if told(time done) returned False, which ends the run."""
         if self.event_times is None:
             return self._over(time, told)
         first = _FIRST * time
@@ -188,7 +188,7 @@ class _Run:
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
         """Take a segment; return where it was short enough, and where the next may be longer.
 
-        If `is_last`, there are no shorter segments.
+        `which` are numbers of trajectories. If `is_last`, there are no shorter segments.
         """
         D, n, K = self.f.D, self.n, len(which)
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
@@ -309,7 +309,7 @@ class _Run:
         self.Q[k] = np.linalg.qr(V[:, order])[0]
 
     def exponents(self) -> FloatArray:
-        """Return the mean rates."""
+        """Return the exponents (B, n), the largest first; NaN for motions that ended."""
         logs = np.where(self.dead, -np.inf, self.logs)
         with np.errstate(all="ignore"):
             rates = logs / self.duration[:, np.newaxis]

@@ -25,9 +25,9 @@ LANES = 8
 
 
 class Dense(NamedTuple):
-    """Dense fields, and the stages of a step.
+    """The terms of dense fields, in spans for `fill`, and the stages of a step.
 
-    The terms v x_j x_k with the same j, k are in spans of consecutive rows; x_D is 1.
+    A span is all terms v x_j x_k with the same j and k in consecutive equations i; x_D is 1.
     """
 
     spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
@@ -42,7 +42,7 @@ class Dense(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """The memory of each part of the work, for its lanes."""
+    """Work arrays of `take_dense_steps`: each part of the work has its own."""
 
     a: Any  # (parts, lanes, D, D + 1)
     columns: Any  # (parts, lanes, D + 1, D)
@@ -65,9 +65,9 @@ def _spans_of(step):
 
 
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Take steps on this many threads; the other arguments are those of `suslov.steps.steps`.
+    """Take steps of dense fields on `threads` threads; arguments are as in `suslov.steps.steps`.
 
-    `solve_at` takes seconds to compile, and few runs need it: such a run starts again.
+    `solve_at` takes seconds to compile, and few runs need it. A run that needs it starts again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -103,11 +103,11 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
 
 @function
 def fill(spans, coefficients, states, columns, a):
-    """Fill a (W, D, D + 1) with A(x) of lanes, and the last columns with right sides; x_D is 1.
+    """Fill a (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
-    `columns` (W, D + 1, D) is memory. A term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j
-    to N_ik, where column D of N is the right side less x. All lanes use a coefficient before the
-    next one is read, because coefficients take most of the memory.
+    With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of N
+    is the right side less x. `columns` (W, D + 1, D) is memory for N. All lanes use a coefficient
+    before the next one is read, because coefficients take most of the memory.
     """
     W, D = states.shape
     for l in range(W):
@@ -132,11 +132,11 @@ def fill(spans, coefficients, states, columns, a):
 
 @function
 def solve_rows(a):
-    """Replace the last column of a (D, D + 1) by the solution, with pivots on the diagonal.
+    """Solve a system a (D, D + 1) without row exchanges; the solution replaces the last column.
 
-    A is replaced by its factors, with inverse pivots on the diagonal. Return True if this kept
-    digits, as `gauss.keeps_digits` does, and True if det A < 0. Rows are eliminated one after the
-    other, because a row stays in the first cache. Loops over a row are SIMD because j is unsigned.
+    Return True if no digits were lost (see `gauss.keeps_digits`), and True if det A < 0. Factors of
+    A replace A, with inverse pivots on the diagonal. Rows are eliminated one after the other,
+    because a row stays in the first cache. Loops over a row are SIMD because j is unsigned.
     """
     D, least, largest, negative = len(a), np.inf, 1.0, False
     for i in range(D):
@@ -166,7 +166,7 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Take the step of a lane by `solve_lane`, from addresses; return -status + 256 (det A < 0)."""
+    """Call `solve_lane` with arrays at addresses; return -status, plus 256 if det A < 0."""
     status, negative = solve_lane(
         array_at(indices, (3, T), np.int64),
         array_at(half, (T,), np.float64),
@@ -179,7 +179,7 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of the terms of trajectory i to lane l, for each stage, in both orders of terms."""
+    """Write h v of trajectory i to lane l, by stage: `halves` by term, `coefficients` by span."""
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):

@@ -50,10 +50,10 @@ SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the ar
 
 
 def text_of_steps(step, name, W, for_each, saves):
-    """Return the text of i64 name(arguments): steps of lines of W lanes, see `DriverArguments`.
+    """Return LLVM's text of i64 name(address of `DriverArguments`): steps of lines of W lanes.
 
     The code returns DONE; or NOT_READY at a step that needs `pivoting_step` while its address is 0.
-    The table is common to all lanes, or `for_each` of them.
+    If `for_each`, each lane has a table of its own. If `saves`, the code saves states.
     """
     return _Driver(step, name, W, for_each, saves).finished()
 
@@ -67,7 +67,7 @@ class _Driver:
         self.all_lanes = (1 << W) - 1
 
     def finished(self):
-        """Return the whole text."""
+        """Return the whole text: loops over blocks, steps and lines."""
         text = self.text
         text.begin(self.name, "arguments")
         self.slots = Integers(text, "%arguments")
@@ -80,7 +80,7 @@ class _Driver:
         return text.finished()
 
     def block(self, at):
-        """Add all steps of a block of lines; set the loop variables of the next block, if any."""
+        """Add the code of all steps of a block; set the loop variables `at` for the next block."""
         text, of, lo = self.text, self.of, at.lo
         end = lo + of.block
         hi = (end < of.lines).select(end, of.lines)
@@ -91,7 +91,7 @@ class _Driver:
         at.goes_on = hi < of.lines
 
     def step_of(self, lo, hi, now):
-        """Add a step of all lines of a block; set the loop variables of the next step, if any."""
+        """Add the code of a step of lines lo to hi - 1; set the loop variables `now`."""
         text, of, n, row = self.text, self.of, now.n, now.row
         saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
@@ -124,7 +124,7 @@ class _Driver:
         return (bits | marked) ^ self.all_lanes
 
     def call_pivoting(self, line, bad, told, n):
-        """Call `pivoting_step` for the lanes in `bad`; return NOT_READY if it has no address."""
+        """Add a call of `pivoting_step`; without its address the code returns NOT_READY."""
         text, of = self.text, self.of
         with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
@@ -133,7 +133,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- stages
     def take_stage(self, state, table, line, n):
-        """Add a stage of a line; return its next state."""
+        """Add the code of a stage of a line; return the components of the next state."""
         text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
             table = table + line * (len(step.table) * text.size)
@@ -167,7 +167,7 @@ class _Driver:
         return text.otherwise((bad | told).equals(0), after, with_pivoting)
 
     def end_lanes(self, stage, rows, line, n):
-        """End the trajectories for which f of a map has no value here; return the state."""
+        """Add code that ends trajectories where f of a map has no value; return the state."""
         text, of, one = self.text, self.of, self.text.lanes(1)
         with text.when(of.status.equals(0)):
             text.leave(f"i64 {NOT_READY}")

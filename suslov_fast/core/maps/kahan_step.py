@@ -59,7 +59,7 @@ def of_one_sign(indices):
 
 
 def _plan_of(indices, D):
-    """Return an order of elimination, its fill, and the entries that depend on the state."""
+    """Return the order of elimination, the nonzeros after fill-in, and places that vary with x."""
     pattern, varying = places_of(indices, D)
     order = elimination_order(pattern, D)
     return order, filled(pattern, order), varying
@@ -113,7 +113,7 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
 
     def _increments(self, indices, D, halves, order, fill):
-        """Add elimination and the next state; return delta_k by k, without constant zeros."""
+        """Add the operations of elimination and x_next; return {k: delta_k}, without constant 0."""
         right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
         self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
         for k in reversed(order):
@@ -129,7 +129,7 @@ class Step:
         return type(self), self.indices.tobytes(), self.D
 
     def with_columns(self):
-        """Return the step of x with columns; it has no operations if there would be too many."""
+        """Return the `ExtendedStep`, with derivatives; without operations if they are too many."""
         return _extended_step(self)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
@@ -180,7 +180,7 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
-        """Return x_next by the equations in which no increment cancels the state."""
+        """Return {k: x_next_k} from (1 - N) x_next = x + h l x + 2 h c, without an increment."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
             right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
@@ -189,7 +189,7 @@ class Step:
         return right
 
     def _separate_fixed(self):
-        """Separate the operations on parameters alone; list their values that others use."""
+        """Move operations on parameters alone to `fixed`; `table` lists their values in use."""
         fixed, table = self.values.fixed, {}
         rare = {number for _, number, _ in self.rare}
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
@@ -203,7 +203,7 @@ class Step:
         self.rare = [operation for operation in others if operation[1] in rare]
 
     def table_of(self, halves):
-        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
+        """Return the values of `table` (n, ...): run `fixed` for h v of the terms (T, ...)."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)
@@ -243,7 +243,7 @@ class ExtendedStep(Step):
         self._separate_fixed()
 
     def _columns(self, back, D):
-        """Return the next columns; `back` contains the entries of N(x_next)."""
+        """Return the columns (1 - N(x))**-1 (1 + N(x_next)) q; `back` is the matrix N(x_next)."""
         values, step, found = self.values, self.factors, []
         entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
         for c in range(D):

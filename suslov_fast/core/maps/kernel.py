@@ -230,7 +230,7 @@ def _iterate_part(
 
 
 def _take_steps(lines, states, steps, saved, abandoned):
-    """Take the steps of a run from these states, and save states."""
+    """Take the steps (start, stop, every, row) of lines; take them again if pivoting is needed."""
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()

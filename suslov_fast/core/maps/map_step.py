@@ -18,9 +18,9 @@ _PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
 
 
 class MapStep(ExtendedStep):
-    """The program of f, a `RightHandSide`; with `columns` D columns q_next = f'(x) q follow x.
+    """The step x_next = f(x) of a map; f is a `RightHandSide`.
 
-    They are orthonormalised, with sums of logarithms, as in `ExtendedStep`.
+    With `columns`, D columns q_next = f'(x) q and sums of logarithms follow x, see `ExtendedStep`.
     """
 
     def __init__(self, f, columns=False):
@@ -60,9 +60,9 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
 
     def _add_test(self, D):
-        """Add `accurate`: f(x) is finite and x not NaN. Add `good`, true also if x was NaN before.
+        """Add the tests `accurate`: f(x) is finite, x not NaN; and `good`: accurate, or x is NaN.
 
-        So lines with lanes that have ended take no more time than others.
+        Lanes that have ended are NaN. Thanks to `good` their lines take no more time than others.
         """
         number = self.values.number
         tested, stays = [number(a) for a in self.after[:D]], self._stays_nan(D)

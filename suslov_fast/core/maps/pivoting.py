@@ -20,7 +20,7 @@ ENDED, PASSED = range(2)  # rows of `LineArguments.marks`
 
 @function
 def fill_system(indices, half, sign, x, system):
-    """Fill A(x), for eps or, if the sign is -1, for -eps; `half` is eps / 2 times the values."""
+    """Fill `system` with 1 - sign (eps / 2) f'(x); `half` (T,) is eps / 2 times the values v."""
     D = len(x)
     for i in range(D):
         for j in range(D):
@@ -35,7 +35,7 @@ def fill_system(indices, half, sign, x, system):
 
 @function
 def solve_lane(indices, half, x, system, units):
-    """Replace x (D,) by the next state, NaN if there is none; return its status, and det A < 0."""
+    """Replace x by the next state, or by NaN; return its status, and True if det A < 0."""
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
@@ -59,7 +59,7 @@ def crosses_0(x, after):
 
 @function
 def changes_sign(indices, x, after):
-    """Return True if a component changes its sign although it keeps it along the motion.
+    """Return True if a component that keeps its sign along the motion changes it in a step.
 
     It keeps its sign if each term of its equation contains it; see `kahan_step.of_one_sign`.
     """
@@ -76,9 +76,9 @@ def changes_sign(indices, x, after):
 
 @function
 def take_columns(indices, half, x, after, tangent, units):
-    """Multiply the columns of a lane by DPhi; orthonormalise them.
+    """Multiply the columns of a lane by the derivative of the step; orthonormalise them.
 
-    `x` contains the lane's state, columns and sums before the step, `after` (D,) the next state.
+    `x` is the lane's state, columns and sums of logarithms before the step, `after` the next state.
     """
     D = len(after)
     fill_system(indices, half, -1.0, after, tangent)

@@ -43,14 +43,14 @@ class Stage:
         return [Value(text, values[k] if k in values else load(k)) for k in numbers]
 
     def is_good(self):
-        """Return the truth value that the usual operations suffice in all lanes."""
+        """Return a truth value of the code: true if the usual operations suffice in all lanes."""
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Run the rare operations, too.
+        """Run the rare operations; return (next state, accurate, bits of `accurate`, told).
 
-        Return the next state, the truth values that it is accurate, the same as bits, and bits of
-        lanes with det A < 0; bits from CHANGED on mark lanes in which a component changed its sign.
+        `accurate` is a truth value for each lane. Bits of `told` mark lanes with det A < 0; its
+        bits from CHANGED on mark lanes in which a component changed its sign.
         """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)

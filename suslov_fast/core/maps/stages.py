@@ -12,7 +12,7 @@ class Stages(NamedTuple):
     fractions: tuple[float, ...]  # of eps
 
     def multiply(self, z):
-        """Return the factors by which a step multiplies modes with eps mu / 2 = z; inf at poles."""
+        """Return the factors of a step for modes x' = mu x, z = eps mu / 2 (...); inf at poles."""
         parts = [fraction * z for fraction in self.fractions]
         factors = np.prod([(1.0 + y) / (1.0 - y) for y in parts], axis=0)
         return np.where(np.any([y == 1.0 for y in parts], axis=0), np.inf, factors)

@@ -37,7 +37,7 @@ def _prepared(step, stages, eps, values):
 def step_of_one(arguments, x):
     """Return the state that follows x (D,); None if only the kernel of steps can take the step.
 
-    It takes a sixth of the time of the kernel.
+    A call takes a sixth of the time of the kernel.
     """
     (step, stages), values, eps = arguments
     if not step.usual or not math.isfinite(sum(x.tolist())):
@@ -55,7 +55,7 @@ _maps = {}  # steps of maps by the addresses of their codes, which last
 
 @with_address
 class FieldSystem(NamedTuple):
-    """A field and a step size, or a map. Unpickling it finds the address in that process."""
+    """A field and a step size, or a map, for `compiled`; unpickling it makes its code again."""
 
     address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
     half: Any  # (stages, T), half of the step size times the values of the terms; of a map (1, 0)
@@ -71,7 +71,7 @@ class FieldSystem(NamedTuple):
 
 
 def system_of(indices, half, D):
-    """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
+    """Return the `FieldSystem` of a field; `half` (stages, T) is eps / 2 times v, by stage."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     # The code lasts, because users may store the system anywhere.
@@ -80,7 +80,7 @@ def system_of(indices, half, D):
 
 
 def map_system_of(step, parameters):
-    """Return the system of a `MapStep` with these parameters (P,)."""
+    """Return the `FieldSystem` of a `MapStep` with these parameters (P,)."""
     return _with_table(step, np.ascontiguousarray(step.table_of(parameters))[np.newaxis])
 
 
@@ -93,7 +93,7 @@ def _with_table(step, table):
 
 @function
 def field_memory(system):
-    """Return the memory of `field_step_of_one`."""
+    """Return arrays in which `field_step_of_one` works, for all its calls."""
     D = system.dimension
     return np.empty((D, D + 1)), np.empty((2, D)), np.empty((D,))
 

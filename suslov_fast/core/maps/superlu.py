@@ -13,7 +13,7 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return the states after a run, see `kernel._iterate_part`; save each `every`-th state."""
+    """Return the states after `span` (start, stop, every, row); save each `every`-th in `saved`."""
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
@@ -61,7 +61,7 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """The step of states x (B, D), one trajectory of `which` after another; signs of det A."""
+    """A step of sparse fields: a call returns the next states (B, D) and the signs of det A."""
 
     def __init__(self, indices, D, halves):
         self.D, (i, j, k), self.halves = D, indices, halves

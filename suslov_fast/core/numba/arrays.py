@@ -139,10 +139,10 @@ def array_at(typing, address, shape, dtype):
 
 @intrinsic
 def pack(typing, arguments):
-    """Return the addresses of a function and of its data, which are valid while the caller runs.
+    """Return the addresses of a function and its data, by which a parallel loop calls any kernel.
 
-    The data are the arguments of `pack`; function(kernel, data, part, parts) calls the kernel at
-    the address `kernel` with part, parts and these arguments.
+    function(kernel, data, part, parts) calls the kernel at the address `kernel` with part, parts
+    and `arguments`, which are the data. Both addresses are valid while the caller runs.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
 

@@ -50,9 +50,9 @@ def _delete_stale_files(folder):
 # -------------------------------------------------------------------------------------------- files
 @functools.cache
 def _locators():
-    """Return the classes that Numba asks for a cache folder: first NUMBA_CACHE_DIR, as it is.
+    """Return the classes that Numba asks for a cache folder; NUMBA_CACHE_DIR is asked first.
 
-    Numba accepts only folders that it can write to. The folder of a container may be read-only.
+    It may be read-only, as in a container. Numba alone accepts only folders that it can write to.
     """
     usual = caching.CompileResultCacheImpl._locator_classes
     [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]
@@ -94,7 +94,7 @@ def _files_of(py_function):
 
 
 def use_cache(compiled, py_function):
-    """Give a compiled function its cache files: `caching`, `FunctionCache`, `_cache` of Numba.
+    """Give a compiled function its cache files, if there is a folder for them.
 
     The name of the function, and so the names of its files, end with the digest of all sources.
     """

@@ -245,7 +245,7 @@ class CFunction(Patient):
         return self.address_for(math.inf)
 
     def address_for(self, seconds):
-        """Return the address of compiled code, or of Python code if that may take so many seconds.
+        """Return the address of machine code, or of Python code if that takes few `seconds`.
 
         Machine code that may call Python code is called within `calling_python`.
         """
@@ -299,7 +299,7 @@ class Kernel(Patient):
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
     def briefly(self, seconds, *arguments):
-        """Call the kernel for all of the work, which takes about this many seconds in Python."""
+        """Call the kernel for all of the work, in Python if that is short: about `seconds`."""
         if self.has_patience(seconds) and not self._is_kept(arguments):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
@@ -382,7 +382,7 @@ def _address(dispatcher, kinds):
 
 # ------------------------------------------------------------------------------------- in kernels
 def of_kind(name):
-    """Return a function that calls the method `name` of its first argument, a named tuple."""
+    """Return a function for kernels that calls the method `name` of a named tuple, its argument."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)

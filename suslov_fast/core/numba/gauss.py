@@ -91,7 +91,7 @@ def eliminate(a, b, lanes):
 
 @formula
 def accept(a, x, b, lanes):
-    """Replace states x by solutions that keep their digits; return how many lanes are left.
+    """Replace states x by solutions that keep their digits; return how many lanes need `solve`.
 
     On entry b[TO_SOLVE] is at least len(x), or NaN, in lanes with unusable solutions.
     """
@@ -108,7 +108,7 @@ def accept(a, x, b, lanes):
 
 @inlined
 def memory_of_one(m):
-    """Return the memory of `solve` for a system with one right side."""
+    """Return arrays `a` and `units` for `solve`, for a system with one right side."""
     return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 

@@ -25,7 +25,7 @@ _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
 
 # ------------------------------------------------------------------------------------------- calls
 def emit_call(builder, address, result, values):
-    """Call the function at an address with these values; return its result."""
+    """Emit a call of the function at an address with these LLVM values; return its result."""
     kind = ir.FunctionType(result, [value.type for value in values])
     return builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
@@ -60,7 +60,7 @@ register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Keep functions with a constant tuple of class `cls` out of Numba's cache; Numba warns."""
+    """Mark a named tuple with an address: Numba does not cache functions with a constant one."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):

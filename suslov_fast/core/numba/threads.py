@@ -10,10 +10,10 @@ from contextlib import suppress
 
 
 def in_parts(parts, work, abandoned, threads):
-    """Call work(part) for all parts, on so many threads, of which this is one.
+    """Call work(part) for all parts, on up to `threads` threads, this one included.
 
-    This thread calls it for all parts where no other can start, such as at the end of the process.
-    After an exception, such as at Ctrl-C, the list `abandoned` is not empty: the others should end.
+    If no other thread can start, as at the end of the process, this one takes all parts. After an
+    exception, such as Ctrl-C, the list `abandoned` is not empty, so that `work` can end early.
     """
     left, raised = deque(range(parts)), []
     running, begins, is_over = [], allocate_lock(), []

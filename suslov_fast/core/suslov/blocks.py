@@ -34,10 +34,10 @@ def store_rows(b, row, flat, place, count):
 def write_pairs(b, row, flat, place, count, lead, after, before):
     """Interleave two rows as `store_rows` does, by whole cache lines past the caches if possible.
 
-    If blocks share LINE pairs, a block `after` another block skips the pairs ahead of its own first
-    cache line. A block `before` another block is full, and leaves its last LINE pairs to that
-    block, less as many as stand ahead of its own first line. The number of lanes is a constant.
-    `b` is (rows, lanes), and `flat` (n,).
+    `lead` is from `alignment`, `b` (rows, lanes), and `flat` (n,). The number of lanes is a
+    constant. If blocks share LINE pairs, a block `after` another one skips the `head` pairs ahead
+    of its first cache line. A block `before` another one is full, and leaves its last LINE - head
+    pairs to that block.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:

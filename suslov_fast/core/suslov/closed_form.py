@@ -125,15 +125,15 @@ def steady(g1, g2, h1, h2, x, nu):
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2."""
+    """Return A**2 - k**2: if it is positive, the orbit passes, else it turns (see the top)."""
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill the coefficients of the closed form, for n >= 0 if `ahead` is 1, for n < 0 if -1.
+    """Fill b, c, d12 and d22 of the closed form, for n >= 0 if `ahead` is 1, n < 0 if it is -1.
 
-    `b` is (ROWS, lanes); the others are numbers of lane l.
+    `b` is (ROWS, lanes). The other arguments are numbers of lane l.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
@@ -160,7 +160,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, discrete):
-    """Fill the rows of an orbit; row RATE contains e root until `rate` is computed from it."""
+    """Fill rows B1 to MISSING from the state of lane l; RATE is e root until `rate` replaces it."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
@@ -208,7 +208,7 @@ def fill_orbit(b, l, discrete):
 
 @formula
 def rate(passes, L, r, discrete):
-    """Return log|r|, or the angle a, for L = e root; a minus a right angle if L > 1."""
+    """Return log|r| of an orbit that passes, else the angle a, less pi / 2 if L > 1; L = e root."""
     if discrete == 0.0:
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
@@ -286,7 +286,7 @@ def reason(b, l):
 
 @formula
 def fill_bodies(b, first, width, lanes, parameters, discrete):
-    """Fill the rows of bodies of `width` trajectories from `first` on, repeated; set UNIT to 1."""
+    """Fill lanes with bodies: `width` trajectories from `first` on, repeated; set UNIT to 1."""
     i = first
     for l in range(lanes):
         b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)

@@ -55,7 +55,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 @formula
 def sum_terms(J, I, w, half):
-    """Return 1 / d of a component, and its terms in the sums alpha, beta and gamma."""
+    """Return 1 / d, I w / d, I**2 / d and w**2 / d of a component, with d = J - half."""
     inverse = 1.0 / (J - half)
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
@@ -197,7 +197,7 @@ def eliminate_all(c, b, a, lanes):
 
 @inlined
 def start_one(system, state, c, b):
-    """Fill a block of one lane."""
+    """Fill a block of one lane with a body, its step size and a state."""
     J, I, b[EPS, 0], b[NEAR, 0], _ = system
     for i in range(c.shape[1]):
         c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
@@ -237,14 +237,14 @@ def gauss_step_of_one(system, state, out, memory):
 
 @function
 def nd_memory(system):
-    """Return the memory of `nd_step_of_one`."""
+    """Return arrays in which `nd_step_of_one` works, for all its calls."""
     m = system.dimension
     return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
 
 
 @function
 def gauss_memory(system):
-    """Return the memory of `gauss_step_of_one`."""
+    """Return arrays in which `gauss_step_of_one` works, for all its calls."""
     m = system.dimension
     return nd_memory(system), np.empty((m, m + 1, 1))
 
@@ -286,9 +286,9 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
-    """Iterate one part of the trajectories.
+    """Iterate one part of the trajectories, in O(n) a step or `by_elimination`.
 
-    `by_elimination` is True or None, because Numba then compiles one branch alone.
+    That is True or None, because Numba then compiles one branch alone.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span

@@ -67,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S) in all lanes."""
+    """Replace orientations r by r cay(S) in all lanes; b (D, lanes) gives S, see the top."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0

@@ -89,7 +89,7 @@ def fill_frames(b, lanes, first, width, parameters):
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
 
-    A single plain trajectory counts as all. Lanes beyond `width` repeat the first trajectory.
+    A single plain trajectory counts as LANES. Lanes beyond `width` repeat the first trajectory.
     `b` is (ROWS, LANES); the other arrays are as in `steps`.
     """
     full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
@@ -136,9 +136,10 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take lanes from state n to state `pause`. The number of lanes is a constant, for SIMD.
+    """Take lanes from state n to state `pause`; `plains` is the result of `start_lanes`.
 
-    A single lane stops if there is no next state; to test all lanes takes 1.4 times as long.
+    `lanes` is a constant, for SIMD. A single lane stops if there is no next state; to test all
+    lanes takes 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
@@ -275,9 +276,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
 
 
 def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy, which rounds sums, products, quotients and roots alike.
+    """Take all trajectories by NumPy, with the bits of `steps`, until `steps` is compiled.
 
-    Arguments are as in `steps`.
+    Arguments are as in `steps`. NumPy rounds sums, products, quotients and roots alike.
     """
     begin, end, start, stop, every, row = span
     own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))

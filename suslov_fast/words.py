@@ -127,7 +127,8 @@ TABLE = (
    "flow(field, grid, time=t).plot()"),
   ("plot3d", "", "plot(a, b, c), with the names of three components"),
   ("plot fplot", "plot",
-   "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot()"),
+   "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot(); events are "
+   "drawn by axes.scatter(events.states[:, 0], events.states[:, 1])"),
   ("sensitivity sensitivities gradient grad adjoint tangent", "",
    "flow(..., derivatives=('x0', 'a')), and derivatives['a'] of its result"),
   ("lyapunov lyapunovspectrum lyap sali gali megno ftle", "lyapunov_exponents",
@@ -145,7 +146,9 @@ TABLE = (
   ("xy toxy", "to_xy", "body.to_xy(omega), of a Suslov3D"),
   ("lambda torque multiplier reaction", "reaction multipliers", "body.reaction(omega, eps)"),
   ("criticality", "", "body.criticality(omega, eps)"),
-  ("orientation rotation rotationmatrix", "attitude", "iterate(..., attitude=True)"),
+  ("orientation", "attitude", "iterate(..., attitude=True)"),
+  ("rotation rotationmatrix", "",
+   "iterate(..., attitude=True), or body.momentum(omega) @ body.rotation, in a tensor's basis"),
   ("gyrostat suslovgyrostat suslovrotor rotor", "k",
    "Suslov3D(I1, I2, I13, I23, k), with the momentum k of a rotor along the constrained axis"),
   ("vectorfield", "", "system(x), of a field or a body"),
@@ -209,6 +212,7 @@ OF_STEPS = (
   ("order integrator solver alg algorithm scheme method", "method",
    "rtol= of flow, which chooses between an explicit and an implicit method at each step; "
    "stiff=True takes the implicit one always; iterate has method="),
+  ("toxarray", "to_dataframe", "to_dataframe().to_xarray()"),
   ("maxsteps maxiter maxnumsteps mxstep", "",
    "nothing: a solution ends after 250,000 steps from one time to the next; progress= ends calls"),
   ("n num nsteps numsteps iterations steps samples size",

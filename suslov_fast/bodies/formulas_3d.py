@@ -23,12 +23,14 @@ def _of_arrays(formula: Any) -> Any:
     return as_python(formula.py_func, of_arrays=True)
 
 
-_frame_of, _XY_in_frame = map(_of_arrays, (steps.frame_of, steps.XY_in_frame))
+_frame_of = _of_arrays(steps.frame_of)
+_XY_in_frame = _of_arrays(steps.XY_in_frame)
 _is_supercritical = _of_arrays(steps.is_supercritical)
-_unit_of, _constants_of, _coordinates = (
-    *map(_of_arrays, (closed.unit_of, closed.constants_of, closed.coordinates)),
-)
-_difference_of_squares, _steady = map(_of_arrays, (closed.difference_of_squares, closed.steady))
+_unit_of = _of_arrays(closed.unit_of)
+_constants_of = _of_arrays(closed.constants_of)
+_coordinates = _of_arrays(closed.coordinates)
+_difference_of_squares = _of_arrays(closed.difference_of_squares)
+_steady = _of_arrays(closed.steady)
 
 
 def _numbers(problem: Problem) -> tuple[Any, ...]:

@@ -492,7 +492,7 @@ def system_of(system: Any, x0: Any) -> Any:
     """Return a system; a function of the state is a field with as many variables as x0 has."""
     if isinstance(system, (Body, type)) or not callable(system):
         return system
-    D = (1, *np.shape(x0))[-1]
+    D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]
     others = arguments_of(system)[1:]
     if others and not {"t", "time"} & {*arguments_of(system)}:
         values = ", ".join(f"{name}=..." for name in others)

@@ -21,7 +21,7 @@ _TAKEN = {
     **dict.fromkeys(
         (
             *("before", "component", "count", "end", "event", "final", "space", "status"),
-            *("steps", "trajectory", "which"),
+            *("kind", "steps", "trajectory", "which"),
         ),
         "a name in datasets",
     ),

@@ -291,7 +291,9 @@ def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:
     return result
 
 
-def interpolated(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None) -> Any:
+def interpolated(
+    x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
+) -> Any:
     """Return np.interp of symbolic x in a table of numbers."""
     try:
         knots, heights = (np.array(a, np.float64) for a in (xp, fp))
@@ -305,6 +307,8 @@ def interpolated(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None) 
         raise Untraceable("xp and fp of np.interp must be finite, and have one length")
     if (np.diff(knots) < 0).any():
         raise Untraceable("xp of np.interp must not decrease; equal neighbours are a jump")
+    if period is not None:
+        raise Untraceable("np.interp takes no period here: write np.interp(x % period, xp, fp)")
     tables = tuple(knots.tolist()), tuple(heights.tolist()), low, high
 
     def of_one(each: Any) -> Any:

@@ -22,21 +22,23 @@ _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
     """Raise TypeError unless a user's function takes the state and these parameters."""
     if not callable(f):
-        texts = [f] if isinstance(f, str) else f if isinstance(f, list | tuple | dict) else []
-        how = _OF_TEXT if any(isinstance(each, str) for each in texts) else _OF_SYMPY
+        items = f if isinstance(f, list | tuple | dict) else [f]
+        how = _OF_TEXT if any(isinstance(each, str) for each in items) else _OF_SYMPY
         raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
     try:
         signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments
         return
-    first, second, *_ = [*signature.parameters, "", ""]
+    first = next(iter(signature.parameters), "")
     own = [*signature.parameters.values()][1:]
     known = [each.name for each in own]
     missing = [name for name in arguments_of(f)[1:] if name not in parameters]
     unknown = [name for name in parameters if name not in known]
     if TIME & {*signature.parameters}:
-        calls = {first: "*f(s[-1], s[:-1])", second: "*f(s[:-1], s[-1])"} if len(own) < 2 else {}
-        how = of_time(names, next((calls[name] for name in calls if name in TIME), "..."))
+        call = "..."
+        if len(own) < 2:
+            call = "*f(s[-1], s[:-1])" if first in TIME else "*f(s[:-1], s[-1])"
+        how = of_time(names, call)
         if argument != "f":
             how = "pass lambda x: ...; time is a variable of the field, with the rate 1"
     elif _fits(signature, parameters):

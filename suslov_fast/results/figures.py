@@ -123,8 +123,8 @@ def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:
     if is_color_like(color):
         return None, "", color
     if isinstance(color, str):
-        known = ", ".join(parameters)
-        raise wrong("color", f"one of {known}, or a colour of Matplotlib", short(color))
+        known = ", ".join(["a colour of Matplotlib", *parameters])
+        raise wrong("color", f"one of {known}", short(color))
     values = real_array("color", color, allow_nan=True)
     if values.shape != shape:
         raise wrong("color", f"have the shape {shape}", values.shape)

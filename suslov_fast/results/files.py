@@ -54,6 +54,8 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
         with open(part, "xb") as file:
             np.savez(file, **arrays)
         os.replace(part, target)
+    except OSError as error:  # name the file of the caller, not the one beside it
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
         part.unlink(missing_ok=True)
 

@@ -4,7 +4,7 @@ import mpmath
 import naive
 import numpy as np
 import pytest
-from systems import LORENZ
+from systems import LORENZ, lorenz
 
 import suslov_fast as sf
 
@@ -93,3 +93,26 @@ def test_points_that_a_solver_found_are_fixed():
             sf.kahan.multipliers(field, x, 0.1)
     both = sf.kahan.multipliers(field, [[1.0, -8e-15], [np.nan, 1.0]], 0.1)
     assert np.isnan(both).all(axis=-1).tolist() == [False, True]
+
+
+def fisher(u):
+    """Growth and diffusion on a ring."""
+    n = len(u)
+    return [u[i - 1] - 2 * u[i] + u[(i + 1) % n] + u[i] * (1 - u[i]) for i in range(n)]
+
+
+@pytest.mark.parametrize(
+    ("f", "x"),
+    [
+        (lambda x: lorenz([*x]), [1e-4, 0.0, 0.0]),
+        (lambda x: lorenz([*x]), [1e-20, 1e-40, 0.0]),
+        (fisher, [0.0] * 5 + [0.5] + [0.0] * 6),
+        (fisher, [10.0**-n for n in range(12)]),
+    ],
+)
+def test_small_entries_of_jacobians_have_digits(f, x):
+    """Also where states differ by many powers of ten."""
+    found = sf.kahan.jacobian(sf.Field(f, len(x)), x, 1 / 64)
+    with mpmath.workdps(150):
+        exact = naive.derivative(lambda y: naive.kahan_step(f, 1 / 64, y), x, digits=45)
+    np.testing.assert_allclose(found, np.array(exact, float), rtol=1e-14)

@@ -11,7 +11,6 @@ from samples import Tensor
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, SuslovND
 
-NAN, INF = np.nan, np.inf
 BODY, OMEGA = Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5], [0.2, 0.3]]
 FIELD = Field.from_terms([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 

@@ -435,10 +435,10 @@ class Code:
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
 
-    def otherwise(self, truth, values, body, likely=True):
+    def otherwise(self, truth, values, body):
         """Return `values` if a truth value is true, else the values that `body()` returns."""
         name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
-        self.branch(truth, f"{name}_after", name, likely)
+        self.branch(truth, f"{name}_after", name, True)
         self.label(name)
         others, end = body(), self.target.block
         self.jump(f"{name}_after")

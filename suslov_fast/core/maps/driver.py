@@ -109,7 +109,8 @@ class _Driver:
         now.row = saves.select(row + of.row_bytes, row)
         now.goes_on = now.n < of.steps
         with text.when(now.goes_on, likely=True):
-            is_spent = ((self.slots[SLOT.budget] - 1) >> 63).equals(1)  # 0 or negative
+            sign_bit = (self.slots[SLOT.budget] - 1) >> 63
+            is_spent = sign_bit.equals(1)  # the budget is 0 or negative
             with text.when(is_spent, likely=False):
                 self.slots[SLOT.line] = lo  # where the next call goes on
                 for key in ("n", "stage", "until", "row"):

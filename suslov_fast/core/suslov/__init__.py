@@ -1,1 +1,1 @@
-"""The paper: the map, its closed form, n dimensions, quantities of states and orientations."""
+"""The paper: the map, its closed form, n dimensions and orientations."""

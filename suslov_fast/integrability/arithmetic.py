@@ -52,7 +52,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
 def constant(name: str, value: Any) -> Fraction:
     """Return a coefficient or a step size, a number or a string, as a fraction.
 
-    A float stands for the written number, 0.1 or 8/3.
+    A float stands for the number that was written, such as 1/10 for 0.1, see `as_written`.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
@@ -62,8 +62,8 @@ def constant(name: str, value: Any) -> Fraction:
 def as_written(a: Any) -> Fraction:
     """Return the number that a float was written as: a decimal, such as 0.1, or a ratio, as 8/3.
 
-    A decimal has 15 digits at most, or 12 if the float is only near it, as after rounding errors; a
-    ratio has a denominator of at most three digits. Other floats have their binary values.
+    A decimal has at most 15 digits, or 12 if it differs from the float by rounding errors. A ratio
+    has a denominator of at most 1000. Other floats keep their binary values.
     """
     binary = Fraction(a)
     q = binary.denominator
@@ -103,9 +103,9 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
 
 
 def prime_for(numbers: Iterable[Any]) -> int:
-    """Return a prime for computations with these integers, always the same one for them.
+    """Return a prime of 62 bits that these integers determine.
 
-    They seed its random generator, so that they are no multiples of it, except by chance.
+    They seed the random generator that draws it, so none is a multiple of it, except by chance.
     """
     return random_prime(random.Random(" ".join(map(hex, numbers))))
 
@@ -117,16 +117,16 @@ def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
 
 
 def random_values(rng: random.Random, p: int) -> Values:
-    """Return random numbers modulo a prime that replace letters."""
+    """Return 12 random numbers modulo p: the k-th one replaces the k-th letter of a map."""
     first = rng.randrange(2, p)
     others = random.Random(first)
     return (first, *(others.randrange(2, p) for _ in EPS[1:]))
 
 
 def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
-    """Return the first result that two primes agree on; each prime has its own points or lines.
+    """Call ``compute(p, values)`` for random primes p until two results agree; return this result.
 
-    The function is called with a prime and random numbers for letters.
+    `values` are random numbers that replace letters. Equal results exclude an unlucky prime.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
@@ -144,7 +144,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return the extra arguments of a matrix: [p] for numbers modulo p, [] for rationals."""
+    """Return the extra arguments of a flint matrix with entries like a: [p] modulo p, else []."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 
@@ -155,7 +155,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Return a null space basis: a vector's last nonzero entry, 1 modulo p, is 0 in the others."""
+    """Return a null space basis as rows: a row's last nonzero entry is 1, and 0 in other rows."""
     columns, dimension = matrix.nullspace()
     return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 
@@ -175,7 +175,7 @@ def integer_rows(matrix: Any, count: int | None = None) -> Residues:
 
 
 def simplest_fraction(residue: int, modulus: int) -> Fraction:
-    """Return the simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
+    """Return a / b with a = residue * b modulo `modulus`, for the shortest such vector (a, b)."""
     if residue in (0, 1):  # most entries of rows in echelon form
         return Fraction(residue)
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()

@@ -1,7 +1,7 @@
 """Exact birational maps, x_i~ = F_i(x) / F_0(x): the base of Kahan maps and other maps.
 
-Images, derivatives and orbits of points of any kind of numbers, the pullback F_0**d P(F / F_0) of a
-polynomial, det DPhi in factors, and the cofactors that are products of these factors.
+Maps have images, derivatives and orbits of points of any numbers, and det DPhi in factors. The
+pullback of a polynomial P is F_0**d P(F / F_0). If P(Phi) = C P, C is the cofactor of P.
 """
 
 from __future__ import annotations
@@ -121,19 +121,19 @@ class RationalMap(WithLetters):
     def generator(self, number: int = 0) -> random.Random:
         """Return a generator of random numbers for computations with the map.
 
-        Its seed is `prime`, because coefficients may be multiples of fixed primes.
+        Its seed contains `prime`, because a fixed prime may divide coefficients of the map.
         """
         return random.Random(f"{number} {self.prime}")
 
     @cached_property
     def prime(self) -> int:
-        """The prime for computations that need a single prime."""
+        """The prime for computations modulo one prime; it depends on `coefficients`."""
         return arithmetic.prime_for(self.coefficients)
 
     # Points are (x1, ..., xD, 1), of numbers of any kind.
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
+        """Return [F_1, ..., F_D, F_0], up to a factor, at homogeneous numbers or polynomials x."""
         if self.is_symbolic:
             return [self.pullback(F, self.degree, x) for F in self.forms]
         if isinstance(x[0], flint.nmod | flint.fmpq):
@@ -152,7 +152,7 @@ class RationalMap(WithLetters):
         return [[number(P(*x[:-1]), *modulus) for P in row] for row in rows]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return F at homogeneous coordinates that are polynomials, divided by a common factor."""
+        """Return `homogeneous_image` of polynomials, divided by its greatest common divisor."""
         return coprime(self.homogeneous_image(x))
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -178,7 +178,7 @@ class RationalMap(WithLetters):
             derivative = self.derivative(y) * derivative
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        """Return the matrix of derivatives: (dF_i - Phi_i dF_0) / F_0."""
+        """Return the matrix DPhi at a point: its rows are (grad F_i - Phi_i grad F_0) / F_0."""
         y, columns = self.image(x), range(self.dimension)
         (*_, below), *numerators, denominator = self._values(x, slopes=True)
         rows = [
@@ -253,7 +253,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def degree(self) -> int:
-        """The degree of the map of projective space."""
+        """The degree of the map in homogeneous coordinates: the highest of F_1, ..., F_D, F_0."""
         return max(map(degree_of, self.forms))
 
     @property
@@ -266,14 +266,14 @@ class RationalMap(WithLetters):
         return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
-        """Return the number of terms of a polynomial of a degree in x, and in the letters."""
+        """Return the largest number of terms of a polynomial of this degree in x, for estimates."""
         degrees = zip(*(F.degrees()[: len(self.letters)] for F in self.forms), strict=True)
         letters = math.prod(1 + int(max(of_letter)) for of_letter in degrees)
         return math.comb(self.dimension + degree, self.dimension) * letters
 
     @cached_property
     def _fraction_of_monomials(self) -> float:
-        """The fraction of the monomials up to the degree of the map that it contains."""
+        """The fraction of all monomials up to the map's degree that occur in F_1, ..., F_0."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
 
@@ -313,7 +313,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
-        """The determinant of the derivative, in factors; None if they are too long."""
+        """det DPhi in factors, the cofactor C of P for densities 1 / P; None if too long, or 0."""
         return self._determinant() if self.is_invertible else None
 
     @property

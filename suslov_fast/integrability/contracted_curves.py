@@ -48,12 +48,12 @@ _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coeff
 
 
 class Passage(NamedTuple):
-    """The orders of a germ across a contracted curve, step by step.
+    """The orders in t of a germ across a contracted curve, step by step.
 
-    After k steps the germ is at a point if k < `steps`; then it crosses a curve again. `steps` is
-    None if it does not within the computed steps. `common_orders[k - 1]` is the order of the common
-    factor of the next image. `curve_orders[k - 1]` are the orders of the contracted curves, up to
-    the last point without an image. If such points come again and again, the passage is `endless`.
+    All germs begin at one point after 1, ..., `steps` - 1 steps, and then cross a curve again.
+    `steps` is None if they do not within the computed steps. After k steps, `common_orders[k - 1]`
+    is the order of the common factor of the next image. `curve_orders[k - 1]` has the orders of the
+    curves. Both end at the last point without an image. If there is no last, it is `endless`.
     """
 
     common_orders: tuple[int, ...]
@@ -76,12 +76,12 @@ class Plane:
         self.degrees = [degree_of(P) for P in self.curves]
 
     def text(self, number: int) -> str:
-        """Return the equation of a curve."""
+        """Return the equation of a curve as text."""
         P = renamed(self._affine(number), self.map.names, self.map.letter)
         return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:
-        """Return the number of conjugate curves."""
+        """Return the number of conjugate curves over the complex numbers that make up a curve."""
         return max(1, count_factors(self._affine(number)))
 
     def _affine(self, number: int) -> Any:
@@ -90,9 +90,9 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """The image of a germ without its common factor; orders of this factor and of curves.
+    """The image of a germ, divided by its common factor t**common_order.
 
-    Orders of curves are at most the number of terms.
+    `curve_orders` are orders in t of the curves along the germ itself, at most its number of terms.
     """
 
     germ: list[Any]
@@ -113,9 +113,9 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor of a curve that has points with coordinates modulo p, if any.
+        """Return a factor modulo p of a curve, with points modulo p for germs; None without one.
 
-        Conjugate lines are one curve over the rationals; their points go to different points.
+        Germs need a factor, because conjugate lines, one curve, are contracted to different points.
         """
         P = self.curves[number]
         if P == 0:
@@ -144,7 +144,7 @@ class PlaneModulo:
         return None
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
-        """Return the next step of a germ; None if all terms of the next germ are 0."""
+        """Return the `Step` to the image of a germ; None if all known terms of the image are 0."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -158,7 +158,7 @@ class PlaneModulo:
         return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
-        """Return the passage of a germ across a curve; None if two germs disagree."""
+        """Return the passage of two germs across a curve; None if they differ in `most` steps."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
@@ -169,7 +169,7 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the passage of two germs; it is `endless` if there are too few terms."""
+        """Return the passage of two germs or None; it is `endless` if there are too few terms."""
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps whose orders of curves are less than the number of terms
@@ -211,7 +211,7 @@ def _order(P: Any, terms: int) -> int:
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the passages across all contracted curves on which two primes agree.
+    """Return the passages across all contracted curves, of `most` steps, on which two primes agree.
 
     None if no primes agree.
     """
@@ -263,7 +263,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
 
 class _Germs:
-    """Germs across a curve, at its general point: polynomials in eps, r, s and, last, t."""
+    """Germs at the general point of a curve: polynomials in eps, r, s, t (see top of the file)."""
 
     def __init__(self, plane: Plane, number: int) -> None:
         self._plane, self._curve = plane, plane.curves[number]
@@ -315,7 +315,7 @@ class _Germs:
         return [self._reduced(_cut(P, terms)) for P in values]
 
     def _reduced(self, P: Any) -> Any:
-        """Return a polynomial modulo the polynomial of r."""
+        """Return the remainder of P by the polynomial with the root r."""
         n = int(self._modulus.degrees()[-3])
         while (k := int(P.degrees()[-3])) >= n:
             P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
@@ -343,9 +343,9 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if the orders of a passage with one base point are multiplicities of forms.
+        """Return True if the orders of a passage are multiplicities of forms and curves, so exact.
 
-        That is, if all derivatives below this order vanish at the points of the orbit.
+        Derivatives below an order must vanish at its point. The last point alone has no image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:

@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of the polynomials with the cofactor sign * cofactor; None means det DPhi."""
+    """Return a basis of polynomials P with P(Phi) = sign C P; the cofactor None means det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -65,8 +65,8 @@ def cofactors(
 ) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
-    They are constants times products of powers of the factors of det DPhi and of the map's
-    denominator: those that have a polynomial, and 1 and det DPhi.
+    They are products of a constant and powers of the factors of det DPhi and of the map's
+    denominator. The result has all with a Darboux polynomial up to the degree, and 1 and det DPhi.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
 
 
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors that have polynomials up to a degree.
+    """Yield cofactors C of Darboux polynomials P up to a degree, P(Phi) = C P.
 
     Other such cofactors are products of these and of cofactors of lower degrees.
     """
@@ -185,9 +185,9 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield products of powers of factors that may be cofactors of polynomials, up to constants.
+    """Yield products C of powers of factors such that c C may be a cofactor, with a constant c.
 
-    The conditions are necessary, not sufficient.
+    The conditions are necessary, not sufficient: `with_constants` finds c, if there is one.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"

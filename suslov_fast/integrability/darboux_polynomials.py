@@ -27,8 +27,8 @@ def darboux_polynomials(
     """Find the polynomials P with P(map(x)) = C(x) P(x) of any cofactor C, or of a given one.
 
     Quotients of two such polynomials with one C are first integrals; 1 / P with C = det DPhi is the
-    density of an invariant measure (arXiv:1902.04715). The equations are those of random points
-    modulo a prime, 10 more than unknowns; the solution is confirmed modulo another prime.
+    density of an invariant measure (arXiv:1902.04715). The equations hold at random points modulo a
+    prime, 10 more points than unknowns. Another prime confirms the solution.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def darboux_polynomials(
     Returns
     -------
     tuple of flint.fmpz_mpoly
-        Of one cofactor, a basis of its polynomials in x1, ..., xD, whose coefficients have no
-        common factor. Of all, those that are no constants and no combinations of products of
-        others.
+        For a given cofactor, a basis of its polynomials in x1, ..., xD, with coprime integers as
+        coefficients. By default, the polynomials of all cofactors, without constants and
+        combinations of products of others.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Exact algebraic entropy of birational maps of the plane, from the curves that they contract.
 
-Blow up the plane at the points of confined orbits. The entropy is the log of the largest root of
-the characteristic polynomial of the action on it (Diller and Favre 2001).
+Blow up the plane at the points of confined orbits, see `contracted_curves`. The entropy is the log
+of the largest root of the characteristic polynomial of the action on it (Diller and Favre 2001).
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ class Contraction:
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.
 
-    The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
-    of the action on the plane blown up at the points of the confined orbits; `minimal` is its
-    factor with this root. `degrees` are those of the first iterates, as they follow from it.
-    `proved` says whether it is proved, and `based_on` by what. Without an entropy, `reason` says
-    why there is none.
+    The entropy is the logarithm of the largest root of `polynomial`. This is the characteristic
+    polynomial of the action on the plane blown up at the points of confined orbits. `minimal` is
+    the factor with this root. `degrees` are the degrees of the first iterates, as the contracted
+    curves give them. `proved` is True if the entropy is proved, and `based_on` says by what.
+    Without an entropy, `reason` says why.
     """
 
     contractions: tuple[Contraction, ...] = ()
@@ -195,7 +195,7 @@ def _few_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
-    """Return the orbit of a contracted curve, with a proof if one is found."""
+    """Return the `Contraction` of a curve from its passage, with a proof if one is found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if length is not None:
@@ -245,7 +245,7 @@ def _in_x(polynomial: Any) -> Any:
 
 
 def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
-    """Return the factor with the largest root, and this root; x - 1 if no root is larger."""
+    """Return the factor with the largest root, and its modulus; x - 1 and 1 if none is above 1."""
     moduli = ((max(moduli_outside(f), default=1.0), f) for f, _ in polynomial.factor()[1])
     modulus, factor = max(moduli, key=itemgetter(0), default=(1.0, None))
     return (factor, modulus) if modulus > 1.0 else (flint.fmpz_poly([-1, 1]), 1.0)

@@ -47,11 +47,11 @@ _MOST = 500  # monomials of relations along orbits
 class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
 
-    The `dimension` rows of `basis` are coefficients of relations along the orbit of `point`: the
+    The `dimension` rows of `basis` are coefficients of relations along the orbit of `point`. The
     last nonzero entry of a row is 1, and 0 in the other rows. `basis` is None if the numbers are
-    too long, or eps is symbolic. On random orbits, `independent` coefficients are independent first
-    integrals. `integrals` are formulas, quotients of the polynomials `forms`; `complete` is True if
-    `independent` of them are independent. `degree` is the degree of the monomials.
+    too long, or eps is symbolic. `independent` is the number of independent first integrals among
+    coefficients on random orbits. `integrals` are formulas: quotients of the polynomials `forms`.
+    `complete` is True if this many are independent. `degree` is the highest degree of `monomials`.
     """
 
     degree: int
@@ -193,7 +193,7 @@ def _exponents_of(monomials: Any, n: int) -> Exponents:
 
 
 def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
-    """Return polynomials whose quotients are first integrals, until enough are independent."""
+    """Search for `enough` integrals; return their numerators and common denominator, sorted."""
     search = Search(map, degree, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:

@@ -43,7 +43,7 @@ class Watch:
     """Callbacks during an interpolation. An exception in a method ends the search."""
 
     def at_values(self, done: int) -> None:
-        """Receive the number of values done, before each further value."""
+        """Receive how many searches, at numbers for letters, are done, before each further one."""
 
     def gave_up(self, reason: str) -> None:
         """Receive the reason why functions are left out."""
@@ -58,9 +58,10 @@ class Unknown(ArithmeticError):
 
 
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
-    """Return the rows that a search finds modulo primes, as quotients of polynomials in letters.
+    """Return the matrix that ``search(p, values)`` finds modulo p, with entries N / D in letters.
 
-    None if coefficients are too large, or there are too many terms.
+    `values` are random numbers in place of `count` letters. N and D are coefficients by exponents.
+    The result is None if coefficients are too long, or if there are too many terms.
     """
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their terms
     candidate: Rows | None = None
@@ -108,7 +109,7 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return terms with coefficients that are the simplest fractions with these residues."""
+    """Return rows with the terms in `shape`, and the simplest fractions with these residues."""
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -146,9 +147,9 @@ def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
 
 
 def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
-    """Return numerators and denominators modulo a prime; one coefficient of a denominator is 1.
+    """Return functions of `count` letters modulo p, as terms (N, D), from values that `box` gives.
 
-    ZeroDivisionError at a special point or line.
+    `ZeroDivisionError` means that a random point or line is special: another prime may do.
     """
 
     def parameters(size: int) -> list[int]:
@@ -224,9 +225,9 @@ class Line:
             self._zeros *= flint.nmod_poly([-c, 1], p)
 
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
-        """Return N and D of least degrees with these values of N / D; None if values are too few.
+        """Return polynomials N and D of least degrees with these values of N / D; None without any.
 
-        The search ends when N has the degree `lowest`.
+        There is none if values are too few, or if the degree of N falls to `lowest` in the search.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
@@ -245,7 +246,7 @@ def _size(N: Any, D: Any) -> int:
 
 
 class _Entry:
-    """One function: coefficients of N and D on lines, and its terms once they are known."""
+    """One function N / D of letters: coefficients of N and D on lines, and terms once known."""
 
     def __init__(self, degrees: Sequence[int], s: Sequence[int], p: int) -> None:
         self.degrees, self.s, self.p = degrees, s, p
@@ -271,7 +272,7 @@ class _Entry:
             self.parts = None if None in parts else parts  # type: ignore[assignment]
 
     def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N or D, from the highest degree down."""
+        """Return the terms of N (number 0) or D (1), high degrees first; None if lines are few."""
         lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
         for k in range(self.degrees[number], -1, -1):
             top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)

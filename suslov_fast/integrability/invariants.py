@@ -69,9 +69,9 @@ _ONE = Product(0, ())
 
 
 class Invariants:
-    """The Darboux polynomials found of a map, and the integrals that follow from them.
+    """The Darboux polynomials found of a map, and the integrals and measures that they imply.
 
-    Cofactors differ if their values at one random point modulo a prime differ.
+    The value of a cofactor at one random point modulo a prime identifies the cofactor.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
@@ -153,7 +153,7 @@ class Invariants:
         return new
 
     def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace the generators of a cofactor by new ones of the same degrees; return these."""
+        """Replace a cofactor's generators by `polynomials` of equal degrees; return new ones."""
         numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
         numbers.sort(key=lambda k: self.generators[k].degree)
         polynomials = sorted(polynomials, key=degree_of)
@@ -170,16 +170,16 @@ class Invariants:
         return new
 
     def highest(self, value: int) -> int:
-        """Return the highest degree of generators with a cofactor."""
+        """Return the highest degree of the generators with the cofactor of this value, or 0."""
         degrees = (g.degree for g in self.generators if self.value(g.cofactor) == value)
         return max(degrees, default=0)
 
     def texts(self, value: int) -> set[str]:
-        """Return the formulas of the generators with a cofactor."""
+        """Return the formulas of the generators with the cofactor of this value."""
         return {str(g) for g in self.generators if self.value(g.cofactor) == value}
 
     def elements(self, value: int, degree: int) -> list[RationalFunction]:
-        """Return independent products up to a degree with a cofactor, the shortest first."""
+        """Return independent products of generators up to a degree, of one cofactor, by length."""
         products = [product for product in self.products.get(value, ()) if product.degree <= degree]
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
@@ -200,7 +200,7 @@ class Invariants:
     def integrals(self) -> tuple[RationalFunction, ...]:
         """Independent first integrals of least degree.
 
-        They are quotients, and products of powers with cofactors that multiply to 1.
+        They are quotients P / Q with one cofactor, and products of powers with the cofactor 1.
         """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
@@ -208,7 +208,7 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation."""
+        """Return the integral that is a product of g**e over generators g, with the cofactor 1."""
         return _with_varying_limit(_f_or_reciprocal(self.power_product(powers)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
@@ -225,7 +225,7 @@ class Invariants:
             yield from self._quotients_by_one(functions)
 
     def _quotients_by_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
-        """Yield quotients by a polynomial of least degree, which is not 0 at 0 if possible."""
+        """Yield f / g for all other f: g has the least degree, and g(0) is not 0 if possible."""
         lowest = [f for f in functions if f.degree == functions[0].degree]
         denominator = next(
             (f for f in lowest if has_constant_term(f.as_quotient()[0])), functions[0]
@@ -235,9 +235,9 @@ class Invariants:
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
-        """Densities of invariant measures, from one cofactor, else from several.
+        """Densities of invariant measures: 1 / P for the cofactor det DPhi, or other products.
 
-        If there is none: a density up to sign, with the cofactor -1.
+        If there is none, a density up to sign: rho(Phi) det DPhi = -rho, with the `cofactor` -1.
         """
         densities = [*self.densities, *self.early_densities]
         det = self.map.jacobian_cofactor if self.has_factors else None
@@ -275,12 +275,12 @@ def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
 
 
 def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the sort key of densities: zeros of low order of the denominator at 0 come first."""
+    """Return the sort key of densities: the degree, then the order of the denominator at x = 0."""
     return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the numerator has the higher degree, or it is 0 at 0."""
+    """Return f or 1 / f: the higher degree is above; if equal, the denominator is not 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -309,7 +309,7 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return a basis, of short vectors, of the exponents for which products of cofactors are 1.
+    """Return short basis vectors e of the lattice of relations ``C_1**e_1 ... C_n**e_n = 1``.
 
     The vector of a cofactor contains the exponents of its polynomials, of coprime factors of its
     constant, and of -1. For -1 only the parity of the exponent counts.
@@ -362,7 +362,7 @@ _SIGNS = 70  # random points at which a definite polynomial has one sign
 
 
 class NormalForms:
-    """Normal forms of the Darboux polynomials of a search, one cofactor after the other."""
+    """Brings the Darboux polynomials of a cofactor into normal form, see `normal_basis`."""
 
     def __init__(self, invariants: Invariants) -> None:
         self.invariants, self.map = invariants, invariants.map
@@ -400,10 +400,10 @@ def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
 
 
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[Any]:
-    """Return a basis of a space in normal form, which begins with the denominator of integrals.
+    """Return a basis [Q, P_1, P_2, ...] of a space of one cofactor, for simple integrals P_i / Q.
 
-    The denominator has the least degree in the limit. The others make the limits of quotients
-    independent; `preferred` polynomials come first, then polynomials with many factors.
+    Q has the least degree in the limit for eps to 0. The limits of all are independent. The P_i
+    come by degree. Among equal degrees `preferred` ones come first, then ones with many factors.
     """
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
@@ -427,7 +427,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
 
 
 def _order_of_denominator(P: Any) -> tuple[Any, ...]:
-    """Return the sort key of denominators."""
+    """Return the sort key of denominators: low degrees, then P(0) != 0, then a definite P."""
     in_limit = limit(P)
     return degree_of(in_limit), degree_of(P), not has_constant_term(in_limit), not is_definite(P)
 

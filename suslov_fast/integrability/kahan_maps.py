@@ -1,7 +1,7 @@
 """Kahan maps of quadratic fields, exact: the solution of A(x; eps) x~ = b(x; eps).
 
-The inverse has -eps, det DPhi = det A(x~; -eps) / det A(x; eps), and for x' = K grad H the modified
-energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013).
+The inverse is the map for -eps. det DPhi = det A(x~; -eps) / det A(x; eps). For x' = K grad H, the
+modified energy H + grad H (x~ - x) / 3 is an integral (Celledoni, McLachlan, Owren, Quispel 2013).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """The coefficients of f and H, functions of letters, by the indices of variables."""
+    """The coefficients of x' = f(x) and of its Hamiltonian, functions of letters, by indices."""
 
     letters: tuple[str, ...]
     rates: dict[tuple[int, ...], RationalFunction]
@@ -69,7 +69,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def terms(self) -> Terms:
-        """The terms of the field, exact."""
+        """The terms v x_j x_k of the field, with fractions v."""
         return self.field._terms_of(exactly=Fraction if self._is_exact else as_written)
 
     @cached_property
@@ -108,7 +108,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _rates(self) -> tuple[list[tuple[tuple[int, ...], Any]], Any]:
-        """The terms of the field as integers, or polynomials in letters, over one denominator."""
+        """Pairs ((i, j, k), v) of the terms v x_j x_k / q in x_i', and the common denominator q."""
         if self.in_letters is None:
             return _integers(self.terms)
         *values, common = over_common_denominator(self.in_letters.rates.values(), self.ring)
@@ -116,7 +116,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def coefficients(self) -> list[int]:
-        """Numerators and denominators of the terms of the field, and of eps."""
+        """The integers in the terms of the field, and in eps; `prime` depends on them."""
         if self.in_letters:
             terms, common = self._rates
             return [int(c) for P in (common, *(v for _, v in terms)) for c in P.coeffs()]
@@ -142,9 +142,9 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _equations(self) -> list[Any]:
-        """The rows of (A | b) of the equations A(x) x~ = b(x), times a common denominator.
+        """The matrix (A | b) of the equations A(x) x~ = b(x), times a common denominator, as rows.
 
-        Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
+        Entries are linear forms: lists of (j, c, d), for terms (c + d eps) x_j of (x1, ..., xD, 1).
         """
         # Half of a product belongs to each order of its two factors.
         terms, common = self._rates
@@ -153,7 +153,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _forms(self) -> list[Any]:
-        """The `_equations` at eps; an entry is a list of (j, a), for terms a x_j."""
+        """The `_equations` for the map's eps; an entry is a list of (j, a), for terms a x_j."""
         if self.eps is None:
             eps, unit = self._sign * self.ring.gens()[0], 1
         else:
@@ -219,12 +219,12 @@ class KahanMap(RationalMap):
 
     @cached_property
     def length(self) -> float:
-        """The cost of an image on a line: 2 D^3 / 3 products of elimination."""
+        """The relative cost of an image on a line, from the 2 D^3 / 3 products of elimination."""
         return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW)
 
     @property
     def cost_of_factors(self) -> float:
-        """An estimate of the seconds that `factors` takes: the time of a pullback like det A."""
+        """An estimate of the seconds for `factors`: a pullback of det A, at most `LONGEST`."""
         return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
 
     @cached_property
@@ -290,7 +290,7 @@ def _slope(P: Any, i: int) -> Any:
 
 
 def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return `KahanMap._equations` of terms v x_j x_k, halved for j < k, over a denominator."""
+    """Return `KahanMap._equations` of terms v x_j x_k / scale, counted in both orders of j != k."""
     forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
     for i in range(D):  # at eps = 0, A is the unit matrix and b is x
         forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]

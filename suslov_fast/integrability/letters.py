@@ -19,9 +19,9 @@ from .rational_maps import checked_letters, rational_map
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
-    """Return a map after a check; for a system its map, for a field Kahan's map for any eps.
+    """Return a checked `RationalMap`; it is made from a `Map`, a field or a body if one is given.
 
-    `letters` are names of parameters of the system that stay symbols, too.
+    The map of a field or body is Kahan's, with a symbolic eps. Parameters `letters` stay symbols.
     """
     is_given = letters is None and not isinstance(map, Body)
     checked: Any = map if is_given else exact_map(map, None, letters)
@@ -39,7 +39,7 @@ def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
 
 
 def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
-    """Return the Kahan map of a field or a body with letters, the first of which is eps."""
+    """Return the Kahan map of a field or body; eps and the parameters `letters` are symbols."""
     names = checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
@@ -48,7 +48,7 @@ def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return the coefficients of f, and of H or None, with symbols for some parameters."""
+    """Return coefficients of f, and of its Hamiltonian or None, with `symbols` for parameters."""
     if not isinstance(system, Field):
         parts = {**exact_body(system)._parts, **symbols}
         terms = system._of(parts)._field._own_terms

@@ -200,7 +200,7 @@ class _Equations:
         return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
 
     def generic_point(self) -> tuple[list[Any], str]:
-        """Return a point with the letter as a coordinate, chosen for simple values of integrals."""
+        """Return a point and its text; a coordinate is the letter, with integrals of low degree."""
         found = []
         for j in range(self.D):
             x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]
@@ -235,7 +235,7 @@ class _Equations:
     # Coordinates.
 
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
-        """Return the level after its equations are solved, by a quadric if one remains."""
+        """Return the `Level` of solved equations; a quadric that remains is projected from x."""
         names = self.map.names or labels(self.D)
         how = (
             [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []

@@ -41,12 +41,12 @@ _ORBITS = 3  # whose relations span those of all orbits
 
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
-    """Return the values of monomials at the points of an orbit modulo a prime, in rows."""
+    """Return the matrix of monomials (columns) at `length` points (rows) of the orbit of x."""
     return arithmetic.matrix([monomial_values(exponents, y) for y in map.orbit(x, length)])
 
 
 def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list[Any]) -> Residues:
-    """Return coefficients of relations along the orbit of x modulo a prime, see `HKBasis.basis`."""
+    """Return rows c with ``sum_i c_i m_i = 0`` along the orbit of x modulo p, see `null_space`."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
@@ -54,7 +54,7 @@ def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list
 def gradients_of_coefficients(
     map: RationalMap, exponents: Exponents, relations: Residues, x: Sequence[Any], length: int
 ) -> list[list[list[Any]]]:
-    """Return the gradients by x of the coefficients of relations, by relation and coefficient.
+    """Return grad c_i for the coefficients c_i of relations, by relation, then by coefficient.
 
     They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
     the points x_k of the orbit of x. Relations must be a basis in echelon form. Coefficients that
@@ -84,7 +84,7 @@ class Counted(NamedTuple):
 
 @lru_cache(maxsize=32)
 def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
-    """Return how many relations and integrals there are, on which two primes agree."""
+    """Count relations along a random orbit, and the integrals they show; two primes must agree."""
     rng = map.generator()
 
     def count_modulo(p: int, eps: Values) -> Counted:
@@ -101,9 +101,9 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return the polynomials of all relations if their quotients are first integrals, else ().
+    """Return polynomials that span the relations of all orbits; () if quotients are no integrals.
 
-    They are if the relations of all orbits span one dimension more than those of one orbit.
+    Quotients are integrals if relations of one orbit span d dimensions, and of all orbits d + 1.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0:
@@ -203,7 +203,7 @@ def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return points of an orbit around x, where numbers are shorter; from x on without inverse."""
+    """Return orbit points, x in their middle for short fractions, or first without an inverse."""
     before = (length - 1) // 2 if map.inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
@@ -237,7 +237,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _RelationsOnLine:
-    """The relations of circuits at points of a random line; `extend` adds points."""
+    """The relations of circuits at points of a random line, to find the degrees of integrals."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng

@@ -70,7 +70,7 @@ def count_factors(P: Any) -> int:
 
 
 def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
-    """Yield the reducible members of a space of dimension 2 with rational coordinates."""
+    """Yield the reducible combinations a P + b Q of a space [P, Q]; a and b are rational."""
     degree, n = max(degree_of(P) for P in space), variables_of(space[0])
     if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
         return

@@ -1,7 +1,7 @@
-"""Polynomials of python-flint with integer coefficients in x1, ..., xD, and maybe a letter.
+"""Polynomials of python-flint with integer coefficients in x1, ..., xD, and maybe letters.
 
-The letter comes first. It is `eps` in computations, and has its own name in results. Modulo a prime
-and at a number eps, the variables are x1, ..., xD.
+Letters are symbols in coefficients, and come before x1, ..., xD. A single letter is `eps` in
+computations, and has its own name in results. Modulo a prime, numbers replace letters.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
 
 
 def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
-    """Return a polynomial in x1, ..., xD with other names of variables, and of its letter.
+    """Return a polynomial with its variables renamed to `names`, and its letter to `letter`.
 
-    python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
+    None and "" keep names. python-flint takes ASCII names only: others are encoded, see `decoded`.
     """
     old, symbolic = P.context().names(), letters_in(P)
     first = old[:symbolic] if letter in ("", "eps") else [_LETTER + letter] * symbolic
@@ -79,7 +79,7 @@ def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
 
 
 def with_plain_letters(P: Any) -> Any:
-    """Return a polynomial with ordinary variables in place of letters."""
+    """Return a polynomial for users: letters have their own names, without an internal prefix."""
     names = tuple(name.removeprefix(_LETTER) for name in P.context().names())
     return _from_terms(names, P.to_dict())
 
@@ -148,7 +148,7 @@ def sort_key(P: Any) -> tuple[Any, ...]:
 
 
 def coefficients_in(P: Any, place: int) -> list[Any]:
-    """Return the coefficients of the powers of the variable at a place, the constant first."""
+    """Return [c_0, c_1, ...] with P = sum of c_k y**k, for the variable y at a place."""
     terms: list[dict[Any, Any]] = []
     for e, c in P.to_dict().items():
         others = [*e]
@@ -162,10 +162,10 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 
 
 def primitive(P: Any) -> Any:
-    """Return the multiple with coprime coefficients, the first of which is positive.
+    """Return the multiple of P with coprime integer coefficients, the first of which is positive.
 
     If eps is symbolic, the first coefficient is taken from the terms of lowest order in eps. So the
-    limit for eps to 0 decides, and a polynomial has the same sign everywhere.
+    limit for eps to 0 decides the sign.
     """
     P = P.primitive()[1]
     return -P if _first_coefficient(P) < 0 else P
@@ -233,7 +233,7 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
 
 
 def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
-    """Return ``F_0^degree P(F / F_0)`` for polynomials F_1, ..., F_0 of a ring with P's letters."""
+    """Return ``F_0^degree P(F_1 / F_0, ..., F_n / F_0)`` for forms F_1, ..., F_n, F_0 of a ring."""
     count = letters_in(P)
     terms = zip(P.monoms(), exponents_in_x(P), P.coeffs(), strict=True)
     homogeneous = {(*e, degree - sum(in_x)): c for e, in_x, c in terms}
@@ -242,7 +242,7 @@ def homogenized(P: Any, degree: int, forms: Sequence[Any], ring: Any) -> Any:
 
 
 def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> list[Any]:
-    """Return monomials in the first coordinates of a point."""
+    """Return the products ``x_1^e_1 x_2^e_2 ...`` for each e in `exponents`, at a point x."""
     one, highest = x[0] ** 0, map(max, zip(*exponents, strict=True))
     powers = [
         [*accumulate([a] * int(most), mul, initial=one)]
@@ -253,7 +253,7 @@ def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> l
 
 
 def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
-    """Return a polynomial in x, at values of its letters, modulo a prime p.
+    """Return P modulo a prime p with numbers in place of its letters: a polynomial in x alone.
 
     For p = 0 the result is over the rationals.
     """
@@ -318,7 +318,7 @@ def rank(polynomials: Sequence[Any]) -> int:
 def selected(
     candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
 ) -> Iterator[A]:
-    """Yield candidates with polynomials that are independent of known and earlier ones."""
+    """Yield each candidate c if ``of(c)`` is linearly independent of known and of earlier ones."""
     basis = [*map(of, known)]
     for each in candidates:
         if rank([*basis, of(each)]) > len(basis):
@@ -327,9 +327,9 @@ def selected(
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:
-    """Return the numerators of the solution of a linear system (A | b), and det A.
+    """Return [N_1, ..., N_n, det A]: the N_i / det A solve the linear system with rows (A | b).
 
-    Elimination of polynomials with exact divisions (Bareiss).
+    Polynomials are eliminated in place, with exact divisions (Bareiss).
     """
     n, previous = len(system), 1
     for k in range(n):
@@ -347,14 +347,14 @@ def cramer(system: list[list[Any]]) -> list[Any]:
 
 
 def determinant(rows: Sequence[Sequence[Any]]) -> Any:
-    """Return the determinant of a matrix of polynomials, if it is not 0."""
+    """Return the determinant of a matrix of polynomials; raise `ZeroDivisionError` if it is 0."""
     return cramer([[*row, 0] for row in rows])[-1]
 
 
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
-    """Return primitive polynomials with the same span as rows; without letters they are short.
+    """Return primitive polynomials that span the same space as rows of their coefficients.
 
-    A row contains the coefficients of monomials, as `over_rationals` returns them.
+    Rows are as `over_rationals` returns them. Without letters, LLL makes the coefficients small.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:
@@ -370,7 +370,7 @@ def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = 
 
 
 def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
-    """Return the polynomial of a row of coefficients, which are quotients in letters."""
+    """Return the polynomial with coefficients N / D in letters, times a common denominator."""
     over_q = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
     zeros = (0,) * len(exponents[0])
 
@@ -398,9 +398,9 @@ def limit(P: Any) -> Any:
 
 
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
-    """Return a basis with independent limits for eps to 0.
+    """Return a basis of the same space with linearly independent limits for eps to 0.
 
-    A combination of the basis with the limit 0 is divided by eps, until there is none.
+    While a combination of the basis has the limit 0, it is divided by eps, and replaces a member.
     """
     basis = list(space)
     while letters_in(basis[0]) and rank([*map(limit, basis)]) < len(basis):

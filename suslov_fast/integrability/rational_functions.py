@@ -49,7 +49,7 @@ L = TypeVar("L", bound="WithLetters")
 
 
 class WithLetters:
-    """The base of objects with coefficients that may contain letters: eps, or others."""
+    """The base of maps and functions with letters: symbols in their coefficients, such as eps."""
 
     letters: Any  # their names
     _with: Any  # the method that returns the same for numbers in place of letters
@@ -90,7 +90,7 @@ class WithLetters:
         return self._with(self._numbers_for(values, unnamed))
 
     def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
-        """Return the checked numbers by letter that a call gives."""
+        """Return the numbers that a user passed by name, checked, as fractions by letter."""
         if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
         if unnamed or (self.letters and (not values or {*values} - {*self.letters})):
@@ -110,12 +110,11 @@ class WithLetters:
 class RationalFunction(WithLetters):
     """A product of powers of polynomials and a constant, exact.
 
-    Called with a point, D rational numbers, it returns a fraction, and with the states of an orbit,
-    as ``F(run.states)``, an array of floats. Functions and numbers can be
+    Called with a point, D rational numbers, it returns a fraction. Called with the states of an
+    orbit, as ``F(run.states)``, it returns an array of floats. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(f)`` converts one to SymPy.
-    In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
-    polynomial, or -1 for a density up to sign. If eps, or another letter, is symbolic, `subs`
-    replaces it by a number.
+    In a report, `basis` says how a function was confirmed. `cofactor` is C for a Darboux polynomial
+    P(Phi) = C P, and -1 for a density up to sign. `subs` replaces a symbolic letter by a number.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -247,7 +246,7 @@ class RationalFunction(WithLetters):
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
-        """Return the powers in the numerator, or in the denominator if the sign is -1."""
+        """Return pairs (P, e) of the numerator, a product of P**e; for -1 of the denominator."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property
@@ -265,7 +264,7 @@ class RationalFunction(WithLetters):
         return values
 
     def gradient_of_logarithm(self, p: int) -> list[Any]:
-        """Return the gradient of log(f) at `arithmetic.random_point` modulo p."""
+        """Return grad log(f) at `arithmetic.random_point` modulo p, to find dependent functions."""
         n = variables_of(self.factors[0][0])
         x = arithmetic.random_point(n, p)
         powers = [(modulo(P, p, EPS), e) for P, e in self.factors]
@@ -279,7 +278,7 @@ class RationalFunction(WithLetters):
         return self.text()
 
     def text(self, longest: int | None = None) -> str:
-        """Return the formula; polynomials of more characters than `longest` are described."""
+        """Return the formula, with degree and size for polynomials over `longest` characters."""
         is_one_polynomial = self.constant == 1 and [e for _, e in self.factors] == [1]
 
         def texts(number: int, sign: int) -> list[str]:
@@ -330,7 +329,7 @@ def check_letter(letter: Any, names: Sequence[str]) -> None:
 
 
 def function_by(name: str, f: Any, symbols: Any) -> RationalFunction:
-    """Return the quotient of polynomials that a function returns for symbols."""
+    """Return f(symbols) as a rational function; an error about f begins with the text `name`."""
     must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
     try:
         return as_function(f(tuple(symbols)))
@@ -341,7 +340,7 @@ def function_by(name: str, f: Any, symbols: Any) -> RationalFunction:
 
 
 def factored(P: Any) -> RationalFunction:
-    """Return a polynomial in irreducible factors."""
+    """Return a polynomial as a `RationalFunction`, in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
     powers = irreducible_factors(P)
@@ -355,12 +354,12 @@ def without_constant(f: RationalFunction) -> RationalFunction:
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
-    """Return a quotient of polynomials in irreducible factors, without a constant."""
+    """Return P / Q up to a constant factor, in irreducible factors, with this `basis`."""
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
 
 
 def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) -> list[Any]:
-    """Return numerators over a common denominator, and this denominator, in a ring."""
+    """Return polynomials [N_1, ..., N_n, D] of a ring such that the functions are N_i / D."""
     pairs = [f.as_quotient(ring) for f in functions]
     common = reduce(lambda P, Q: P * Q // P.gcd(Q), (Q for _, Q in pairs), ring.constant(1))
     return [*(P * (common // Q) for P, Q in pairs), common]
@@ -369,7 +368,7 @@ def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) ->
 def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
-    """Return a product of powers of primitive polynomials, in the order of their size."""
+    """Return the constant times the product of P**e, with equal P merged, and sorted by size."""
     exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
@@ -379,7 +378,7 @@ def product_of(
 
 
 def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
-    """Return the rational roots of a polynomial, numbers or functions of letters in a ring.
+    """Return the roots of a polynomial in one variable that are rational in the letters of a ring.
 
     The coefficients, lowest first, are a row of the result of `over_rationals`.
     """
@@ -402,9 +401,9 @@ def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
 
 
 def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
-    """Return functions of least degree, independent modulo p, on which all others depend.
+    """Return functionally independent candidates, on which all others depend; low degrees first.
 
-    Among functions of one degree the first are taken.
+    Independence is tested modulo p. Among functions of one degree, the first are taken.
     """
     by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
     return tuple(independent_of((), by_degree, p))
@@ -421,6 +420,6 @@ def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> I
 
 
 def rank_of_quotients(polynomials: Polynomials) -> int:
-    """Return the number of independent quotients of polynomials."""
+    """Return how many quotients P / Q of the polynomials are functionally independent."""
     quotients = (quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:])
     return len(independent(quotients, prime_of(polynomials)))

@@ -84,7 +84,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
-    """Return the checked names of parameters of a system that are to be letters."""
+    """Return names of parameters that stay symbols, checked; True stands for all of a system."""
     if not isinstance(system, Body):
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:
@@ -105,9 +105,9 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
 
 
 def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
-    """Return the polynomials F_1, ..., F_D, F_0 of a map, from its expression program.
+    """Return polynomials F_1, ..., F_D, F_0 of a map F_i / F_0, from its expression program.
 
-    A float means the number it was written as.
+    A float stands for the number that was written, see `as_written`. Errors begin with `name`.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"

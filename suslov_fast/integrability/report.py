@@ -80,9 +80,8 @@ class Report:
     def proved_entropy(self) -> float | None:
         """The algebraic entropy of the map if it is proved, else None.
 
-        Proofs are, in the plane, the contracted curves or an integral; D - 1 integrals or more, as
-        their levels are curves or points; in three dimensions, also the generic level of one
-        integral.
+        In the plane, contracted curves or an integral prove it; in three dimensions, the generic
+        level of one integral. For D > 2, D - 1 proved integrals show that it is 0.
         """
         if self._levels_are_curves:
             return 0.0
@@ -189,7 +188,7 @@ class Report:
 
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return the line of a kind of functions, with at most `most` formulas."""
+    """Return the line of a report on functions, with at most `most` formulas, or with `none`."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])

@@ -73,7 +73,7 @@ class Task:
     `run` does the work, and returns the tasks that follow from its result. When all tasks of a
     `kind` for polynomials of a `degree` are done, the report lists this kind as searched up to this
     degree. A task that is not `needed` may be left out when tasks of its degree are not expected to
-    find more. Tasks run by group of kinds, by degree, candidates last, and as they were added.
+    find more. Tasks run in the order of `place`, and equal ones as they were added.
     """
 
     run: Callable[[], Tasks]
@@ -329,7 +329,7 @@ class Search:
             yield Task(partial(self.quotients_of_relations, k), "quotients", k)
 
     def quotients_of_relations(self, k: int) -> Tasks:
-        """Add the polynomials of relations of all orbits, if formulas are missing."""
+        """Add the polynomials of `integrals_of_relations`, if formulas of integrals are missing."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
@@ -384,7 +384,7 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return the task for polynomials of a cofactor up to degree k, then up to `last`."""
+        """Return a task for polynomials of sign * cofactor up to degree k, later up to `last`."""
 
         def run() -> Tasks:
             yield from self._find_polynomials(cofactor, sign, k)
@@ -394,7 +394,7 @@ class Search:
         return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
-        """Find the polynomials up to degree k of a cofactor; None stands for det DPhi."""
+        """Find and add P up to degree k with P(Phi) = sign C P; the cofactor None is det DPhi."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
         known: list[Any] = []
@@ -447,7 +447,7 @@ class Search:
         return tasks
 
     def _normal_form(self, value: int) -> Tasks:
-        """Bring the polynomials of a cofactor into normal form."""
+        """Bring the polynomials of the cofactor with this `Invariants.value` into normal form."""
         new = self._normal_forms.update(value)
         self.version += 1
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
@@ -479,7 +479,7 @@ class Search:
                     )
 
     def _proof(self, g: RationalFunction) -> Task:
-        """Return the task that checks the cofactor of a generator as an identity."""
+        """Return the task that proves P(Phi) = C P for a Darboux polynomial g, as an identity."""
         map, P = self.map, self.invariants.polynomial(g)
         cost = map.cost_of_pullback(P, g.degree)
 
@@ -499,7 +499,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield the task that checks, as identities, quotients with unknown cofactors."""
+        """Yield the task that proves by identities that quotients of a space are integrals."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 

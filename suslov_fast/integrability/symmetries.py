@@ -114,7 +114,7 @@ def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
 
 
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
-    """Return the solutions of equations modulo a prime; none if products up to `most` hide them."""
+    """Return isolated solutions of equations modulo a prime, by products up to degree `most`."""
     for degree in range(2, most + 1):
         if (solutions := _solutions(equations, unknowns, degree)) is not None:
             return [*solutions]
@@ -138,7 +138,7 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
 
 
 def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
-    """Return the solutions of equations modulo a prime; None if products up to a degree hide them.
+    """Return solutions of equations modulo a prime; None if products of higher degree are needed.
 
     Vectors in the null space of all products are combinations of the values of all monomials at the
     solutions. Multiplication by a variable acts on the values of monomials of lower degree.
@@ -160,7 +160,7 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
 
 
 def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield the solutions from the values modulo p of monomials in a basis of their combinations.
+    """Yield the solutions; columns of `values` combine the values of monomials at the solutions.
 
     Multiplication by a random linear form acts on the first `low` monomials; solutions are its
     eigenvectors.

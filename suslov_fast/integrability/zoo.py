@@ -17,7 +17,7 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return `make` of a function with n separate arguments; n defaults to their number in f."""
+    """Return a field, or `make`, by f(x1, ..., xn); n defaults to the number of arguments of f."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 
@@ -27,7 +27,7 @@ def _chain(*x: Any) -> Any:
 
 
 def _rotors(*beta: int) -> Any:
-    """Return the gyrostat of Zhukovsky and Volterra."""
+    """Return the gyrostat of Zhukovsky and Volterra, with the constant momentum beta of rotors."""
     return of(lambda x, y, z: np.array((y * z, 2 * z * x, -3 * x * y)) + np.cross((x, y, z), beta))
 
 
@@ -45,7 +45,7 @@ def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> Field:
 
 
 def _in_potential(slope: Callable[..., Any], I2: int = 1) -> Field:
-    """Suslov's problem in a potential with the derivatives slope(g1, g2, g3), without products."""
+    """Return Suslov's problem with moments 1 and I2, for a potential with the gradient slope(g)."""
 
     def field(w1: Any, w2: Any, *g: Any) -> Any:
         torque = np.cross(g, slope(*g))
@@ -55,7 +55,7 @@ def _in_potential(slope: Callable[..., Any], I2: int = 1) -> Field:
 
 
 def _on_so4(*moments: int) -> Field:
-    """Suslov's problem on so(4): Omega_34 = 0, M_ij = (moments_i + moments_j) Omega_ij."""
+    """Return Suslov's problem on so(4): Omega_34 = 0, M_ij = (moments_i + moments_j) Omega_ij."""
     pairs = [(i, j) for i in range(4) for j in range(i + 1, 4)][:-1]
 
     def field(*x: Any) -> Any:
@@ -78,7 +78,7 @@ def _henon_heiles(q1: Any, q2: Any, p1: Any, p2: Any) -> Any:
 
 
 def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
-    """Return the map (x, y) to (y, z) of a recurrence that is the same backwards."""
+    """Return the map (x, y) -> (y, z(x, y)) of a reversible recurrence, and None for its eps."""
     back = Map(lambda x: (z(x[1], x[0]), x[0]), 2)
     return rational_map(Map(lambda x: (x[1], z(*x)), 2), back), None
 

@@ -38,7 +38,7 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
     A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
     A[~exists] = np.eye(x.shape[1])
-    found: FloatArray = np.linalg.solve(A, back)
+    found = np.asarray(np.linalg.solve(A, back), np.float64)
     found += np.linalg.solve(A, back - A @ found)
     found[~exists] = np.nan
     return found

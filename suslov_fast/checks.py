@@ -40,8 +40,6 @@ _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}
 # Number of elements up to which a sum in Python is faster than a call of NumPy.
 _FEW = 64
-# Number of elements above which checking an array costs as much as computing with it.
-_MANY = 2**14
 # Exponents of ranges: moments and step sizes have a modulus from 1e-50 to 1e50, other parameters
 # from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
@@ -131,12 +129,8 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
-def states(name: str, value: Any, labels: Sequence[str], later: bool = False) -> FloatArray:
-    """Return states (..., D) with the components `labels`; a state with one NaN becomes all NaN.
-
-    With `later`, the numbers of a large array are not checked here: the caller checks them, by
-    `real_array`, if its results are not finite.
-    """
+def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
+    """Return states (..., D) with the components `labels`; a state with one NaN becomes all NaN."""
     array = _floats(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
@@ -144,7 +138,7 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
         received = f"{array.shape}{_advice_on_shape(array.shape, labels)}"
         last = f", with {', '.join(labels)} on the last axis" if len(labels) <= 8 else ""
         raise wrong(name, f"have the shape (..., {len(labels)}){last}", received)
-    if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
+    if _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 

@@ -352,7 +352,7 @@ class Field(Traced):
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call another.energy(run.states)"
             )
-        x = checks.states("x", x, self.names, later=True)
+        x = checks.states("x", x, self.names)
         where, parameters = np.moveaxis(x, -1, 0), self._inputs
         shape = np.broadcast_shapes(where.shape[1:], parameters.shape[1:])
         found = np.array(np.broadcast_to(self._equations.energy(where, parameters), shape))

@@ -119,7 +119,7 @@ class Traced(Body):
         """Return f(x) (..., D) at states x (..., D)."""
         if isinstance(x, Symbols):
             return self._traced_at(x)
-        return self._value(checks.states("x", x, self.names, later=True))
+        return self._value(checks.states("x", x, self.names))
 
     def _value(self, x: FloatArray) -> FloatArray:
         """Return f(x) (..., D) at checked states."""

@@ -179,7 +179,7 @@ class Invariants:
         return {str(g) for g in self.generators if self.value(g.cofactor) == value}
 
     def elements(self, value: int, degree: int) -> list[RationalFunction]:
-        """Return independent products of generators up to a degree, of one cofactor, by length."""
+        """Return independent products of the cofactor `value`, up to a degree, short ones first."""
         products = [product for product in self.products.get(value, ()) if product.degree <= degree]
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]

@@ -64,9 +64,9 @@ class Report:
 
     @property
     def growth(self) -> Growth:
-        """The growth of the degrees.
+        """The `Growth` of the degrees.
 
-        It is unclear if `planar` shows that a recurrence is accidental.
+        Its kind is "unclear" if `planar` has another entropy: the recurrence is accidental.
         """
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
         if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import FloatArray, first_index, real_array, spell, warn
+from ..checks import FloatArray, first_index, spell, warn
 from ..status import IntegrationWarning
 from .problem import Problem, check, part_of
 
@@ -26,7 +26,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
     """Check the arguments of a public function of a state, and return its value by a formula."""
     if formula.check:
         formula.check(body)
-    problem = check(map, body, omega, eps, later=True)
+    problem = check(map, body, omega, eps)
 
     def compute(part: Problem) -> FloatArray:
         with np.errstate(all="ignore"):
@@ -67,7 +67,7 @@ def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> 
         total = values.sum()
     if math.isfinite(total):
         return values
-    unknown = np.isnan(real_array(problem.name, problem.omega, allow_nan=True)).any(axis=-1)
+    unknown = np.isnan(problem.omega).any(axis=-1)
     unknown = np.broadcast_to(unknown, problem.batch)
     axes = tuple(range(len(problem.batch), values.ndim))
     lost = np.isnan(values) if poles else ~np.isfinite(values)

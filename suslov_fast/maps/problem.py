@@ -57,20 +57,18 @@ def check(
     name: str = "omega",
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
-    later: bool = False,
     method: str | None = None,
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, and a step size.
 
     States may be NaN. They have the components of the body, unless `components` are other names.
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
-    the identity, or rotations. `later` is passed to `checks.states`. The default method is the
-    first method of the map.
+    the identity, or rotations. The default method is the first method of the map.
     """
     labels, turns = components or body._labels, None
     if body._variable == "x":
         name = {"omega": "x", "omega0": "x0"}.get(name, name)
-    omega = checks.states(name, omega, labels, later)
+    omega = checks.states(name, omega, labels)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape
     shapes = {"system": body.shape, name: omega.shape[:-1], "eps": of_eps}

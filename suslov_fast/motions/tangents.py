@@ -106,9 +106,9 @@ def exponents_of(
 def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
-    A column in a fast direction that no other mode reaches would stay there, and every segment
-    would be a few of its e-folds. The same is true, for a long time, of the direction that is
-    slowest only at the start. So each column gets a small part of all directions.
+    Each column also gets a small part of all directions. Otherwise a column in a fast direction
+    stays there if no other mode reaches it, and every segment lasts a few of its e-folds. A column
+    stays long, too, in a direction that is slowest only at the start.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]

@@ -175,7 +175,7 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of actions in its order, with columns also by the parameters `by`."""
+    """Return the `EventSet` of actions, surfaces first; columns are derivatives, also by `by`."""
     parts, components = {}, []
     for k, action in enumerate(actions):
         own = components_of(action)

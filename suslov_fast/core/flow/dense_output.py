@@ -90,9 +90,9 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 
 @scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return whether the interior of a step is inaccurate, and the values that repeat the step.
+    """Return 1 if the interior of a step is inaccurate, and the values to take the step again.
 
-    The repeated step ends at the next time, or a step aside reaches this time.
+    The new step ends at the next requested time. It may be a step aside.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)

@@ -130,10 +130,10 @@ def CUT(
 ):  # fmt: skip
     """Return whether a step that crosses a surface is accepted, and the next length, see the top.
 
-    A search for a surface starts if `starts` is 1. In it a step aside counts as any other step.
+    A search for a surface starts if `starts` is 1. In a search a step aside is an ordinary step.
 
     hidden, twice, waves  results of `DoubleCrossings.told`: the step may be taken again, shorter
-    known             the longest step after a search, if this step is long
+    known             bound of the step after a search, if this step is above HIDDEN_FROM
     whole_part, part  fractions at which straight lines cross the surface: from x to the end of this
                       step, and from there to the state at `outer`
     aim               length of the step that ends on the surface, see `step_to_surface`

@@ -130,9 +130,9 @@ class ExplicitColumns(FunctionCode):
         return lambda name, of: self.call(name, of, table, f)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return the rates at the end of the last column that sub-steps did not find: here none.
+        """Return the missing rates {i: rate} at the end of the last column. Gragg's rule has none.
 
-        If f is not inlined, `call` writes these rates to their rows.
+        In `stormer`, `call` writes the missing rates to rows if f is not inlined.
         """
         return {}
 

@@ -98,7 +98,7 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Return the least h / (1 - 1 / `pivot`) of inverse pivots, and the determinant's sign."""
+    """Update the least h / (1 - p) and the determinant's sign by the pivot p = 1 / `pivot`."""
     growth = 1.0 - 1.0 / pivot
     return {
         "length": (growth > NEXT).select(smaller(taken / growth, length), length),

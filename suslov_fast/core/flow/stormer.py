@@ -20,7 +20,7 @@ from .gragg import OF_SETS, ExplicitColumns
 
 
 class StormerColumns(ExplicitColumns):
-    """The function `columns` if there are `Integrator.sets`, see `ExplicitColumns`."""
+    """Add the function `columns` of Störmer's rule; needs `Integrator.sets`, see `ExplicitColumns`."""
 
     names = OF_SETS
 

@@ -85,9 +85,9 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 
 
 def find_errors(code, own, sizes):
-    """Return `ratio`, `total`, `apart`, `fallen` and others by name, over all components.
+    """Return results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES` over all components, by name.
 
-    The inverse of the allowed error replaces the error in the row `error`.
+    `apart` is the largest |d_i| / allowed_i. The row `error` gets the inverse of each allowed error.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (

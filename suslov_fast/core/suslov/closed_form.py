@@ -225,7 +225,7 @@ def has_power(r, n):
 
 @formula
 def pair(n, passes, root, r, rate):
-    """Return (rho, sigma) after n >= 0 steps, or at time n of the flow; NaN if r**n is not real."""
+    """Return rho and sigma (see the top) of step or time n >= 0; NaN if r**n is not real."""
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0

@@ -35,7 +35,7 @@ RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough di
 
 
 class Frame(NamedTuple):
-    """Constants of a body and a step size, for states (u, v) = (w1, w2 / back).
+    """Constants that take (u, v) = (w1, w2 / back) to X and Y, see the top, for a body and eps.
 
     X = a1 u + a2 v + K, Y = a2 u - a1 v; without a rotor u = m1 X + m2 Y, v = m2 X - m1 Y.
     """

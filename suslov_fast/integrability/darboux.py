@@ -216,7 +216,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return the minimal polynomial of pullback / candidate, from n points after `start`."""
+            """Return the minimal polynomial of pullback / candidate, by n points from `start`."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 

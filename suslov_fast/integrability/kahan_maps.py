@@ -290,7 +290,7 @@ def _slope(P: Any, i: int) -> Any:
 
 
 def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return the rows of scale (A | b) for terms v x_j x_k / scale, see `KahanMap._equations`."""
+    """Return scale (A | b), see `_equations`. A term v x_j x_k / scale also counts as v x_k x_j."""
     forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
     for i in range(D):  # at eps = 0, A is the unit matrix and b is x
         forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]

@@ -107,8 +107,8 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
     Each column also gets a small part of all directions. Otherwise a column in a fast direction
-    stays there if no other mode reaches it, and every segment lasts a few of its e-folds. A column
-    stays long, too, in a direction that is slowest only at the start.
+    stays there if no other mode reaches it, and every segment lasts a few of its e-folds. A
+    direction that is slowest only at the start holds a column for a long time, too.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]

@@ -267,7 +267,7 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return {number: size}, the scale of rounding errors. A sum has the sum of both sizes."""
+    """Return {number: size}, the scale of rounding errors: the modulus, or |a| + |b| for a - b."""
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
         a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])

@@ -65,7 +65,7 @@ class Variational(RightHandSide):
         return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters of f; the scales are copied from `table`."""
+        """Return the table (n, ...) for other parameters of f, with the scales in `table`."""
         return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
 
 

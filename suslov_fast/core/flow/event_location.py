@@ -133,7 +133,7 @@ def CUT(
     A search for a surface starts if `starts` is 1. In a search a step aside is an ordinary step.
 
     hidden, twice, waves  results of `DoubleCrossings.told`: the step may be taken again, shorter
-    known             bound of the step after a search, if this step is above HIDDEN_FROM
+    known             bound of the step after a search, if this step exceeds HIDDEN_FROM of the time
     whole_part, part  fractions at which straight lines cross the surface: from x to the end of this
                       step, and from there to the state at `outer`
     aim               length of the step that ends on the surface, see `step_to_surface`

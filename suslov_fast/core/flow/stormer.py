@@ -20,7 +20,7 @@ from .gragg import OF_SETS, ExplicitColumns
 
 
 class StormerColumns(ExplicitColumns):
-    """Add the function `columns` of Störmer's rule; needs `Integrator.sets`, see `ExplicitColumns`."""
+    """Code of the function `columns` by Störmer's rule, for the two sets in `Integrator.sets`."""
 
     names = OF_SETS
 

@@ -87,7 +87,7 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 def find_errors(code, own, sizes):
     """Return results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES` over all components, by name.
 
-    `apart` is the largest |d_i| / allowed_i. The row `error` gets the inverse of each allowed error.
+    `apart` is the largest |d_i| / allowed_i. The row `error` gets inverse allowed errors.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (

@@ -27,16 +27,16 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Branches:
-    """The branches of a right-hand side: first branches at which f jumps, then kinks.
+    """The surfaces on which branches of f change, and the parameters of f that hold the branches.
 
-    kinds          for each surface: a comparison, "floor" or a `Table`
+    kinds          for each surface, jumps of f before kinks: a comparison, "floor" or a `Table`
     jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
-    P              number of parameters before the branches
+    P              how many other parameters f has; they come before the branches
     shifts         places in `kinds` of tables with an argument p + q, see `ElapsedTime`
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Count the branches: the first `jumps` kinds belong to jumps of f, the others to kinks."""
+        """Count the parameters; the first `jumps` of `kinds` are jumps of f, the others kinks."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -44,19 +44,18 @@ class Branches:
 
 
 def branch_count(kind):
-    """Return how many parameters hold the branch of a surface of this kind, see `Branches`."""
+    """Return how many parameters hold the branch of a surface: 4 for a table, 1 otherwise."""
     return Table.ROWS if is_table(kind) else 1
 
 
 def watch_of(f, kinds, jumps):
-    """Return the `Program` that finds the first surface of f on the line from x to y.
+    """Return the `Program` that finds the first surface of f on the straight line from x to y.
 
-    It reads the surfaces at x, the surfaces at y, sides and levels of the surfaces of events (see
-    `TrajectoryRows`), and the table of f. f jumps at the first `jumps` of `kinds`; events follow.
-
-    The first result is the fraction of the line before a crossing, 1 without one. Next come 1 if a
-    surface is crossed, else 0, and 1 if f jumps at a crossed surface, else 0. The others are the
-    branches of kinks at y; for a table, its argument.
+    It reads the values of all surfaces at x, their values at y, sides and levels of the surfaces of
+    events (see `TrajectoryRows`), and the table of f. f jumps at the first `jumps` of `kinds`.
+    The first result is the fraction of the line before a crossing, or 1 without one. The second is
+    1 if a surface is crossed, else 0. The third is 1 if f jumps at a crossed surface, else 0. The
+    others are the branches of kinks at y; for a table, its argument.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -110,11 +109,11 @@ def watch_of(f, kinds, jumps):
 
 
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
-    """Return the `RightHandSide` f with these results; its branches are parameters after P others.
+    """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    `f.branches` is None if f has no branches. `by` are numbers of parameters to differentiate by.
-    `twice` is True if f is for `variational`. `actions` are the actions of events, in the order of
-    `EventSet`.
+    Branches follow the P other parameters; `f.branches` is None if f has no branches. `by` are
+    numbers of parameters to differentiate by. `twice` is True if f is for `variational`. `actions`
+    are the actions of events, in the order of `EventSet`.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -166,8 +165,8 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
     `chosen` is (kinds of conditions, kinks, numbers of branches), three dicts by number. Return
-    four results: a dict from old to new operands, in `fixed`; the surfaces, in `fixed`; branches at
-    a state, in `tests`; and shifts q of tables by number, see `ElapsedTime`.
+    four results: {old: new operand} and surfaces, in `fixed`; branches at a state, in `tests`; and
+    shifts q of tables by number, from the pairs (p, q) in `shifted` (`ElapsedTime.shifts`).
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -208,8 +207,8 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 def _choosing(values, operations, of_clocks):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
-    A table that jumps, but depends on clocks alone, counts as a kink: no motion slides along its
-    knots.
+    `of_clocks` are the values that depend on clocks alone. A table of these that jumps counts as a
+    kink, because no motion slides along its knots.
     """
     varying = [
         each
@@ -236,7 +235,7 @@ def _choosing(values, operations, of_clocks):
 
 
 def _watch(f, kinds, jumps, choices):
-    """Add to f the programs that find crossings of its surfaces: of `kinds`, and of events."""
+    """Set the programs of f that find crossings: watched, watch, double_crossings and aim."""
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch = watch_of(f, kinds, jumps)
@@ -245,7 +244,7 @@ def _watch(f, kinds, jumps, choices):
 
 
 def _derived(f, choices):
-    """Return the `Program` of the numbers in the table of f that depend on these branches."""
+    """Return the `Program` that computes the numbers in the table of f that `choices` change."""
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
     return Program(needed_for(f.fixed, results), results)

@@ -6,10 +6,10 @@ from .tables import is_table
 
 
 def gradients(values, operations, results, D, by=()):
-    """Return the derivative of each result as a dict {component of the state: operand}.
+    """Return the derivatives of each result as a dict {component of the state: operand}.
 
-    `by` are numbers of parameters to differentiate by, too. The operations are added to `values`. A
-    component that is missing has the derivative 0.
+    The dict also has derivatives by the parameters with the numbers `by`. A derivative that is
+    missing is 0. The operations that compute derivatives are added to `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -19,7 +19,7 @@ def gradients(values, operations, results, D, by=()):
 
 
 def _row_of(values, instruction, number, operands, rows):
-    """Return the row of a value, see `_row`; for a**c, made of products, it is c a**(c - 1) a'."""
+    """Return `_row` of a value; of a**c, even if made of products, it is c a**(c - 1) a'."""
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
@@ -74,7 +74,7 @@ def _negative(emit, a):
 
 
 def _sum(emit, parts):
-    """Return the row, see `_row`, that is the sum of factor times row over pairs (factor, row)."""
+    """Return the sum of factor times row over pairs (factor, row), {component: derivative}."""
     total = {}
     for factor, row in parts:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None

@@ -58,10 +58,10 @@ class DoubleCrossings(NamedTuple):
     of_clocks    True if some surfaces depend on clocks alone
     of_states    True if some surfaces depend on states
 
-    `told` reads the surfaces at five points, the phases and rates there, the state at the middle
-    point, rtol, and the table. It has three results. The first is the largest e / |m|, see the top,
-    or MOST if the quartic or rates alone show two crossings. The second is 1 if points show two
-    crossings, else 0. The third is the step length divided by the length that waves allow.
+    `told` reads values of the surfaces at five points, phases and rates there, the state at the
+    middle point, rtol, and the table. The first result is the largest e / |m|, see the top, or MOST
+    if the quartic or rates alone show two crossings. The second is 1 if points show two crossings,
+    else 0. The third is the step length divided by the length that waves allow.
     """
 
     told: Program | None = None
@@ -72,15 +72,15 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """How many results `phases` and `rates` have, which are the numbers at a point."""
+        """How many numbers `phases` gives at a point of a step, and how many `rates` gives."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
 def double_crossings_of(f, kinds, jumps, choices):
     """Return the `DoubleCrossings` of f.
 
-    `kinds` are `Branches.kinds`, `choices` the numbers of their branches; f jumps at the first
-    `jumps`. Surfaces of events follow. Surfaces that are linear in clocks are left out.
+    f jumps at the first `jumps` of `kinds` (`Branches.kinds`); `choices` are the numbers of their
+    branches. Surfaces linear in clocks are left out, because each is crossed once at most.
     """
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
@@ -103,7 +103,7 @@ def double_crossings_of(f, kinds, jumps, choices):
 
 
 def _humps(f, operations):
-    """Return the numbers of values that may have humps: all but polynomials in states and waves."""
+    """Return the values that may have humps (top): all except polynomials in states and waves."""
     found, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
@@ -115,7 +115,7 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` of ds/dt of surfaces s, each followed by a size that counts as 0.
+    """Return the `Program` that gives, for each of `humps`, its rate, and a size that counts as 0.
 
     It reads the state, its change in a step at the present rate, rtol, and the table.
     """
@@ -137,7 +137,7 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return `DoubleCrossings.told`; `own` are the surfaces as (place, operand, kind, branch)."""
+    """Return `told` of `DoubleCrossings`; `own` has (place, operand, kind, branch) of surfaces."""
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases
@@ -180,7 +180,7 @@ def _list_of(f, own, by_states, kinks, humps, inside):
 
 
 def _turns(operations, arguments):
-    """Return {number: phase changes in the parts of a step} from `arguments` of waves at points."""
+    """Return {value: how much its phase changes between points}; waves have these `arguments`."""
     found, arguments = {}, iter(arguments)
     for name, number, operands in operations:
         of = [found[a] for a in operands if not isinstance(a, float) and a in found]
@@ -225,7 +225,7 @@ def _told(points, rates, rounding, tells_nothing):
 
 
 def _divided(points):
-    """Return the divided differences of five points, the coefficients of Newton's polynomial."""
+    """Return the coefficients of Newton's polynomial through five values at 0 and POINTS."""
     found = []
     while points:
         found.append(points[0])
@@ -235,7 +235,7 @@ def _divided(points):
 
 
 def _least_near(coefficients, place):
-    """Return the least value of a quartic near a place, or infinity if it has no minimum there."""
+    """Return the least value of a quartic near `place`, or infinity without a minimum there."""
     _, slope, bend = _of_quartic(coefficients, place)
     least = place - (slope / (bend + bend)).within(-0.25, 0.25)
     is_inside = (bend > 0.0) & (least > 0.0) & (least < 1.0)
@@ -252,7 +252,7 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return the truth value: s has a minimum in a part, and rates beside it are not in line."""
+    """Return the truth value: s has a minimum between points, and rates do not fit a line there."""
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]
@@ -267,7 +267,10 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return {number: size}, the scale of rounding errors: the modulus, or |a| + |b| for a - b."""
+    """Return {value: size}, the scale of its rounding error, in general the modulus.
+
+    A sum or difference has the sum of both sizes. `state` is {value: its operand in `values`}.
+    """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
         a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])

@@ -37,13 +37,13 @@ _UPPER = from_bits(0xFFFF_FFFF_F800_0000)  # without the last 27 bits, products 
 
 
 def _sum(a, b):
-    """Return a + b in two parts, where abs(a) >= abs(b), a = 0 or the sum is exact."""
+    """Return a + b as (high, low), where abs(a) >= abs(b), a = 0 or the sum is exact."""
     high = a + b
     return high, b - (high - a)
 
 
 def _difference(a, b):
-    """Return a - b in two parts, as for `_sum`."""
+    """Return a - b as (high, low), under the conditions of `_sum`."""
     high = a - b
     return high, (a - high) - b
 
@@ -58,13 +58,13 @@ def _split(a):
 
 
 def _product(a, b):
-    """Return a b in two parts, whose sum is exact."""
+    """Return (high, low); the exact sum of both is a b."""
     (a1, a2), (b1, b2), high = _split(a), _split(b), a * b
     return high, ((a1 * b1 - high) + a1 * b2 + a2 * b1) + a2 * b2
 
 
 def _square(a):
-    """Return a**2 in two parts, whose sum is exact."""
+    """Return (high, low); the exact sum of both is a**2."""
     (a1, a2), high = _split(a), a * a
     return high, ((a1 * a1 - high) + (a1 + a1) * a2) + a2 * a2
 
@@ -112,7 +112,7 @@ _SINH = tuple(map(float.fromhex, (
 
 
 def _less_log_2(x, low=None):
-    """Return the integer n nearest to x / log 2, and r = x + low - n log 2 in two parts."""
+    """Return n, the integer nearest to x / log 2, and high and low part of x + low - n log 2."""
     n = _nearest(x * _PER_LN2)
     first, second = x - n * _LN2[0], n * _LN2[1]
     if low is not None:
@@ -121,7 +121,7 @@ def _less_log_2(x, low=None):
 
 
 def _exp_of(r, low):
-    """Return exp(r + low) in two parts."""
+    """Return exp(r + low) as (high, low)."""
     high, rest = _sum(1.0, r)
     return high, rest + (low + (r * r) * _polynomial(_EXP, r))
 
@@ -213,7 +213,7 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return `result`, a logarithm of x - zero; it is -inf at x = zero, NaN below, inf at inf."""
+    """Return `result`, a logarithm of x - zero; -inf at x = zero, NaN below it, and inf at inf."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 
@@ -252,7 +252,7 @@ def logaddexp(x, y):
 
 
 def _log_in_parts(f):
-    """Return log(1 + f) in two parts, whose relative error is below 2**-62."""
+    """Return log(1 + f) as (high, low), with a relative error below 2**-62."""
     below, rest = _sum(2.0, f)
     inverse = 1.0 / below
     s = f * inverse
@@ -367,9 +367,9 @@ _COS = tuple(map(float.fromhex, (
 
 
 def _less_quarters(x):
-    """Return n + _SHIFT, which has n in its last bits, and r = x - n pi / 2 in two parts; x >= 0.
+    """Return n + _SHIFT, and the high and low part of r = x - n pi / 2, for x >= 0.
 
-    If the first part is tiny, the second part need not be smaller.
+    n is the integer nearest to 2 x / pi. If the high part is tiny, the low part may be larger.
     """
     n = _nearest(x * _PER_QUARTER)
     r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
@@ -429,7 +429,7 @@ ELEMENTARY = {
 
 @functools.cache
 def list_of(name):
-    """Return the operations of a function of values 0, 1, ..., and the number of its result."""
+    """Return the operations of a function (its operands are 0, 1, ...), and its result's number."""
     function, count = ELEMENTARY[name]
     operations = []
 

@@ -53,12 +53,12 @@ class KeyedProgram(Program):
 
 
 class EventAction(NamedTuple):
-    """The action of an event. The first values of its programs are x (D) and the parameters (P).
+    """An event and its action; the programs read x (D) and the parameters (P), in this order.
 
     surface    `KeyedProgram` of the function that is 0 at the event, or None if it has times
     to         `KeyedProgram` of the new state, or None if the state stays
-    direction  1 or -1, in which the surface is crossed along the motion, or 0 for both
-    most       how often it acts before it ends the trajectory, infinity if it does not
+    direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
+    most       how many actions it takes to end the trajectory, infinity if none ends it
     """
 
     surface: Program | None
@@ -67,7 +67,7 @@ class EventAction(NamedTuple):
     most: float
 
     def read(self):
-        """Return the numbers of the initial values that the surface and the new state depend on."""
+        """Return the numbers of components and parameters that surface and new state depend on."""
         found = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
@@ -81,9 +81,9 @@ class EventAction(NamedTuple):
 
 
 def with_parameters(actions, first):
-    """Return actions in which constants are parameters, numbered from `first` on, and their values.
+    """Return actions with parameters in place of constants, and a tuple of these constants.
 
-    So events that differ only by numbers have the same programs, and share their code.
+    The parameters have numbers from `first` on. So events that differ only by constants share code.
     """
     lists = [program for action in actions for program in action[:2] if program is not None]
     found = [a for program in lists for a in _constants(program) if a == a and a not in _PLAIN]
@@ -121,7 +121,7 @@ def read_by(program, results):
 
 
 class EventProgram(NamedTuple):
-    """A `Program` that reads `rows` numbers of a motion, the parameters, and scales of columns."""
+    """A `Program` that reads `rows` numbers of a motion, parameters, and scales (`Variational`)."""
 
     program: Program
     rows: int
@@ -164,7 +164,7 @@ class EventSet(NamedTuple):
 
 
 def in_order_of_code(actions):
-    """Return the places of actions in the order of `EventSet`: surfaces first, then times."""
+    """Return the order of `EventSet`, as places in `actions`: surfaces first, then times."""
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
@@ -175,7 +175,7 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of actions, surfaces first; columns are derivatives, also by `by`."""
+    """Return the `EventSet` of actions, with parts for columns, also by `by`, if `with_columns`."""
     parts, components = {}, []
     for k, action in enumerate(actions):
         own = components_of(action)
@@ -201,7 +201,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return `toward` of `EventSet.parts`: `OF_SURFACE` numbers of each surface, in order."""
+    """Return the part `toward` of `EventSet`: s, ds/dt and three sizes of each surface s."""
     values = Expressions(D + P, range(D, D + P))
     known = [{i: i for i in range(D + P)} for _ in actions]
     of_surfaces = [
@@ -226,7 +226,7 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return `tau` and `column` of `EventSet.parts` for event k; given q, for a column by by[q]."""
+    """Return the parts `tau` and `column` of event k (`EventSet`); given q, of columns by by[q]."""
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
     results += [] if action.surface is None else emitted(values, action.surface)

@@ -52,7 +52,7 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return an action for the new clocks; `results` are old results of its two programs."""
+        """Return an action rewritten for the new clocks, from old results of its two programs."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
@@ -86,7 +86,7 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, a):
-        """Return the pair p + q of an old operand that is a sum or constant, None of any other."""
+        """Return the `_Pair` of an old operand, or None if it is no sum p + q and not constant."""
         found = None if isinstance(a, float) else self.known[a]
         if isinstance(found, _Pair):
             return found
@@ -102,7 +102,7 @@ class ElapsedTime:
         return self.values.emit("fadd", found.q, found.p)
 
     def _value(self, name, operands):
-        """Return the new operand, or the pair, of an operation."""
+        """Return the new operand of an operation on old operands, or a `_Pair` if it is a sum."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -132,7 +132,7 @@ class ElapsedTime:
         return number
 
     def _scales(self, name, operands):
-        """Return True if a factor, or the divisor, is constant along a step: pairs stay pairs."""
+        """Return True if a factor, or the divisor, is constant in a step: then pairs stay pairs."""
         rigid = [self._is_rigid(a) for a in operands]
         return rigid[1] if name == "fdiv" else any(rigid)
 

@@ -4,10 +4,10 @@ import numpy as np
 
 
 class DenseRightHandSide:
-    """f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) of D components, with symmetric q.
+    """The right-hand side f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k), with symmetric q.
 
-    It has the attributes of a `RightHandSide` that steps of the motion read. The parameters are its
-    table: for each component c_i, l_ij for all j, and q_ijk for all j and k.
+    It has D components, and the attributes of a `RightHandSide` that steps of the motion read. Its
+    table is its parameters: for each component c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     is_dense, events, offsets, columns = True, None, {}, 0
@@ -49,7 +49,7 @@ class DenseRightHandSide:
 
 
 def dense_parameters(indices, values, D):
-    """Return parameters (P, ...) of f for terms v x_j x_k in f_i; x_D = 1, (i, j, k) = indices."""
+    """Return `DenseRightHandSide` parameters for v x_j x_k in f_i, indices (i, j, k); x_D = 1."""
     shape = values.shape[:-1]
     parts = np.zeros((D, 1 + D + D * D, *shape))
     for (i, j, k), v in zip(indices.T.tolist(), np.moveaxis(values, -1, 0), strict=True):

@@ -62,7 +62,7 @@ def _of_angle(y, x, _):
 
 
 def _of_power(a, b, y):
-    """Return dy/da = b a**(b - 1), 0 at b = 0, and dy/db = y log(a), 0 at a = 0, for y = a**b."""
+    """Return dy/da = b a**(b - 1) (0 if b = 0) and dy/db = y log(a) (0 if a = 0) of y = a**b."""
     lower = b * a.then("pow", b - 1.0)
     return b.equals(0.0).select(0.0, lower), a.equals(0.0).select(0.0, y * a.then("log"))
 
@@ -74,7 +74,7 @@ def _of_hypot(a, b, y):
 
 
 def _of_logaddexp(a, b, y):
-    """Return exp(a) / s and exp(b) / s, s = exp(a) + exp(b), the derivatives; without overflow."""
+    """Return the derivatives exp(a) / s and exp(b) / s of log(s), s = exp(a) + exp(b)."""
     way = a.equals(b).select(0.0, a - b)
     return way.then("expit"), (-way).then("expit")
 
@@ -115,7 +115,7 @@ RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 # ------------------------------------------------------------------ functions made of others
 def _power(a, exponent):
-    """Return a**exponent: products and roots if 2 exponent is an integer, abs(exponent) <= 64."""
+    """Return a**exponent, by products and a root if 2 exponent is an integer from -128 to 128."""
     number = exponent.number
     if not (isinstance(number, float) and 2.0 * number in range(-128, 129)):
         return a.then("pow", exponent)

@@ -20,10 +20,10 @@ SHIFT = 2.0
 
 
 def _with_frame(f, moving):
-    """Return the `RightHandSide` of (x, Q + SHIFT by rows, l), see the top; f has no branches.
+    """Return the `RightHandSide` of x, the frame Q + SHIFT by rows, and its growth l (top).
 
-    `moving` are the components of the tangent vectors. The parameters are the numbers in the table
-    of f, which also contains the starts of clocks.
+    f has no branches. `moving` are the components of the tangent vectors. The parameters are the
+    numbers in the table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
     first = D + n * n + n

@@ -29,7 +29,7 @@ class ComponentSets(NamedTuple):
 
 
 def sets_of(f):
-    """Return the `ComponentSets` of a `RightHandSide`; None if columns over sets do not suit it."""
+    """Return the `ComponentSets` of a `RightHandSide`, or None if `flow.stormer` cannot use any."""
     if f.is_dense or f.branches is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
@@ -57,7 +57,7 @@ def part_of(program, numbers):
 
 
 def _colours(reads):
-    """Return {component: colour, True or False} where no rate reads its own colour, or None."""
+    """Return two colours, {component: bool}, so that no rate reads its own colour, or None."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:

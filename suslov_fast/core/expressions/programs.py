@@ -87,7 +87,7 @@ class Program(NamedTuple):
 
 
 class Expressions(Values):
-    """Values without repetition: equal operations share a value, constants give a constant.
+    """Values without repetition: equal operations share one, operations on constants give none.
 
     `of` contains the instruction and operands of each value. `fixed_truths` contains the numbers of
     truth values that depend on parameters alone. `written` records, by number, functions that a
@@ -215,7 +215,7 @@ def needed_for(operations, results):
 
 
 def depending(operations, given):
-    """Return the numbers of given values, and of all values that depend on them."""
+    """Return the numbers `given` of values, and the numbers of all values that depend on these."""
     found = {*given}
     for _, number, operands in operations:
         if any(a in found for a in operands if not isinstance(a, float)):
@@ -231,8 +231,8 @@ def renamed(operands, new):
 def emitted(values, program, new=None):
     """Add the operations of a `Program` to `values`; return its results there.
 
-    `new` maps the given operands of the program to operands in `values`. It receives the results of
-    the operations; other operands keep their numbers.
+    `new` maps operands of the program to operands in `values`; the results of the operations are
+    added to it. Operands that are not in `new` keep their numbers.
     """
     new = {} if new is None else new
     for name, number, operands in program.operations:

@@ -20,11 +20,11 @@ class RightHandSide:
     f            `Program` of f without operations on parameters alone; D results
     fixed        operations on parameters alone
     table        numbers of the values of parameters alone that f or f' needs
-    places       the place of each of these in the table
+    places       {number: its place in the table}
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `Program` of f' by itself; results are the entries of `pattern`
     of_parameters  `Program` of df/dp for the parameters `by`, with D results for each
-    by           these results; the argument `by` has numbers of parameters
+    by           the operands df/dp, which are the results of `of_parameters`
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
@@ -44,7 +44,7 @@ class RightHandSide:
     """
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
-        """Plan f from `Expressions` with its operations, and the operands that are its results.
+        """Plan f from `Expressions`; the operands `results` in `values` are the D rates.
 
         `by` are numbers of parameters to differentiate by. `surfaces` are other operands to
         evaluate; the first `jumps` of them are differentiated, too. `kept` are parameters that the
@@ -133,7 +133,7 @@ class RightHandSide:
         return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters; `table` is the present table."""
+        """Return the table (n, ...) for other parameters; only `Variational` reads `table`."""
         return self.table_of(parameters)
 
     def value(self, x, table):
@@ -156,7 +156,7 @@ class RightHandSide:
 
 
 def _carried_out(program, values, shape):
-    """Return the results of a program (R, ...) for given values, a dict."""
+    """Return the results (R, *shape) of a program; `values` is {number: given value}."""
     with np.errstate(all="ignore"):
         evaluate(program.operations, values)
     results = np.empty((len(program.results), *shape))
@@ -190,9 +190,9 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return {number of a value: truth value, or 1.0}; it is true if results of f depend on it.
+    """Return {number of a value: the truth value that f depends on it, or 1.0 if f always does}.
 
-    They do not if `select` leaves it out, or if a parameter or branch that is 0 multiplies it.
+    f does not depend on values that `select` leaves out, or a parameter or branch 0 multiplies.
     """
     emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):
@@ -217,7 +217,7 @@ def _taken(values, f):
 
 
 def _both(emit, *truths):
-    """Return "and" of truth values, where 0 and 1 mean false and true, as simply as possible."""
+    """Return the operand of "and" of truth values; constants 0.0 and 1.0 are false and true."""
     others = [a for a in truths if a != 1.0]
     if 0.0 in others or not others:
         return 0.0 if others else 1.0

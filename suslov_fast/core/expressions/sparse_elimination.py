@@ -22,7 +22,7 @@ NEAR = 4
 
 
 class ColumnOffsets(NamedTuple):
-    """Places at which the parts of a column begin; they end where the next column begins."""
+    """Where the parts of a column of `Sparse` begin; they end where the next column begins."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`
@@ -44,7 +44,7 @@ class Sparse:
     offsets      (D + 1, 6) `ColumnOffsets` of each column
     rows         the row of each entry of J, column by column
     numbers      the number of each of these entries in `places`
-    pivots       of each column j: each k < j with u_kj != 0
+    pivots       the rows k < j with u_kj != 0, column j by column
     spans        (-, 2) first row and number of rows of each span
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
@@ -83,7 +83,7 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return (columns, rows) below the diagonal, and above; bits in `sets` are rows by column."""
+    """Return (columns, rows) below the diagonal, and above; `sets` has rows by column, as bits."""
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
         own = [*bits_of(rows_of_column)]
@@ -94,7 +94,7 @@ def _below_and_above(sets):
 
 
 def _spans(columns, rows):
-    """Return spans (3, -), which are column, first row and number of rows."""
+    """Return the column, first row and number of rows of each span of places, as (3, -)."""
     is_first = np.ones(len(rows), bool)
     is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
     begin = np.flatnonzero(is_first)

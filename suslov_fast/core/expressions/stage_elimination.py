@@ -9,12 +9,12 @@ from .symbolic_elimination import Factors
 
 
 class Elimination:
-    """The programs that factorise A, and that solve A v = g.
+    """The programs that factorise A = 1 - s J, and that solve A v = g.
 
-    factors   `Program` of the entries of J (in the order of the pattern) and of s; its results are
-              the inverse pivots, and the numbers below and above the diagonal
+    factors   `Program` that reads the entries of J (in the order of `pattern`) and s; its results
+              are the inverse pivots, and the numbers below and above the diagonal
     pivots    the number of pivots that the pattern does not fix at 1
-    solution  `Program` of these results and of g (D); its results are v (D)
+    solution  `Program` that reads these results and g (D); its results are v (D)
 
     `fill` is the result of `filled` for this order.
     """
@@ -51,13 +51,13 @@ class _Scaled:
         self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
 
     def entry(self, i, j):
-        """Return s J_ij, or None if it is 0; and None, because there are no right sides."""
+        """Return (s J_ij, None), as `Matrix` without right sides; None for an s J_ij that is 0."""
         k, s = self.numbers.get((i, j)), len(self.numbers)
         return (None if k is None else self.values.emit("fmul", s, k)), None
 
 
 def operations_of(fill):
-    """Return an estimate of the number of operations in the program of factors."""
+    """Return an estimate of the number of operations in `Elimination.factors`."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

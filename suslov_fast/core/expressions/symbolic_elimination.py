@@ -30,7 +30,7 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """The entries of N(x) and the right sides h f(x), as sums over terms; `halves` are h v."""
+    """The entries of N(x) = h f'(x) and the right sides h f(x); `halves` are h v of the terms."""
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -61,7 +61,7 @@ class Matrix:
             self.columns[i].add(j)
 
     def entry(self, i, j):
-        """Return N_ij, and the part of it that the right side uses, see `early`."""
+        """Return N_ij, and the part of it that `right_side` multiplies by x_j, or None."""
         if (i, j) not in self.entries:
             early = self.values.total(None, self.early.get((i, j), []))
             others, linear = self.products.get((i, j), []), self.linear.get((i, j))
@@ -100,7 +100,7 @@ class Factors:
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0
-    lower, upper         m_ik, and N_kj after elimination
+    lower, upper         multipliers m_ik, and N_kj after elimination
     before, after        for each row, the columns of earlier and of later pivots
     """
 
@@ -146,7 +146,7 @@ class Factors:
         return self.values.total(start, products)
 
     def backward(self, k, right):
-        """Return unknown k; `right` contains g_k, and the unknowns of later pivots."""
+        """Return the unknown v_k; `right` contains g_k, and v_j of later pivots j."""
         products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
         value = self.values.total(right[k], products)
         if value is None or k not in self.inverse:
@@ -154,10 +154,10 @@ class Factors:
         return self.values.emit("fmul", value, self.inverse[k])
 
     def is_accurate(self):
-        """Return the truth value that the least modulus of a pivot is above its limit.
+        """Return the truth value that no pivot is too small for elimination without row exchanges.
 
-        The limit is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
-        elimination.
+        The least modulus of a pivot is above LEAST_PIVOT times the largest modulus of a pivot, or
+        of a diagonal entry before elimination.
         """
         number, sizes, largest = self.values.number, [], [1.0]
         for k, pivot in self.pivot.items():
@@ -168,10 +168,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *sizes]) > limit
 
     def is_good(self):
-        """Return the truth value that the least pivot is above an upper bound of its limit.
-
-        The bound holds if all pivots are positive, and takes fewer operations than the limit.
-        """
+        """Return a cheaper truth value that implies `is_accurate` and that pivots are positive."""
         pivots, largest = [*map(self.values.number, self.pivot.values())], [0.0]
         for k in self.pivot:
             if self.original[k] not in (None, self.diagonal[k]):

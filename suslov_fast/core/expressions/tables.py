@@ -15,7 +15,7 @@ LARGEST = float(np.finfo(float).max)
 
 
 class Table(str):
-    """The name of a table in expression programs; different tables have different names.
+    """A piecewise linear function of one number; as a text it is its name in expression programs.
 
     rows           (4, N + 1): low end, high end, height at the low end, and slope of each interval
     is_continuous  True if its values do not jump at knots
@@ -55,7 +55,7 @@ def is_table(instruction):
 
 
 def interval(kind, number, choice, places):
-    """Return low and high, made by `number`; a table or `floor` keeps its branch between them."""
+    """Return the ends low and high between which a table or `floor` keeps the branch `choice`."""
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
 

@@ -19,7 +19,7 @@ class Variational(RightHandSide):
 
     A column has D components. The last q columns are derivatives by the parameters `by` of f, times
     scales: v' = f'(x) v + scale df/dp. The parameters are the table of f, then the scales. u and s
-    exist if `has_trace`; u is the size of columns, so that s counts as much as x in the error.
+    exist if `has_trace`; s / u is the integral of trace f', and u is the size of the columns.
 
     of       the right-hand side of x
     columns  how many columns there are

@@ -45,9 +45,9 @@ if hasattr(os, "register_at_fork"):  # a child has no thread that would give it 
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):
-    """Return the `Address` of machine code of `text_of(step, name, W, *options)`; it is cached.
+    """Return the `Address` of the machine code of `text_of(step, name, W, *options)` for W lanes.
 
-    If `lasts` is true, the code stays until the process ends.
+    The code is cached. If `lasts` is true, it stays until the process ends.
     """
     key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
@@ -89,7 +89,7 @@ def _free_old():
 
 
 def _compile(text, name, level, lasts):
-    """Return the address of the function with this name in a text."""
+    """Compile a text; return the `Address` of its function `name`."""
     module, kind = binding.parse_assembly(text), (level, lasts)
     if kind in _engines:
         _engines[kind].add_module(module)
@@ -125,7 +125,7 @@ def _features():
 
 
 def numbers_in_register():
-    """Return how many doubles a vector register of the processor holds, at least."""
+    """Return how many doubles a vector register of the processor surely holds: 8, 4 or 2."""
     features = _features().split(",")
     return 8 if "+avx512f" in features else 4 if "+avx2" in features else 2
 
@@ -140,5 +140,5 @@ def address_of(array):
 
 
 def call(address, array):
-    """Call the code at an address with the address of an array; return its integer."""
+    """Call machine code with the address of an array; return the integer that it returns."""
     return address.call(address_of(array))

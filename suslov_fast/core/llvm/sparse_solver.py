@@ -13,7 +13,7 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Return a namespace: lengths in a `Sparse` plan, and addresses of its arrays in `names`."""
+    """Return the lengths of a `Sparse` plan by name, and the addresses of its arrays `names`."""
     lengths = {
         "D": plan.order,
         "entries": plan.rows,
@@ -33,7 +33,7 @@ def _between(text, begin, end):
 
 
 def _offsets(text, of, j):
-    """Return the `ColumnOffsets` of a column, and of the next column."""
+    """Return the `ColumnOffsets` of column j, and of the next column."""
     offsets = Integers(text, of.offsets + j * (8 * len(SLOT)))
     return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
@@ -67,10 +67,10 @@ def _for_rows(text, value):
 
 
 def add_factors(text, name, plan):
-    """Add void name(from, table, to, scratch), which factors A = 1 - s J.
+    """Add the function void name(from, table, to, scratch), which factors A = 1 - s J.
 
-    It reads the entries of J and s, and writes the inverse pivots (D), L and U; `scratch` has room
-    for a column (D).
+    It reads the entries of J and s at `from`, and writes the inverse pivots (D), L and U at `to`.
+    At `scratch` is room for a column (D).
     """
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")
@@ -107,7 +107,7 @@ def add_factors(text, name, plan):
 
 
 def add_solution(text, name, plan):
-    """Add void name(from, table, to, scratch), which solves A v = g in place by the factors."""
+    """Add void name(from, table, to, scratch): factors at `from`, g at `to`, where v replaces g."""
     with text.function(name):
         of = _parts(text, plan, "order", "lower", "upper")
         inverses, v = text.array("%from"), text.array("%to")

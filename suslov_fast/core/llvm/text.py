@@ -226,7 +226,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """The rows of a `Table` as constants, `bytes` apart, filled up with inf to 2**n numbers."""
+    """The rows of a `Table` as constants in a text, `bytes` apart, with inf up to 2**n numbers."""
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
@@ -237,7 +237,7 @@ class Intervals:
         self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
-        """Return the address of the interval that contains x + less, by bisection."""
+        """Return the address of the low end of the interval with x + less, by bisection."""
         for now in self.text.rounds(Carried(at=self.base, half=self.half)):
             above = now.at + now.half * 8
             is_above = x >= Shared(x.text, above)[0] - less
@@ -408,7 +408,7 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop that copies `count` numbers from steps of `step` bytes to steps of `other`."""
+        """Add a loop over k < count: copy the number at source + k step to target + k other."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
@@ -495,7 +495,7 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over these indices with the body of `for`.
+        """Return a function of `carried` (see `each`) that adds a loop over these indices.
 
         Indices that are not consecutive stand in an array, and its address is computed here.
         """
@@ -600,7 +600,7 @@ class Code:
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def carry_out(self, operations, values, load):
-        """Add operations; `load` returns the name of a value that is not in the dict `values`."""
+        """Add operations; `values` is {number: name}, and `load` returns names that it lacks."""
         M = self.M
         for instruction, number, operands in operations:
             names = []
@@ -642,7 +642,7 @@ class Code:
             values[number] = name
 
     def _by_lane(self, function, operands):
-        """Call a function of numbers for each lane; return the results."""
+        """Call a function of single numbers for each lane; return the name of all results."""
         if self.W == 1:
             return self.new(f"call {function}({self._typed(operands)})")
         result = "undef"
@@ -654,7 +654,7 @@ class Code:
         return result
 
     def _call_list(self, name, operands):
-        """Call the function of W lanes that computes `list_of(name)`; the text defines it once."""
+        """Call the elementary function `name` for W lanes; the text defines it once (`list_of`)."""
         function = f"lanes_{name}_{self.W}"
         if function not in self.target.functions:
             operations, result = list_of(name)

@@ -119,7 +119,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """The pairs (time, which) for `CodeArguments`, and the largest number of equal times."""
+        """The pairs (time, which), shape (rows, n + 1, 2), and how many times are equal at most."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -134,7 +134,7 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Return (table, x0, starts) with clocks that count from 0; if none changes, starts is None."""
+    """Move start values of clocks from x0 to the table; return both, and these starts or None."""
     if not f.offsets:
         return table, x0, None
     starts = x0[:, [*f.offsets]]
@@ -232,7 +232,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take the steps of a block, from rows `flat` if given; entries in `abandoned` end them."""
+        """Take steps of a block (slice) until `abandoned` has an entry; `flat` are rows so far."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH

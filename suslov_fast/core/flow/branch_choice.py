@@ -37,7 +37,7 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Count changes of branches in immediate succession, 0 after an event; too many are SLIDING."""
+    """Return rows after a change of branches: how many came at once in a row; SLIDING if many."""
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -52,7 +52,7 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return how far to look for a surface: `part` of the time, and this with the sign of time."""
+    """Return how long to look ahead for a surface: part * time; `signed` has the sign of time."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
@@ -86,7 +86,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return u log|after / before| of grad s . f: the jump of the integral of u trace f'."""
+    """Return the jump of the integral of u trace f': u log|after / before| of grad s . f."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
@@ -110,7 +110,7 @@ def add_branches(text, integrator, name, for_each):
 
 
 def update_branches(code, truth):
-    """Choose all branches at the new state of these lanes."""
+    """Choose all branches of f at the new state, in lanes where `truth` is true."""
     code.work.chooses[0] = truth.select(1.0, 0.0)
     code.text.invoke(f"{code.name}_choose", code.arguments)
 
@@ -281,7 +281,7 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write branches of `kinds`, in rows `found`, to the table; for a `Table` its interval."""
+    """Write branches in rows `found` to f's table from `place` on; of a `Table`, its interval."""
     text, f = code.text, code.f.of
     first = len(f.branches.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
@@ -299,7 +299,7 @@ def _put_choices(code, truth, kinds, found, place):
 
 
 def shift_of(f, number):
-    """Return where f's table has the shift of the argument of surface `number`, or None."""
+    """Return the place of the shift of a surface's argument in f's table, None without a shift."""
     branches = f.branches
     if number not in branches.shifts:
         return None

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 
 class CodeArguments(NamedTuple):
-    """The entries of the integer array that is the argument of the code."""
+    """Entries of the integer array that an integrator's machine code gets: addresses and counts."""
 
     rows: int  # address of the rows of trajectories (count, rows)
     count: int
@@ -27,7 +27,7 @@ class CodeArguments(NamedTuple):
 
 
 class ComponentNumbers(NamedTuple):
-    """Numbers of a component that all lanes share."""
+    """Numbers of one component, for its allowed error and its sign, that all lanes share."""
 
     extra: float  # added to the allowed error: atol, infinity for clocks
     counts: float  # 1, for clocks 0
@@ -37,7 +37,7 @@ class ComponentNumbers(NamedTuple):
 
 
 class SharedNumbers(NamedTuple):
-    """The numbers that all lanes share."""
+    """Numbers that all lanes share: tolerance, last time, limits of steps and of crossings."""
 
     rtol: float
     last: float  # modulus of the last time

@@ -57,7 +57,7 @@ def weights_at(v):
 
 @scalar_kernel
 def BETWEEN(t, taken, next):
-    """Return `weights_at` the next requested time."""
+    """Return the weights of the interpolation at the next requested time, see `weights_at`."""
     return weights_at(4.0 * ((next - t) / taken))
 
 
@@ -75,7 +75,7 @@ def INTERPOLATED(
     x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
     rate0, rate1, rate2, rate3, rate4,
 ):  # fmt: skip
-    """Return a component of p(v) - x, or of p'(v), see the top, with these weights."""
+    """Return a component of p(v) - x or p'(v): sum state_j (x_j - x) + signed sum rate_j f_j."""
     rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
     states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
     return {"value": states + signed * rates}
@@ -83,16 +83,16 @@ def INTERPOLATED(
 
 @scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Return the largest ratio so far, error of p / allowed error, and sum |f| to detect NaN."""
+    """Update `ratio`, the largest error of p / allowed error, and `total` = sum |f| (for NaN)."""
     ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
     return {"ratio": ratio, "total": total + abs(f)}
 
 
 @scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return 1 if the interior of a step is inaccurate, and the values to take the step again.
+    """Return `fails` = 1 if a step is inaccurate inside (`ratio` > 1), and rows to take it again.
 
-    The new step ends at the next requested time. It may be a step aside.
+    `ratio` and `total` are results of `DEFECT`. The new step ends at the next requested time.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
@@ -234,7 +234,7 @@ def _put_between(code, weights):
 
 
 def save(code, bits, states):
-    """Write the rows `states` to the output, for lanes with bits; go on to their next time."""
+    """Write the rows `states` to the output in lanes with these bits; set their next two times."""
     text, of, rows = code.text, code.of, code.integrator.rows
     one = text.lanes(1)
     for offset in code.lanes_with(bits):

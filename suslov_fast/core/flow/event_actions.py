@@ -63,7 +63,7 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
 
 
 def _is_on(value, rate, last, jumps):
-    """Return whether a state may be on a surface; if s jumps, |s| must be small beside its rate."""
+    """Return whether a state may be on a surface: if s jumps, only for |s| <= SOON last |rate|."""
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
@@ -463,7 +463,7 @@ def _keep_largest(code, truth):
 
 
 def _go_on(code, is_at_stop, again):
-    """Choose the next length in lanes with actions, as for a first step."""
+    """Set the next length and the state of lanes with actions; `again` has results of `AGAIN`."""
     work, branches = code.work, code.f.branches
     zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
     sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)

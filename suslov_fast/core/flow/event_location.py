@@ -64,10 +64,7 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return the coefficient of u**2 (1 - u)**2 with which the rate at POINTS[0] equals f there.
-
-    It is 0 if f has no value there.
-    """
+    """Return the factor of u**2 (1 - u)**2 that makes the rate at POINTS[0] equal f, 0 for NaN."""
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
@@ -93,7 +90,7 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Update `place` and `end` of the first crossing by the part of a step that ends at u."""
+    """Return the first crossing so far: its fraction `place` of the step, and `end` of its part."""
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
@@ -200,7 +197,7 @@ def CUT(
 
 @scalar_kernel
 def BACK(found, taken, end):
-    """Return the fraction of a step at which it crosses again the surface on which it began."""
+    """Return where a step crosses again the surface of its start: 1 + found / taken, or end / 2."""
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 

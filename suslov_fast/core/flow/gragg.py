@@ -153,7 +153,7 @@ class ExplicitColumns(FunctionCode):
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
     def pair(self, work, table, double, factor):
-        """Add two sub-steps; return f(a) between them by component, or {} if it is in `f_last`."""
+        """Add a += double f(b), b += factor f(a); return this f(a), or {} if it is in `f_last`."""
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
@@ -168,7 +168,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add two sub-steps with inlined f; return f(a) between them by component."""
+        """Add a += double f(b), b += factor f(a) with inlined f; return this f(a) by component."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)

@@ -49,7 +49,7 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """Return 1 if a component below NEAR allowed errors grows at an end, or changes its sign."""
+    """Return 1 if a component below NEAR / inverse has h f / x > NEXT, or changes sign."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -57,7 +57,7 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
 
 @scalar_kernel
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
-    """Return `new`; it gets the sign of x if it decays in L, see the top, and `feeds` is 1."""
+    """Return `new`, with the sign of x if `remembers` = 2 (it decays) and `feeds` = 1 (`ENTRY`)."""
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
 
@@ -74,7 +74,7 @@ def _is_fed(fed, inverse, taken):
 
 @scalar_kernel
 def REMEMBERS(x, f, fed, inverse, taken, signed):
-    """Return 1 if a component belongs to L, see the top, else 0; `fed` is g_i."""
+    """Return 1 if a component is in L, see the top; `fed` is f_i where small components are 0."""
     grows = signed * (f - fed) / x > NEXT
     is_free = ~_is_fed(fed, inverse, taken) | grows
     is_in = _is_below(x, inverse) & (abs(x) > 0.0) & is_free
@@ -85,7 +85,7 @@ def REMEMBERS(x, f, fed, inverse, taken, signed):
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
     """Return an entry of J if both components are in L, see the top, else 0.
 
-    `feeds` becomes 0 if one takes from the other, `of_row` 2 if its component decays in a step.
+    `feeds` becomes 0 for an entry h J_ij < 0 with i != j, and `of_row` 2 for h J_ii < -1.
     """
     own, is_own = ((of_row > 0.0) & (of_column > 0.0)).select(entry, 0.0), is_diagonal > 0.5
     takes = (signed * own < 0.0) & ~is_own
@@ -98,7 +98,10 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Update the least h / (1 - p) and the determinant's sign by the pivot p = 1 / `pivot`."""
+    """Update `length`, and the `sign` of det(1 - h J), by a pivot p = 1 / `pivot` of this matrix.
+
+    `length` is the least h / (1 - p) so far, with h = `taken`: a longer step would damp growth.
+    """
     growth = 1.0 - 1.0 / pivot
     return {
         "length": (growth > NEXT).select(smaller(taken / growth, length), length),
@@ -108,24 +111,24 @@ def PIVOT(pivot, taken, length, sign):
 
 @scalar_kernel
 def LONGEST(length, sign, feeds, least):
-    """Return the longest step of both ends; `length` counts only if sign < 0 or feeds > 0."""
+    """Return min(least, length), or `least` if sign > 0 (`PIVOT`) and feeds = 0: no growth."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
 def _grown(rtol):
-    """Return how many allowed errors a component exceeds that has grown again, see the top."""
+    """Return the size, in allowed errors, from which a small component has grown again."""
     return smaller(GROWN, 0.1 / rtol)
 
 
 def _bounds(rtol, keeps):
-    """Return the allowed errors below which a component is low, and above which it has grown."""
+    """Return two sizes in allowed errors: low is below the first, grown is above the second."""
     few = (keeps > 0.0).select(smaller(FEW_ALONE, OF_RTOL / rtol), FEW)
     return few, (keeps > 0.0).select(4.0 * few, _grown(rtol))
 
 
 @scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
-    """Return 1 if a component was large, but is below few allowed errors, see `_bounds`."""
+    """Return 1 if a component was large, and is below few allowed errors now, else `fallen`."""
     few, grown = _bounds(rtol, keeps)
     has_fallen = (abs(new) * inverse < few) & (largest * inverse > grown)
     return {"fallen": has_fallen.select(1.0, fallen)}
@@ -169,7 +172,7 @@ def longest_step(code):
 
 
 def _growth(code, x, f, least):
-    """Return whether no component of L takes from another, and the longest step at a state."""
+    """Return `feeds` of `_factor_alone`, and the longest step that damps no growth at x."""
     work = code.work
     feeds, count = _factor_alone(code, x, f), code.integrator.pivots
     found = code.reduce(PIVOT, lambda i: {"pivot": work.factors[i]}, count, length=inf, sign=1.0)
@@ -178,7 +181,7 @@ def _growth(code, x, f, least):
 
 
 def _factor_alone(code, x, rates):
-    """Factorise 1 - h J restricted to L, see the top; return 1 if none takes from another."""
+    """Factorise 1 - h J on L, see the top; return 1 if no component of L takes from another."""
     text, work, f = code.text, code.work, code.f
     _find_fed(code, x, NEAR)
     text.fill(work.start, code.D, lambda: 0.0)
@@ -212,10 +215,7 @@ def _find_fed(code, x, times):
 
 
 def watch_small(code, fallen):
-    """Record which components have fallen below their allowed errors, and grown again.
-
-    `fallen` is 1 in lanes in which a component has fallen.
-    """
+    """Update `low` of components, see `LOW`, for a warning; `fallen` is 1 where one has fallen."""
     text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):

@@ -26,8 +26,8 @@ class Integrator:
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     largest      the kernel for the size of all components
     allowed      the kernel for the allowed error of a component
-    parts        (first component, how many) of components that share a size: large columns must
-                 not loosen the tolerance of x
+    parts        (first component, how many) of x and of derivatives, which have different sizes:
+                 large derivatives must not loosen the tolerance of x
     watched      how many components surfaces depend on, `surfaces` how many there are
     read         the components that `surfaces` read
     double_crossings  `DoubleCrossings`, which find whether a step hides crossings; they read

@@ -34,7 +34,7 @@ def take_next(code, free):
 
 
 def _write_back(code, offset, own):
-    """Write the rows of a lane, and its table, back to its trajectory, if it has one."""
+    """Write the rows of a lane, and its table, back to trajectory `own` - 1, unless `own` is 0."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.branches:  # whose branches stand in the table

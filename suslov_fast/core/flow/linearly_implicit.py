@@ -60,12 +60,12 @@ def RATE(product, scale, size):
 
 @scalar_kernel
 def MODE(product, size, seeds, mode):
-    """Return the next vector of the iteration; `seeds` keep it out of invariant subspaces."""
+    """Return the next vector of the power iteration; `seeds` keep it out of invariant subspaces."""
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
 class ImplicitColumns(FunctionCode):
-    """The function void columns(x, f, table, work, count), see `gragg.ExplicitColumns`.
+    """Code of void columns(x, f, table, work, count), as in `ExplicitColumns`, for implicit steps.
 
     The row `jacobian` of `WorkRows` contains the entries of J, as `derive` has written them.
     """
@@ -86,7 +86,7 @@ class ImplicitColumns(FunctionCode):
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
     def column(self, c, N, s, weight, ends):
-        """Add column c, of N sub-steps of the length s; write its end minus x to `ends`."""
+        """Add column c: N sub-steps of length s. Write its end - x to `ends`; `weight` is N w_c."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -108,7 +108,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Set the sums for states at quarters to 0; number sub-steps by quarters, 3 for none."""
+        """Set sums for states at quarters to 0; list the quarter that each sub-step ends, or 3."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3

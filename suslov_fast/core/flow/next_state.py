@@ -29,13 +29,13 @@ def CLOCK(x, new, f, signed, steady):
 
 @scalar_kernel
 def SAME_SIGN(x, new, kept):
-    """Return whether a denominator that depends on clocks alone has kept its sign."""
+    """Return `kept`, or 0 if a denominator that depends on clocks alone has changed its sign."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
     return {"kept": changes.select(0.0, kept)}
 
 
 def find_next_state(code):
-    """Write x_next, f there and e; return `kept`, and a dict of sizes for each of `parts`."""
+    """Write x_next, f there and errors; return `kept` (0 if a sign is lost), sizes of `parts`."""
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
     sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []

@@ -52,7 +52,7 @@ def IS_NOISY(ratio, large, steps, longer):
 
 @scalar_kernel
 def TOP(x, largest, counts, top):
-    """Return the largest modulus of all components, except clocks, before a step."""
+    """Update `top`, the largest modulus so far of all components, except clocks."""
     return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
 
 
@@ -64,9 +64,9 @@ def ON_LINE(x, new, u):
 
 @scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
-    """Return a component of x', see the top: it differs by rounding; a clock is later.
+    """Return a component beside `state`: it differs by rounding; a clock is later.
 
-    Between the ends the larger end counts for rounding: a component may begin at 0.
+    Between the ends of a step the larger of |x| and |new| sets the rounding, as x may be 0.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -121,7 +121,10 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return the ratios in `sums` by name; after a second trial new ratios, and `on_trial` = 1."""
+    """Return the ratios in `sums` by name; after a second trial new ratios, and `on_trial` = 1.
+
+    `own` and `of_error` are the weights of columns for the next state, and for its error.
+    """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)

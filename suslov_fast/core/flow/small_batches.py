@@ -32,7 +32,7 @@ _GREW = array("d", [3.0]).tobytes()  # of a component, see `growing_components.L
 
 
 class _PreparedRunner(StepRunner):
-    """A `StepRunner` of B trajectories of f, with a table for all of them or one for each."""
+    """A `StepRunner` of B trajectories, kept for later calls; each has a table if `for_each`."""
 
     def __init__(self, f, settings, sign, B, for_each):
         integrator = integrator_of(f, bool(settings.stiff), settings.atol is not None)

@@ -71,7 +71,7 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 def first_length(size, rate, part, last):
-    """Return a first length: part size / rate, or FIRST_AT_REST part last if size = 0."""
+    """Return a first length: part * size / rate, or FIRST_AT_REST * part * last if size = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
@@ -131,7 +131,7 @@ def _root(ratio):
 
 
 def _is_false(ratio, apart):
-    """Return whether all columns agree on a false end."""
+    """Return whether all columns agree (ratio <= 1) on a false end (apart > MOST_APART)."""
     return (apart > MOST_APART) & (ratio <= 1.0)
 
 
@@ -169,7 +169,7 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct the results of `AFTER` if a step ends at an event: the next length is not reduced."""
+    """Correct `AFTER` if a step ends at the time `stop` of an event: no shorter length, no DONE."""
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),
@@ -178,7 +178,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, states (ENDED if steps are too short), and lanes with many tries."""
+    """Return which lanes run, states (ENDED if steps are too short), and which have many tries."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -202,7 +202,7 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Return the state of an explicit lane, which may end or become implicit, and its counts."""
+    """Return the state of an explicit lane (it may end or turn implicit), and counts of steps."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
@@ -228,7 +228,7 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return the state of an implicit lane, which may end or become explicit, and its counts."""
+    """Return the state of an implicit lane (it may end or turn explicit), and counts of steps."""
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)

@@ -36,7 +36,7 @@ class StormerColumns(ExplicitColumns):
         return super().work_of_pair() / 3.0
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x."""
+        """Write the end of a column, minus x, to `ends`; `apart` stays unused."""
         for i in of_a:
             ends[i] = a[i] - x[i]
         for i in of_b:

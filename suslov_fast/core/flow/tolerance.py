@@ -34,7 +34,7 @@ def NO_SIZE():
 
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
-    """Return `top`, which is max_j s_j, and `moved`, the largest change of a clock in the step."""
+    """Update `moved`, the largest change of a clock, and `top` = max(moduli so far, `moved`)."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -42,7 +42,7 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return the least allowed error, rtol smallest top, and `noisy`, the rounding of `top`."""
+    """Return the least allowed error, rtol * smallest * top, and `noisy`, the rounding of `top`."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
@@ -79,7 +79,7 @@ def LARGE(error, inverse, noisy, large):
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Return sums of squares of h (f_new - f_last) and of new - last, which show h |mu|."""
+    """Return sums of squares of h (f_new - f_last) and new - last: the quotient shows h |mu|."""
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 

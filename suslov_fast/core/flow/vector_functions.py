@@ -20,9 +20,9 @@ LONGEST = 20_000
 
 
 class ProgramFunction:
-    """An expression program as straight-line code; its first values are rows.
+    """An expression program as straight-line code; its first `inputs` values are rows.
 
-    A result that is None is left out: its row stays as it is.
+    `places` has the place in the table of each other input. A result None leaves its row as it is.
     """
 
     scratch = 0

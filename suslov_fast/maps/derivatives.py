@@ -96,7 +96,7 @@ def jacobian(problem: Problem) -> FloatArray:
 
 
 class TangentGrowth(NamedTuple):
-    """Sums over the steps of an orbit, from which Lyapunov exponents follow, and its end."""
+    """Sums over the steps of orbits, from which Lyapunov exponents follow, and statuses."""
 
     sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
     status: NDArray[np.int8]  # (B,)
@@ -106,7 +106,7 @@ class TangentGrowth(NamedTuple):
 
 
 class _Part:
-    """Trajectories with the same step operations, and their columns and sums."""
+    """Trajectories with the same step operations, their tangent vectors, and sums of logarithms."""
 
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
@@ -120,7 +120,7 @@ class _Part:
         self.x = np.concatenate([x, columns, np.zeros((B, self.D))], axis=1)
 
     def begin(self) -> None:
-        """Set the sums to 0."""
+        """Set the sums of logarithms of growth to 0."""
         self.x[:, -self.D :] = 0.0
 
     def take(self, stop: int) -> None:

@@ -21,7 +21,7 @@ from .kernel_arguments import (
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a usual step, relative to the 3D map; much pivoting ends calls early."""
+    """Return the time of a step without pivoting, relative to a step of the map in 3D."""
     step, stages = arguments[0]
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
@@ -87,7 +87,7 @@ COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDD
 
 
 def field_in(stages: Stages) -> StepMethod:
-    """Return the step method of fields with these stages."""
+    """Return the `StepMethod` of fields, for steps of these stages."""
     return FIELD._replace(
         arguments=partial(by_scheme, stages=stages),
         system=partial(field_system, stages=stages),

@@ -258,7 +258,7 @@ class _Equations:
         return _Equations(own, self.x[index], totals)
 
     def whole(self, y: FloatArray) -> FloatArray:
-        """Return states (..., D) with the variables y."""
+        """Return states (..., D) with the variables y; the others keep their given values."""
         x = self.x.copy()
         x[..., self.own] = y
         return x
@@ -274,7 +274,7 @@ class _Equations:
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray) -> FloatArray:
-        """Return f' with negative eigenvalues for totals, not 0: the others tell the stability."""
+        """Return f' with negative eigenvalues in place of 0 for totals, to judge the stability."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -370,7 +370,7 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return where Newton's method leads from near y back, and where y is one of a family.
+        """Return where Newton's method converges from beside y, and where y is one of a family.
 
         A component far smaller than others may be a true value or rounding: so smaller
         displacements are tried, too.
@@ -386,7 +386,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
-    """Return states y, and where they are equilibria, degenerate ones, and ones of a family."""
+    """Return states y, and where they are equilibria, degenerate ones, members of a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)

@@ -150,7 +150,7 @@ class Event:
 
     @public
     def of(self, system: Any) -> Event:
-        """Return this event with equations as text, in the names of a system: one that pickles."""
+        """Return this event with equations as text in a system's names, so that it pickles."""
         found = traced(self, field_of(system))
         return self if self._is_text else found.text
 

@@ -32,7 +32,7 @@ class Derivatives(dict[str, Any]):
 
     @classmethod
     def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
-        """Return {name: part(index)}: index slice(D) is for "x0", numbers are for parameters."""
+        """Return {name: part(index)}: the index is slice(D) for "x0", a column for a parameter."""
         others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
@@ -200,7 +200,7 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
 
 
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the given times of events, as ascending moduli; inf for NaN and times before x0."""
+    """Return the given times of events as sign * time, ascending; inf for NaN and values < 0."""
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES

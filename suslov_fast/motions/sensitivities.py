@@ -20,7 +20,7 @@ from ..maps.kernel_arguments import flat_arrays
 
 @dataclass
 class WithColumns:
-    """Stands for a field in `integration.solve`, with right-hand sides of columns or events."""
+    """What `integration.solve` takes in place of a field: right-hand sides of columns or events."""
 
     shape: tuple[int, ...]
     _right_hand_sides: list[OfMembers]

@@ -173,7 +173,7 @@ class Shooting:
         return self.residual <= self.allowed
 
     def _matrix(self) -> FloatArray:
-        """Return the derivative of the gaps by the nodes and log T, in units of the sizes."""
+        """Return the derivative of the gaps by the nodes and log T, all in units of the sizes."""
         M = len(self.nodes)
         own = np.flatnonzero(~self.drifts)
         n, sizes = len(own), self.sizes[own]
@@ -189,10 +189,7 @@ class Shooting:
 
     @property
     def freedom(self) -> int:
-        """The number of directions of nodes and T that keep gaps closed, including the phase.
-
-        If T is given, it is no direction.
-        """
+        """The number of directions of nodes and a free T that keep gaps closed, with the phase."""
         matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
         values = np.linalg.svd(matrix, compute_uv=False)
         rank = int((values > _LEAST * values[0]).sum())

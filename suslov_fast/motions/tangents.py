@@ -63,7 +63,7 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return exponents (B, n), the largest first, and a `SolverResult` with status and ends.
+    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult`: status and ends.
 
     n counts the components that an action sets, or that have no constant rate in some member.
     `actions` are actions of events, surfaces first.
@@ -106,9 +106,9 @@ def exponents_of(
 def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
-    Each column also gets a small part of all directions. Otherwise a column in a fast direction
-    stays there if no other mode reaches it, and every segment lasts a few of its e-folds. A
-    direction that is slowest only at the start holds a column for a long time, too.
+    Each column gets a small part of all directions, so that it turns to the slowest ones. Without
+    it, a column along a fast eigenvector may stay there, and all segments would be short. Also a
+    direction that is slowest only at the start would hold a column for a long time.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
@@ -119,7 +119,7 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
 
 
 class _Run:
-    """Trajectories with tangent vectors; `over` advances them by a phase of time."""
+    """Trajectories with tangent vectors and sums of the logarithms of their growth."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class _Run:
         self.begin()
 
     def begin(self) -> None:
-        """Set the sums to 0."""
+        """Set the sums of logarithms to 0, also after the transient."""
         B = len(self.x)
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
@@ -160,7 +160,7 @@ class _Run:
         return self._over(first, told) and self._over(time - first, lambda done: told(first + done))
 
     def _over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Advance by `time`, in segments of this time divided by powers of 2."""
+        """Advance by `time` in segments of time / 2**m; return False if `told` ends the run."""
         at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
         self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
@@ -302,7 +302,7 @@ class _Run:
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
-        """Mark columns of trajectory k as dead; move them last, where no others depend on them."""
+        """Mark columns of trajectory k that die; move them last, where no others depend on them."""
         self.dead[k] |= dies
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]

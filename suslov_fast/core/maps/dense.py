@@ -25,9 +25,9 @@ LANES = 8
 
 
 class Dense(NamedTuple):
-    """The terms of dense fields, in spans for `fill`, and the stages of a step.
+    """What `take_dense_steps` needs of fields: the terms v x_j x_k of each f_i, in spans, and eps.
 
-    A span is all terms v x_j x_k with the same j and k in consecutive equations i; x_D is 1.
+    A span, for `fill`, is all terms with equal j and equal k in consecutive equations i; x_D is 1.
     """
 
     spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
@@ -42,7 +42,7 @@ class Dense(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Work arrays of `take_dense_steps`: each part of the work has its own."""
+    """Work arrays of `take_dense_steps`. The first axis is over parts of the work: threads."""
 
     a: Any  # (parts, lanes, D, D + 1)
     columns: Any  # (parts, lanes, D + 1, D)
@@ -67,7 +67,7 @@ def _spans_of(step):
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
     """Take steps of dense fields on `threads` threads; arguments are as in `suslov.steps.steps`.
 
-    `solve_at` takes seconds to compile, and few runs need it. A run that needs it starts again.
+    If a lane loses digits, `solve_at` is compiled, in seconds, and the steps are taken again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -103,11 +103,11 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
 
 @function
 def fill(spans, coefficients, states, columns, a):
-    """Fill a (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
+    """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
     With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of N
-    is the right side less x. `columns` (W, D + 1, D) is memory for N. All lanes use a coefficient
-    before the next one is read, because coefficients take most of the memory.
+    is the right side less x. `spans` are as in `Dense`; `columns` (W, D + 1, D) is memory for N.
+    All lanes use a coefficient before the next one is read: they take most of the memory.
     """
     W, D = states.shape
     for l in range(W):
@@ -179,7 +179,7 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of trajectory i to lane l, by stage: `halves` by term, `coefficients` by span."""
+    """Write v eps / 2 of trajectory i for lane l and each stage, in order of terms and of spans."""
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
@@ -189,10 +189,7 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Iterate one part of the trajectories from the states in `final`; see `suslov.steps.steps`.
-
-    `field` is a `Dense`, and `memory` a `Memory`.
-    """
+    """Take the steps of one part (a thread), with a `Dense` and a `Memory`; see `take_dense`."""
     field, memory, carry, saved = uncounted((field, memory, carry, saved))
     final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span

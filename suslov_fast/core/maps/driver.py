@@ -17,7 +17,7 @@ NOT_READY, DONE = range(2)  # what the code returns
 
 
 class DriverArguments(NamedTuple):
-    """The entries of the integer array that is the argument of the driver."""
+    """The integers of the array that the driver takes: addresses, counts, place in the loops."""
 
     x: int  # address of the states (lines, D, W)
     lines: int
@@ -52,14 +52,14 @@ SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the ar
 def text_of_steps(step, name, W, for_each, saves):
     """Return LLVM's text of i64 name(address of `DriverArguments`): steps of lines of W lanes.
 
-    The code returns DONE; or NOT_READY at a step that needs `pivoting_step` while its address is 0.
-    If `for_each`, each lane has a table of its own. If `saves`, the code saves states.
+    The code returns DONE. It returns NOT_READY if a step needs `pivoting_step`, but its address is
+    0. If `for_each`, each lane has parameters of its own. If `saves`, the code saves states.
     """
     return _Driver(step, name, W, for_each, saves).finished()
 
 
 class _Driver:
-    """The text of a driver, which contains the straight-line code of a stage."""
+    """Writes the text of `text_of_steps`: loops around the straight-line code of a stage."""
 
     def __init__(self, step, name, W, for_each, saves):
         self.text, self.step, self.D, self.name = Code(W), step, step.D, name
@@ -80,7 +80,7 @@ class _Driver:
         return text.finished()
 
     def block(self, at):
-        """Add the code of all steps of a block; set the loop variables `at` for the next block."""
+        """Add the code of all steps of a block of lines; set the variables `at` for the next."""
         text, of, lo = self.text, self.of, at.lo
         end = lo + of.block
         hi = (end < of.lines).select(end, of.lines)
@@ -91,7 +91,7 @@ class _Driver:
         at.goes_on = hi < of.lines
 
     def step_of(self, lo, hi, now):
-        """Add the code of a step of lines lo to hi - 1; set the loop variables `now`."""
+        """Add the code of a stage of lines lo to hi - 1; set the variables `now` for the next."""
         text, of, n, row = self.text, self.of, now.n, now.row
         saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
@@ -119,7 +119,7 @@ class _Driver:
 
     # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
-        """Return the bits of lanes that are neither in `bits` nor marked."""
+        """Return the bits of lanes of a line that are neither in `bits` nor in marks[line]."""
         marked = self.text.load("i8", marks + line, 1)
         marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
         return (bits | marked) ^ self.all_lanes
@@ -190,7 +190,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
-        """Save the states of a line at `row`, number by number."""
+        """Add code that writes the states of a line to the address `row`, number by number."""
         text, one = self.text, self.text.lanes(1)
         first = line * text.W
         for l in range(text.W):
@@ -202,7 +202,7 @@ class _Driver:
                     place[k] = x[k]
 
     def save(self, line, row, state, final):
-        """Save the states of a line at `row`, one trajectory after the other.
+        """Add code that writes the states of a line to the address `row`, trajectory by trajectory.
 
         Lanes are shuffled in registers: plain loops take 1.57 times as long. The last line may be
         partly empty.

@@ -113,7 +113,7 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
 
     def _increments(self, indices, D, halves, order, fill):
-        """Add the operations of elimination and x_next; return {k: delta_k}, without constant 0."""
+        """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0."""
         right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
         self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
         for k in reversed(order):
@@ -129,16 +129,16 @@ class Step:
         return type(self), self.indices.tobytes(), self.D
 
     def with_columns(self):
-        """Return the `ExtendedStep`, with derivatives; without operations if they are too many."""
+        """Return the `ExtendedStep`, which adds derivatives; if too long, it has no operations."""
         return _extended_step(self)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
 
     def _add_tests(self, halves):
-        """Add the tests that increments do not cancel the state, and that pivots are not small.
+        """Add the operations `rare`, and tests: increments do not cancel x, pivots are not small.
 
-        `good` asks for more than `accurate`, because this takes fewer operations.
+        `halves` is {k: delta_k}. `good` asks for more than `accurate`, but takes fewer operations.
         """
         number = self.values.number
         after = {k: number(self.after[k]) for k in {*halves, *self.of_one_sign}}
@@ -203,7 +203,7 @@ class Step:
         self.rare = [operation for operation in others if operation[1] in rare]
 
     def table_of(self, halves):
-        """Return the values of `table` (n, ...): run `fixed` for h v of the terms (T, ...)."""
+        """Return the values (n, ...) of `table`, from h v of the terms, `halves` (T, ...)."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)
@@ -260,7 +260,7 @@ class ExtendedStep(Step):
         return found
 
     def _orthonormal(self, columns, D):
-        """Return orthonormal columns; add the logarithms of their former lengths to the sums."""
+        """Return the columns orthonormalised; add the logarithms of their lengths to the sums."""
         found, first = [], D * (1 + D)
         for c, q in enumerate(columns):
             for p in found:

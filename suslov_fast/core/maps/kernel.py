@@ -93,7 +93,7 @@ class _Lines:
         return padded.reshape(self.count, self.W)
 
     def states(self):
-        """Return the states (B, D)."""
+        """Return the states of all trajectories (B, D), copied from the lines."""
         return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
     def take(self, start, stop, saved, every, abandoned, seconds=None):
@@ -124,7 +124,7 @@ class _Lines:
         return True
 
     def _driver_arguments(self, start, steps, saved, until, between, pivoting):
-        """Return the arguments of the driver, and objects that must stay alive while it runs."""
+        """Return the array of `DriverArguments`, and what must stay alive while the driver runs."""
         arrays, own = None, None
         if pivoting:
             step, stages = self.scheme
@@ -230,7 +230,7 @@ def _iterate_part(
 
 
 def _take_steps(lines, states, steps, saved, abandoned):
-    """Take the steps (start, stop, every, row) of lines; take them again if pivoting is needed."""
+    """Take the steps (start, stop, every, row); again from `states` if they need pivoting."""
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()

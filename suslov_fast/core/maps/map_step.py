@@ -60,7 +60,7 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
 
     def _add_test(self, D):
-        """Add the tests `accurate`: f(x) is finite, x not NaN; and `good`: accurate, or x is NaN.
+        """Add the tests `accurate` (f(x) is finite, x not NaN) and `good` (accurate, or x is NaN).
 
         Lanes that have ended are NaN. Thanks to `good` their lines take no more time than others.
         """

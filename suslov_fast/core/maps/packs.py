@@ -40,7 +40,7 @@ def in_lines(rows, W):
 
 @functools.lru_cache(PLANS)  # because it takes longer than a few steps
 def common_table(step, stages, eps, values):
-    """Return the result of `tables_of` for one field, cached by the bytes of its numbers."""
+    """Return `tables_of` for one field, cached; `eps` and `values` are the bytes of the arrays."""
     values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
     halves = 0.5 * np.frombuffer(eps) * values
     table = step.table_of(np.outer(halves, fractions))
@@ -75,7 +75,7 @@ def packed(truths):
 
 
 def note_undefined(states, notes):
-    """Give trajectories that begin with NaN the status NONFINITE; set `poles` to 0."""
+    """Give trajectories that start at NaN the status NONFINITE; set `poles` to 0, for none."""
     status, failed_at, poles = notes
     poles[:] = 0.0
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.

@@ -35,7 +35,7 @@ def fill_system(indices, half, sign, x, system):
 
 @function
 def solve_lane(indices, half, x, system, units):
-    """Replace x by the next state, or by NaN; return its status, and True if det A < 0."""
+    """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0."""
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
@@ -107,7 +107,7 @@ def take_columns(indices, half, x, after, tangent, units):
 
 
 class LineArguments(NamedTuple):
-    """The integers of the array of `pivoting_step`: addresses of arrays of lines, and lengths."""
+    """The integers of the array that `pivoting_step` takes: addresses of arrays, and lengths."""
 
     x: int  # (lines, D, W)
     halves: int  # (own_lines, T, own_W), half the step size times the values of the terms
@@ -135,7 +135,7 @@ _COUNT = len(PLACE)
 
 
 def arguments_of(arrays, own_D, first):
-    """Return the array for `pivoting_step`: addresses of these arrays, in order, and lengths."""
+    """Return `LineArguments` as an array: addresses of `arrays`, in that order, and lengths."""
     x, halves, fractions, _, status, *_ = arrays
     lengths = *x.shape, *halves.shape, len(fractions), len(status), own_D, first
     return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)

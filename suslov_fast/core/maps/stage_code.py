@@ -12,7 +12,7 @@ BLOCK = 64  # operations of a block of long programs, see `Stage.carry_out`
 
 
 class Stage:
-    """A stage of a line: its operations and their test values.
+    """Writes the code of a stage of one line; `values` are the values of its usual operations.
 
     `load` returns a value that no operation computes: a component of the state, or a table value.
     """
@@ -21,7 +21,7 @@ class Stage:
         self.text, self.step, self.load, self.values = text, step, load, {}
 
     def take(self, x):
-        """Run the usual operations on the state x; return the next state."""
+        """Add the code of the usual operations on the state x; return the next state."""
         self.values = dict(enumerate(x))
         self.carry_out(self.step.usual, self.values)
         return self.results()
@@ -31,7 +31,7 @@ class Stage:
         return self._results(self.values, self.step.after)
 
     def carry_out(self, operations, values):
-        """Run operations; many in blocks, because LLVM's time grows with the square of a block."""
+        """Add the code of operations, in blocks if many: LLVM's time is quadratic in a block."""
         size = BLOCK if self.step.is_long else len(operations)
         for begin in range(0, len(operations), max(size, 1)):
             if begin:
@@ -47,7 +47,7 @@ class Stage:
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Run the rare operations; return (next state, accurate, bits of `accurate`, told).
+        """Add the code of the rare operations; return (next state, accurate, its bits, told).
 
         `accurate` is a truth value for each lane. Bits of `told` mark lanes with det A < 0; its
         bits from CHANGED on mark lanes in which a component changed its sign.

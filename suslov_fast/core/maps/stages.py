@@ -7,19 +7,19 @@ import numpy as np
 
 
 class Stages(NamedTuple):
-    """The stages of a step, one after the other."""
+    """The stages of a step, one after the other: steps of Kahan's map by fractions of eps."""
 
     fractions: tuple[float, ...]  # of eps
 
     def multiply(self, z):
-        """Return the factors of a step for modes x' = mu x, z = eps mu / 2 (...); inf at poles."""
+        """Return x_next / x for modes x' = mu x, with z = eps mu / 2 (...); inf at poles."""
         parts = [fraction * z for fraction in self.fractions]
         factors = np.prod([(1.0 + y) / (1.0 - y) for y in parts], axis=0)
         return np.where(np.any([y == 1.0 for y in parts], axis=0), np.inf, factors)
 
 
 class Scheme(NamedTuple):
-    """The step of a stage, and the stages of a whole step."""
+    """The operations of a stage, for one pattern of terms or one map, and the stages of a step."""
 
     step: Any  # `kahan_step.Step`
     stages: Stages

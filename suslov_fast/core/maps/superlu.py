@@ -13,7 +13,7 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return the states after `span` (start, stop, every, row); save each `every`-th in `saved`."""
+    """Return states after steps start + 1 to stop; save each `every`-th at saved[row] and on."""
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
@@ -50,7 +50,7 @@ def take(arguments, states, span, saved, notes, abandoned):
 
 
 class _StepByNumPy:
-    """The step f(x) of a user's map with a long program."""
+    """The step f(x) of a user's map with a long program; it is called as `_Sparse` is."""
 
     def __init__(self, f, parameters):
         self.f, self.table = f, f.table_of(parameters.T)
@@ -61,7 +61,7 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """A step of sparse fields: a call returns the next states (B, D) and the signs of det A."""
+    """A step of sparse fields: a call returns x_next (n, D) and signs of det A, 0 if singular."""
 
     def __init__(self, indices, D, halves):
         self.D, (i, j, k), self.halves = D, indices, halves
@@ -93,7 +93,7 @@ class _Sparse:
 
 
 def _parity(order):
-    """Return 1 for an even permutation, -1 for an odd one; its cycles are components of a graph."""
+    """Return 1 for an even permutation, -1 for an odd one, from its number of cycles."""
     D = len(order)
     cycles = connected_components(sparse.csr_matrix((np.ones(D), (np.arange(D), order)), (D, D)))[0]
     return 1 - 2 * ((D - cycles) % 2)

@@ -141,8 +141,8 @@ def array_at(typing, address, shape, dtype):
 def pack(typing, arguments):
     """Return the addresses of a function and its data, by which a parallel loop calls any kernel.
 
-    function(kernel, data, part, parts) calls the kernel at the address `kernel` with part, parts
-    and `arguments`, which are the data. Both addresses are valid while the caller runs.
+    The function takes (kernel, data, part, parts). It calls the kernel at the address `kernel` with
+    part, parts and the items of `arguments`. Both addresses are valid while the caller runs.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
 

@@ -52,7 +52,7 @@ def _delete_stale_files(folder):
 def _locators():
     """Return the classes that Numba asks for a cache folder; NUMBA_CACHE_DIR is asked first.
 
-    It may be read-only, as in a container. Numba alone accepts only folders that it can write to.
+    That folder may be read-only, as in a container. Numba's own class would reject it.
     """
     usual = caching.CompileResultCacheImpl._locator_classes
     [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]

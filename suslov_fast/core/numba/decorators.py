@@ -299,7 +299,7 @@ class Kernel(Patient):
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
     def briefly(self, seconds, *arguments):
-        """Call the kernel for all of the work, in Python if that is short: about `seconds`."""
+        """Call the kernel for all of the work; in Python, if that takes few `seconds`."""
         if self.has_patience(seconds) and not self._is_kept(arguments):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
@@ -382,7 +382,7 @@ def _address(dispatcher, kinds):
 
 # ------------------------------------------------------------------------------------- in kernels
 def of_kind(name):
-    """Return a function for kernels that calls the method `name` of a named tuple, its argument."""
+    """Return a function f for kernels: f(x, *others) is x.name(*others), for any named tuple x."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)

@@ -41,16 +41,16 @@ def simd_min(v, w):
 
 @formula
 def keeps_digits(b, l):
-    """Return True if elimination lost no digits: no pivot was small compared with the largest."""
+    """Return True if elimination of lane l lost no digits: no pivot was far below the largest."""
     return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 
 @function
 def eliminate(a, b, lanes):
-    """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
+    """Solve the systems `a` (m, columns, lanes) of all lanes without row exchanges.
 
-    A is replaced by U above the diagonal, inverse pivots on it, and unit lower L below it. Two
-    pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
+    Solutions replace the right sides. U replaces A above the diagonal, inverse pivots on it, unit
+    lower L below it; LEAST and LARGEST of b get pivots. Pairs of pivots halve loads and stores.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -93,7 +93,8 @@ def eliminate(a, b, lanes):
 def accept(a, x, b, lanes):
     """Replace states x by solutions that keep their digits; return how many lanes need `solve`.
 
-    On entry b[TO_SOLVE] is at least len(x), or NaN, in lanes with unusable solutions.
+    On entry b[TO_SOLVE] is >= len(a), or NaN, in lanes with unusable solutions. On return it is 1
+    in lanes that need `solve`, else 0.
     """
     m, to_solve = len(a), NONE
     for l in range(lanes):

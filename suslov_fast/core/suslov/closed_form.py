@@ -89,7 +89,7 @@ def is_ordinary(w1, w2):
 def unit_of(w1, w2, k):
     """Return a power of two about as large as a state: in this unit its square is in range.
 
-    With k / unit and eps * unit, the orbit of omega / unit is the orbit of omega over unit.
+    If k is divided by the unit, and eps multiplied, the orbit of omega / unit is the orbit / unit.
     """
     _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
     least = select(k == 0.0, -800, 0)  # in a smaller unit k**2 may be out of range
@@ -99,41 +99,41 @@ def unit_of(w1, w2, k):
 
 @formula
 def nonzero(v):
-    """Return the number, or TINY if it is 0."""
+    """Return v, or TINY if v is 0, as a factor of 1 - L**2 is on the critical level L = 1."""
     return select(v == 0.0, TINY, v)
 
 
 @formula
 def constants_of(I1, I2, I13, I23):
-    """Return the constants of a body for the rows ROOT_A, G1, G2, H1, H2 and PER_G."""
+    """Return the constants of a body for the rows ROOT_A, G1, G2, H1, H2 and PER_G of a block."""
     root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
     return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 
 
 @formula
 def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
-    """Return ell, x and nu = y / sqrt(I1 I2), with x and y of equation (7)."""
+    """Return ell = x + k, x and nu = y / sqrt(I1 I2) of a state, with x and y of equation (7)."""
     x = I13 * w1 + I23 * w2
     return x + k, x, root_a * (g2 * w1 - g1 * w2)
 
 
 @formula
 def steady(g1, g2, h1, h2, x, nu):
-    """Return the state that has this x and nu, times |g|**2."""
+    """Return the state (w1, w2) with this x and nu (see `coordinates`), times |g|**2."""
     return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2: if it is positive, the orbit passes, else it turns (see the top)."""
+    """Return A**2 - k**2: if > 0, the orbit goes from one steady state to another (see the top)."""
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill b, c, d12 and d22 of the closed form, for n >= 0 if `ahead` is 1, n < 0 if it is -1.
+    """Fill rows B1 to D22 of lane l: numbers b, c, d12 and d22 of the closed form (see the top).
 
-    `b` is (ROWS, lanes). The other arguments are numbers of lane l.
+    `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `b` is (ROWS, lanes).
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
@@ -160,7 +160,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, discrete):
-    """Fill rows B1 to MISSING from the state of lane l; RATE is e root until `rate` replaces it."""
+    """Fill rows B1 to MISSING of lane l, which describe its orbit; RATE gets e root, for `rate`."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
@@ -208,7 +208,7 @@ def fill_orbit(b, l, discrete):
 
 @formula
 def rate(passes, L, r, discrete):
-    """Return log|r| of an orbit that passes, else the angle a, less pi / 2 if L > 1; L = e root."""
+    """Return log|r| if the orbit passes; else a, or a - pi / 2 if L = e root > 1 (see the top)."""
     if discrete == 0.0:
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
@@ -225,7 +225,11 @@ def has_power(r, n):
 
 @formula
 def pair(n, passes, root, r, rate):
-    """Return rho and sigma (see the top) of step or time n >= 0; NaN if r**n is not real."""
+    """Return rho and sigma at step or time n >= 0, for `state`; NaN if r**n is not real.
+
+    If the orbit passes, rho = r**n and sigma = (1 - rho) / (2 root), with rate = log|r|. If not,
+    rho = cos(n a) and sigma = sin(n a) / root, where `rate` is the angle a or a - pi / 2.
+    """
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
@@ -245,7 +249,7 @@ def pair(n, passes, root, r, rate):
 
 @formula
 def state(b, l):
-    """Return the state of a lane; NaN after a pole."""
+    """Return the state of lane l by the closed form, with its RHO and SIGMA; NaN after a pole."""
     ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
     rho2, rho_sigma, sigma2 = rho * rho, rho * sigma, sigma * sigma
     d12 = select(ahead, b[D12, l], b[D12 + BACK, l]) * rho_sigma
@@ -262,7 +266,7 @@ def state(b, l):
 
 @formula
 def adjacent(b, l):
-    """Return state 1 or -1 of a lane by a step: for large K both forms in `state` may vanish."""
+    """Return state 1 or -1 of lane l by a step, because for large K `state` may be 0 / 0."""
     eps = abs(b[EPS, l]) * b[TIME, l]
     w1, w2 = one_step(
         b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]

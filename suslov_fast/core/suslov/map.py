@@ -35,9 +35,10 @@ RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough di
 
 
 class Frame(NamedTuple):
-    """Constants that take (u, v) = (w1, w2 / back) to X and Y, see the top, for a body and eps.
+    """Constants of a body and eps that convert states (w1, w2) to X and Y (see the top) and back.
 
-    X = a1 u + a2 v + K, Y = a2 u - a1 v; without a rotor u = m1 X + m2 Y, v = m2 X - m1 Y.
+    With u = w1 and v = w2 / back, X = a1 u + a2 v + K and Y = a2 u - a1 v. Without a rotor
+    u = m1 X + m2 Y and v = m2 X - m1 Y.
     """
 
     K: float
@@ -50,7 +51,7 @@ class Frame(NamedTuple):
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """Return the `Frame` of a body, and e. If g = 0 or eps = 0, m1 and m2 are not finite."""
+    """Return the `Frame` of a body, and e = eps / (2 sqrt(I1 I2)); m1, m2 not finite if g e = 0."""
     root_a = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / root_a, root_a / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
@@ -60,7 +61,7 @@ def frame_of(I1, I2, I13, I23, k, eps):
 
 @formula
 def XY_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return X and Y of a state; X = 0 if ell is 0 in floating point."""
+    """Return X = e ell and Y of a state (see the top); X = 0 if ell is 0 in floating point."""
     return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
 
 
@@ -94,7 +95,7 @@ def decaying_step(X, Y):
 
 @formula
 def leave_plain(frame, X, Y):
-    """Return the state that has this X and Y, without a rotor."""
+    """Return the state (w1, w2) that has this X and Y, for a body without a rotor."""
     return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
 
 
@@ -115,7 +116,7 @@ def turn(X, Y, K):
 
 @formula
 def general_step(frame, X, u, v):
-    """Return X, u and v after a step of any orbit, and 1 if the state was a pole, else 0."""
+    """Return X, u and v (see `Frame`) after a step of any orbit, and 1 at a pole, else 0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -136,7 +137,7 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Rescale (u, v) to the initial R, against drift; recompute X if that loses no digits."""
+    """Return X, u, v, with (u, v) rescaled to the initial R; X from u and v if it keeps digits."""
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)

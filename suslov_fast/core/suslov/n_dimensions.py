@@ -55,7 +55,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 @formula
 def sum_terms(J, I, w, half):
-    """Return 1 / d, I w / d, I**2 / d and w**2 / d of a component, with d = J - half."""
+    """Return 1 / d, I w / d, I**2 / d and w**2 / d of a component; d = J - half and half = h p."""
     inverse = 1.0 / (J - half)
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
@@ -63,7 +63,7 @@ def sum_terms(J, I, w, half):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Solve the two equations for I.delta and w.delta by Cramer's rule.
+    """Solve the two equations for I.delta and w.delta (see the top) by Cramer's rule.
 
     Return the factors of w_i / d_i and I_i / d_i in delta_i, True if they are accurate, and the
     determinant.
@@ -81,7 +81,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 @formula
 def fill_systems(c, b, a, begin, lanes):
-    """Fill the systems (16) of lanes from `begin` on: A(w), and w as the right side."""
+    """Fill `a` (m, m + 1, lanes) with the systems A(w) w_next = w of lanes from `begin` on."""
     m = len(a)
     for i in range(m):
         for l in range(begin, begin + lanes):
@@ -100,7 +100,7 @@ def fill_systems(c, b, a, begin, lanes):
 
 @formula
 def compute_factors(c, b, lanes):
-    """Compute 1 / d and the factors of the increment; return how many lanes need elimination.
+    """Compute 1 / d and the factors of the increment delta; return how many lanes need elimination.
 
     Terms i and M/2 + i are added in pairs, which halves the number of stores.
     """
@@ -165,7 +165,7 @@ def compute_sums(c, b, lanes):
 
 @inlined
 def eliminate_one(c, b, l, memory):
-    """Take the step of lane l by `solve`; set its increment to 0; return its status."""
+    """Take the step of lane l with pivoting (`solve`), not by increments; return its status."""
     a, units = memory
     m = len(units[0])
     fill_systems(c, b, a, l, 1)
@@ -250,7 +250,7 @@ def gauss_memory(system):
 
 
 class NDSystem(NamedTuple):
-    """A body and a step size, for `compiled`."""
+    """A body in n dimensions and a step size, for `compiled`."""
 
     J: Any  # (m,)
     I: Any  # (m,)
@@ -288,7 +288,7 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate one part of the trajectories, in O(n) a step or `by_elimination`.
 
-    That is True or None, because Numba then compiles one branch alone.
+    `by_elimination` is True or None. Because it is not False, Numba compiles one branch alone.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
@@ -370,7 +370,7 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
 
 @inlined
 def end_lane(c, b, l):
-    """Set the state and the step size of a lane to NaN."""
+    """Set the state and eps of a failed lane to NaN, so that it needs no elimination."""
     b[EPS, l] = np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = np.nan

@@ -67,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace orientations r by r cay(S) in all lanes; b (D, lanes) gives S, see the top."""
+    """Replace r by r cay(S) in all lanes, S / 2 = b e_n^T - e_n b^T; b is (D, lanes)."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
@@ -98,7 +98,7 @@ def turn_lanes(r, b, c):
 
 @function
 def clean(r, gram, cleaned):
-    """Take one step of Newton's method to the nearest orthogonal matrix, r (3 - r^T r) / 2."""
+    """Replace r by r (3 - r^T r) / 2, a Newton step to the nearest orthogonal matrix."""
     n, _, lanes = r.shape
     for i in range(n):
         for j in range(n):

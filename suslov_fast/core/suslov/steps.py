@@ -87,10 +87,10 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
+    """Fill lanes with trajectories from `first` on, at state 0; return how many are plain.
 
-    A single plain trajectory counts as LANES. Lanes beyond `width` repeat the first trajectory.
-    `b` is (ROWS, LANES); the other arrays are as in `steps`.
+    See `suslov.map` for plain states. A single plain trajectory counts as LANES. Lanes beyond
+    `width` repeat the first one. `b` is (ROWS, LANES); the other arrays are as in `steps`.
     """
     full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
@@ -122,7 +122,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
 @formula
 def continue_lanes(b, lanes, first, width, carry):
-    """Fill lanes with trajectories where they stopped; return what `start_lanes` returns."""
+    """Fill lanes with trajectories from `carry`, where they stopped; return as in `start_lanes`."""
     plains = FIRST
     for l in range(lanes):
         for j in range(CARRIED):

@@ -35,13 +35,13 @@ _ODD = 1000  # above factors of denominators of fractions of floats, and of rati
 
 
 def rational(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction; a float has its binary value."""
+    """Return a number as a fraction, a float by its binary value; `name` is for error messages."""
     refuse(name, value)
     return as_fraction(name, value)
 
 
 def rationals(name: str, value: Any, count: int) -> Point:
-    """Return a point with `count` coordinates, as fractions."""
+    """Return the `count` coordinates of a point as fractions; `name` is for error messages."""
     given = np.asarray(value, object)
     if given.shape != (count,):
         how = ": pass one state at a time, as in [f(x) for x in states]" * (given.ndim > 1)
@@ -62,8 +62,8 @@ def constant(name: str, value: Any) -> Fraction:
 def as_written(a: Any) -> Fraction:
     """Return the number that a float was written as: a decimal, such as 0.1, or a ratio, as 8/3.
 
-    A decimal has at most 15 digits, or 12 if it differs from the float by rounding errors. A ratio
-    has a denominator of at most 1000. Other floats keep their binary values.
+    Decimals up to 12 digits, and ratios with denominators up to 1000, may differ from the float by
+    rounding errors. Longer decimals, up to 15 digits, may not. Other floats keep binary values.
     """
     binary = Fraction(a)
     q = binary.denominator
@@ -98,20 +98,20 @@ def random_prime(rng: random.Random, bits: int = 62) -> int:
 
 
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
-    """Return the point (x1, ..., xD, 1) modulo a prime."""
+    """Return the point (x1, ..., xD, 1) modulo a prime, for rational numbers x."""
     return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
 
 
 def prime_for(numbers: Iterable[Any]) -> int:
-    """Return a prime of 62 bits that these integers determine.
+    """Return a random prime of 62 bits, always the same one for the same integers.
 
-    They seed the random generator that draws it, so none is a multiple of it, except by chance.
+    The integers seed the random generator. So the prime divides none of them, except by chance.
     """
     return random_prime(random.Random(" ".join(map(hex, numbers))))
 
 
 def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
-    """Return a random point modulo a prime; without `rng` always the same one."""
+    """Return a random point (x1, ..., xn, 1) modulo p; without `rng` always the same one."""
     rng = rng or random.Random(0)
     return point_modulo(p, [rng.randrange(p) for _ in range(n)])
 
@@ -144,7 +144,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return the extra arguments of a flint matrix with entries like a: [p] modulo p, else []."""
+    """Return what flint's matrices need after their entries: [p] for a number modulo p, else []."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 
@@ -155,7 +155,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Return a null space basis as rows: a row's last nonzero entry is 1, and 0 in other rows."""
+    """Return a null space, as rows: a row's last nonzero entry is 1, where other rows have 0."""
     columns, dimension = matrix.nullspace()
     return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 

@@ -49,11 +49,10 @@ FEW = 100  # products of polynomials times the degree of a map, of an image on a
 
 
 class RationalMap(WithLetters):
-    """A birational map, exact, with components F_i / F_0; made by `rational_map`.
+    """An exact birational map x_i~ = F_i(x) / F_0(x), made by `rational_map`.
 
-    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
-    pole, a point without an image, its methods raise `ZeroDivisionError`. `inverse` is None if it
-    was not given.
+    Called with a point, D rational numbers, it returns the next point, a tuple of fractions. At a
+    pole, a point without an image, methods raise `ZeroDivisionError`. `inverse` may be None.
     """
 
     letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
@@ -78,11 +77,11 @@ class RationalMap(WithLetters):
 
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
-        """The components of the image, in the variables and the symbolic letter."""
+        """The components F_i / F_0 of the map, as functions of its variables and letters."""
         return self._in_letters(self.forms)
 
     def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return F_i / F_0 for these forms: factored functions of the map's variables."""
+        """Return F_i / F_0 for forms F_1, ..., F_D, F_0, with the names of the map's variables."""
         *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
         return tuple(F / denominator for F in numerators)
 
@@ -115,13 +114,13 @@ class RationalMap(WithLetters):
 
     @cached_property
     def coefficients(self) -> list[int]:
-        """The integers that define the map."""
+        """The integer coefficients of F_1, ..., F_D, F_0; `prime` depends on them."""
         return [int(c) for F in self.forms for c in F.coeffs()]
 
     def generator(self, number: int = 0) -> random.Random:
-        """Return a generator of random numbers for computations with the map.
+        """Return a generator of random numbers, a different one for each `number`.
 
-        Its seed contains `prime`, because a fixed prime may divide coefficients of the map.
+        Its seed depends on the map. So the primes it draws divide coefficients only by chance.
         """
         return random.Random(f"{number} {self.prime}")
 
@@ -141,7 +140,7 @@ class RationalMap(WithLetters):
         return [value_at(F, x, self.degree) for F in self.forms]
 
     def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
-        """Return the values of the forms at a point; with `slopes`, of their derivatives, too."""
+        """Return rows: the forms' values at x and, with `slopes`, the derivatives of each form."""
         modulus = arithmetic.moduli(x[0])
         if self._latest[0] != modulus:
             forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
@@ -300,7 +299,7 @@ class RationalMap(WithLetters):
     # The Jacobian determinant, its factors, and the cofactors that are products of these.
 
     def _determinant(self) -> RationalFunction | None:
-        """Return det DPhi in factors; None if they are too long."""
+        """Return det DPhi in factors; None if the factors are too long."""
         # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
         n = self.dimension
         if self.cost_of_factors > LONGEST:
@@ -313,7 +312,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
-        """det DPhi in factors, the cofactor C of P for densities 1 / P; None if too long, or 0."""
+        """det DPhi in factors, the cofactor of P for densities 1 / P; None if 0 or too long."""
         return self._determinant() if self.is_invertible else None
 
     @property
@@ -323,7 +322,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def factors(self) -> list[Any] | None:
-        """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
+        """The irreducible factors of F_0 and of det DPhi, or None if they are too long."""
         if self.jacobian_cofactor is None:
             return None
         powers = (*self.jacobian_cofactor.factors, *irreducible_factors(self.denominator))
@@ -331,7 +330,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _on_random_line(self) -> tuple[Any, ...]:
-        """A random line with the parameter x1, and F and the factors on this line."""
+        """A random line in x1, and F_1, ..., F_D, F_0 and the `factors` on it, for `cofactor`."""
         (t, *_, one), rng = self.variables, random.Random(0)
         ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
         line = [*(a * t + b for a, b in ends), one]

@@ -48,12 +48,12 @@ _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coeff
 
 
 class Passage(NamedTuple):
-    """The orders in t of a germ across a contracted curve, step by step.
+    """The orders in t of the images of germs c + t v, with points c of a contracted curve.
 
-    All germs begin at one point after 1, ..., `steps` - 1 steps, and then cross a curve again.
-    `steps` is None if they do not within the computed steps. After k steps, `common_orders[k - 1]`
-    is the order of the common factor of the next image. `curve_orders[k - 1]` has the orders of the
-    curves. Both end at the last point without an image. If there is no last, it is `endless`.
+    After 1, ..., `steps` - 1 steps all images begin at one point; after `steps` steps, at a curve.
+    `steps` is None if that takes too long. The image after k + 1 steps is divided by t to the power
+    `common_orders[k - 1]`. `curve_orders[k - 1]` has the order of each curve's equation after k
+    steps. Both end at the last point without an image; `endless`: none is found to be the last.
     """
 
     common_orders: tuple[int, ...]
@@ -63,7 +63,7 @@ class Passage(NamedTuple):
 
 
 class Plane:
-    """A birational map of the plane in homogeneous coordinates, and the curves it contracts."""
+    """A birational map of the plane: homogeneous `forms`, and equations of contracted `curves`."""
 
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
@@ -76,12 +76,12 @@ class Plane:
         self.degrees = [degree_of(P) for P in self.curves]
 
     def text(self, number: int) -> str:
-        """Return the equation of a curve as text."""
+        """Return the equation of the contracted curve with this number as text."""
         P = renamed(self._affine(number), self.map.names, self.map.letter)
         return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:
-        """Return the number of conjugate curves over the complex numbers that make up a curve."""
+        """Return into how many conjugate curves this curve splits over the complex numbers."""
         return max(1, count_factors(self._affine(number)))
 
     def _affine(self, number: int) -> Any:
@@ -90,9 +90,9 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """The image of a germ, divided by its common factor t**common_order.
+    """One step of a germ, a series in t: its image, divided by the common factor t**common_order.
 
-    `curve_orders` are orders in t of the curves along the germ itself, at most its number of terms.
+    `curve_orders` are the orders in t of the equations of curves along the germ before the step.
     """
 
     germ: list[Any]
@@ -101,7 +101,7 @@ class Step(NamedTuple):
 
 
 class PlaneModulo:
-    """The forms and curves of a `Plane` modulo a prime, and at a number in place of eps."""
+    """A `Plane` modulo a prime, with a number in place of eps; it follows germs step by step."""
 
     def __init__(self, plane: Plane, p: int, eps: Values, seed: int) -> None:
         self.p, self.rng = p, random.Random(seed)
@@ -113,9 +113,9 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor modulo p of a curve, with points modulo p for germs; None without one.
+        """Return a factor modulo p of the equation of a curve, for `germ`; None without one.
 
-        Germs need a factor, because conjugate lines, one curve, are contracted to different points.
+        Conjugate lines are listed as one curve, but are contracted to different points.
         """
         P = self.curves[number]
         if P == 0:
@@ -126,7 +126,7 @@ class PlaneModulo:
         return None
 
     def germ(self, component: Any) -> list[Any] | None:
-        """Return a germ across a component at a random point, as three polynomials in t.
+        """Return a germ c + t v at a random point c of a component: three polynomials in t.
 
         The point is an intersection of a random line with the component.
         """
@@ -144,7 +144,7 @@ class PlaneModulo:
         return None
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
-        """Return the `Step` to the image of a germ; None if all known terms of the image are 0."""
+        """Return the `Step` from a germ, by `terms` powers of t; None if the image's are all 0."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -158,7 +158,7 @@ class PlaneModulo:
         return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
-        """Return the passage of two germs across a curve; None if they differ in `most` steps."""
+        """Return the `Passage` of two germs, by up to `most` steps; None if their orders differ."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
@@ -169,7 +169,7 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the passage of two germs or None; it is `endless` if there are too few terms."""
+        """Return the `Passage` by the first `terms` powers of t, `endless` if these are too few."""
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps whose orders of curves are less than the number of terms
@@ -206,14 +206,14 @@ class PlaneModulo:
 
 
 def _order(P: Any, terms: int) -> int:
-    """Return the order of a power series, or the number of terms if they are all 0."""
+    """Return the lowest power of t in the first `terms` terms, or `terms` if they are all 0."""
     return next((k for k, c in enumerate(P.coeffs()[:terms]) if c), terms)
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the passages across all contracted curves, of `most` steps, on which two primes agree.
+    """Return the `Passage` across each contracted curve, computed modulo primes by `most` steps.
 
-    None if no primes agree.
+    Two primes must agree on each passage; the result is None if they do not.
     """
     rng, numbers = plane.map.generator(), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
@@ -231,7 +231,7 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 
 def _agree(passages: list[Passage]) -> bool:
-    """Return True if the last passage equals the passage of another prime."""
+    """Return True if the last passage, of the last prime, equals an earlier one."""
     return bool(passages) and passages[-1] in passages[:-1]
 
 
@@ -242,7 +242,7 @@ _NUMBERS = range(1, 9)  # in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
-    """Return True if the orders of a passage are exact, up to its last point without an image.
+    """Return True if the orders of a passage, found modulo primes, are proved to be exact.
 
     Orders modulo a prime are at least the true orders, so orders that are 0 are exact.
     """
@@ -263,7 +263,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
 
 class _Germs:
-    """Germs at the general point of a curve: polynomials in eps, r, s, t (see top of the file)."""
+    """Exact germs across a curve: polynomials in t, a parameter s, an algebraic number r, eps."""
 
     def __init__(self, plane: Plane, number: int) -> None:
         self._plane, self._curve = plane, plane.curves[number]
@@ -283,7 +283,7 @@ class _Germs:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return a point of the curve on a fixed line; any of its conjugate points would do."""
+        """Return a point of the curve on a fixed line; its coordinates contain a root r."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
@@ -310,12 +310,12 @@ class _Germs:
         return [P.derivative(self._plane.symbolic + j) for j in range(3)]
 
     def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
-        """Return the values of forms, without the powers of t from `terms` on."""
+        """Return the values of forms at x, without the powers t**k with k >= `terms`."""
         values = (F.compose(*self._eps, *x, ctx=self._ring) for F in forms)
         return [self._reduced(_cut(P, terms)) for P in values]
 
     def _reduced(self, P: Any) -> Any:
-        """Return the remainder of P by the polynomial with the root r."""
+        """Return P with lower powers of r: the remainder by the polynomial with the root r."""
         n = int(self._modulus.degrees()[-3])
         while (k := int(P.degrees()[-3])) >= n:
             P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
@@ -343,9 +343,9 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if the orders of a passage are multiplicities of forms and curves, so exact.
+        """Return True if orders are the multiplicities of forms and curves at the orbit's points.
 
-        Derivatives below an order must vanish at its point. The last point alone has no image.
+        Such orders are exact. Derivatives below an order are 0; only the last point has no image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:
@@ -369,7 +369,7 @@ class _Germs:
         return False
 
     def _simplest(self, x: list[Any]) -> list[Any]:
-        """Return the multiple of a point that has a coordinate without r."""
+        """Return the same point with homogeneous coordinates, one of which does not contain r."""
         n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
         zeros = [self._ring.constant(0)] * n
 
@@ -393,23 +393,23 @@ class _Germs:
 
 
 def _cut(P: Any, terms: int) -> Any:
-    """Return a polynomial without the powers of t from `terms` on."""
+    """Return a polynomial without the powers t**k with k >= `terms`."""
     return P.context().from_dict({e: c for e, c in P.to_dict().items() if e[-1] < terms})
 
 
 def _order_in_t(P: Any, terms: int) -> int:
-    """Return the order in t, or the number of terms if all are 0."""
+    """Return the lowest power of t in a polynomial, or `terms` if the polynomial is 0."""
     return min((int(e[-1]) for e in P.monoms()), default=terms)
 
 
 def _divided(P: Any, order: int) -> Any:
-    """Return a polynomial divided by a power of t."""
+    """Return a polynomial divided by t**order."""
     terms = P.to_dict().items()
     return P.context().from_dict({(*e[:-1], e[-1] - order): c for e, c in terms})
 
 
 def without_common_factor(x: Sequence[Any]) -> list[Any]:
-    """Divide polynomials by their common factor that does not depend on the last variable."""
+    """Return polynomials divided by their common factor that does not contain the last variable."""
     ring = x[0].context()
     common = ring.constant(0)
     for P in x:

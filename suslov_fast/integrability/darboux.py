@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of polynomials P with P(Phi) = sign C P; the cofactor None means det DPhi."""
+    """Return a basis of all P up to a degree with P(Phi) = sign C P; C = None means det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -54,7 +54,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
-    """Return the dimension of the result of `space_of`, modulo one prime."""
+    """Return the number of polynomials of `space_of`, modulo one prime only, which is fast."""
     matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
@@ -133,7 +133,7 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield cofactors of polynomials of a degree that are 0 at the poles of the map.
 
-    Such a polynomial need not divide its pullback, so that its cofactor is no candidate.
+    Such a polynomial need not divide its pullback, so `candidate_cofactors` may not find its C.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
@@ -148,7 +148,7 @@ def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, 
 
 
 class _Points(NamedTuple):
-    """Random points modulo a prime, and monomials up to a degree at them and at their images."""
+    """Random points `x` modulo a prime, and the values of monomials at `x` and at its images."""
 
     map: RationalMap  # at eps
     eps: Values
@@ -157,7 +157,7 @@ class _Points(NamedTuple):
     of_images: list[list[Any]]
 
     def times(self, cofactor: Any, sign: int = 1) -> list[list[Any]]:
-        """Return the monomials at the points times a cofactor."""
+        """Return the rows of `monomials`, each times `sign` and the cofactor at its point."""
         try:
             values = self._values_of(cofactor)
         except ZeroDivisionError:
@@ -175,7 +175,7 @@ class _Points(NamedTuple):
 
 @lru_cache(maxsize=32)
 def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Points:
-    """Return random points, the same for all cofactors."""
+    """Return random points, more than monomials up to a degree; the same for all cofactors."""
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
     x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
@@ -185,9 +185,9 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield products C of powers of factors such that c C may be a cofactor, with a constant c.
+    """Yield products C of powers of the map's factors; c C may be a cofactor for a constant c.
 
-    The conditions are necessary, not sufficient: `with_constants` finds c, if there is one.
+    Polynomials of the degree need not exist: `with_constants` finds c, if they do.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
@@ -216,7 +216,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return the minimal polynomial of pullback / candidate, by n points from `start`."""
+            """Return the minimal polynomial of P -> P(Phi) / candidate, by n random points."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
@@ -235,7 +235,7 @@ def _divisors(
     """Yield the exponents of products of factors that divide the pullback of some polynomial.
 
     The test is modulo a prime, on random lines. The product has the degree `degree` * (map.degree -
-    1), so that the quotient has `degree`. One factor may be the hyperplane at infinity.
+    1), so that the quotient has `degree`. `at_infinity` adds a factor, the hyperplane there.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -273,7 +273,7 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Extend exponents of the first factors by the others, to products of the degree `left`."""
+        """Yield exponents that begin with `powers`; the other factors have the degree `left`."""
         k = len(powers)
         if k == len(divisors):
             yield powers[at_infinity:]

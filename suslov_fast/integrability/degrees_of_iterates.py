@@ -166,7 +166,7 @@ def _kind(power: int) -> str:
 
 
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return the growth by the shortest recurrence with suitable roots; None without one."""
+    """Return the growth by the shortest recurrence that `_growth_of` accepts; None without one."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
@@ -197,13 +197,13 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
 
 
 def moduli_outside(factor: Any) -> list[float]:
-    """Return the moduli of the roots outside the unit circle of an irreducible polynomial."""
+    """Return the moduli above 1 of the complex roots of an irreducible polynomial."""
     roots = () if factor.is_cyclotomic() else factor.complex_roots()
     return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
 
 
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
-    """Return the kind and entropy of a monic recurrence; None if its roots are not suitable."""
+    """Return the kind and entropy of a recurrence; None if its roots are excluded, see `growth`."""
     factors = flint.fmpz_poly(recurrence).factor()[1]
     # The power of n with which terms grow, if no root is outside the unit circle.
     power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
@@ -217,7 +217,7 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
 
 
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
-    """Return a recurrence as text, and say which of `number` degrees satisfy it."""
+    """Return a recurrence as text: `number` degrees satisfy it, but not the first `transient`."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"

@@ -59,8 +59,8 @@ class PlanarEntropy:
 
     The entropy is the logarithm of the largest root of `polynomial`. This is the characteristic
     polynomial of the action on the plane blown up at the points of confined orbits. `minimal` is
-    the factor with this root. `degrees` are the degrees of the first iterates, as the contracted
-    curves give them. `proved` is True if the entropy is proved, and `based_on` says by what.
+    the factor with this root. `degrees` are the degrees of the first iterates, as the curves in
+    `contractions` give them. `proved` is True if the entropy is proved; `based_on` says by what.
     Without an entropy, `reason` says why.
     """
 
@@ -84,7 +84,7 @@ class PlanarEntropy:
         return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
-        """Return how degrees of the first iterates contradict the expected degrees, or ""."""
+        """Return a text if degrees of the first iterates differ from the expected ones, else ""."""
         expected = [*self.degrees[: len(degrees)]]
         if [*degrees[: len(expected)]] == expected:
             return ""
@@ -157,7 +157,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
 
 def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
-    """Return the entropy of degrees with the generating function P / Q, without a proof."""
+    """Return the entropy for degrees with the generating function P / Q = `series`, not proved."""
     P, Q = series
     # A root 0 of the polynomial for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())
@@ -187,7 +187,7 @@ def proved_by_integral(
 
 
 def _few_degrees(map: RationalMap) -> Iterator[int]:
-    """Yield the degrees of iterates on random lines while they take little time."""
+    """Yield degrees of iterates on random lines, while they take little time, for a comparison."""
     for degree in islice(agreed_degrees(map), _DEGREES):
         yield degree
         if degree > _HIGHEST:
@@ -245,7 +245,7 @@ def _in_x(polynomial: Any) -> Any:
 
 
 def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
-    """Return the factor with the largest root, and its modulus; x - 1 and 1 if none is above 1."""
+    """Return the factor with the largest root, and its modulus; (x - 1, 1) if all are at most 1."""
     moduli = ((max(moduli_outside(f), default=1.0), f) for f, _ in polynomial.factor()[1])
     modulus, factor = max(moduli, key=itemgetter(0), default=(1.0, None))
     return (factor, modulus) if modulus > 1.0 else (flint.fmpz_poly([-1, 1]), 1.0)

@@ -176,7 +176,7 @@ def hk_bases(
 
 
 def _exponents_of(monomials: Any, n: int) -> Exponents:
-    """Return the exponents of monomials in n variables; for a degree, in ascending order."""
+    """Return the exponents that a user passed, checked; for a degree, all exponents up to it."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)
         check_unknowns("monomials", degree, n, _MOST)

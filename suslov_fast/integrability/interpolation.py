@@ -40,13 +40,13 @@ _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
 class Watch:
-    """Callbacks during an interpolation. An exception in a method ends the search."""
+    """Callbacks of `over_rationals`, to show progress; an exception in one ends the search."""
 
     def at_values(self, done: int) -> None:
-        """Receive how many searches, at numbers for letters, are done, before each further one."""
+        """Take the number of searches done; called before each search at numbers for letters."""
 
     def gave_up(self, reason: str) -> None:
-        """Receive the reason why functions are left out."""
+        """Take the reason why `over_rationals` returns None."""
 
 
 _NOBODY = Watch()
@@ -54,14 +54,14 @@ watch = ContextVar("watch", default=_NOBODY)
 
 
 class Unknown(ArithmeticError):
-    """The functions have too many terms or too high degrees."""
+    """Raised if functions have too many terms, or too high degrees, to be interpolated."""
 
 
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
-    """Return the matrix that ``search(p, values)`` finds modulo p, with entries N / D in letters.
+    """Return a matrix of rational functions N / D of `count` letters, as rows of pairs (N, D).
 
-    `values` are random numbers in place of `count` letters. N and D are coefficients by exponents.
-    The result is None if coefficients are too long, or if there are too many terms.
+    ``search(p, values)`` must return the matrix modulo p, at `values` of the letters. N and D are
+    coefficients by exponents. None if coefficients are too long, or if there are too many terms.
     """
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their terms
     candidate: Rows | None = None
@@ -90,7 +90,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
 
 
 def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
-    """Return the rows of a search modulo a prime as quotients of polynomials in letters."""
+    """Return the matrix of a search modulo p, with pairs (N, D) in place of the values `found`."""
     if not count:
         return [[({(): c}, {(): 1}) for c in row] for row in found]
     shape, done = [*map(len, found)], itertools.count()
@@ -109,7 +109,7 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return rows with the terms in `shape`, and the simplest fractions with these residues."""
+    """Return rows with the terms in `shape`; their fractions have the `residues` modulo primes."""
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -122,7 +122,7 @@ def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
 
 
 def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> bool:
-    """Return True if rows at these numbers agree with the rows `found`, modulo a prime."""
+    """Return True if `rows`, at `values` of the letters, are equal to `found` modulo p."""
 
     def value(terms: Terms) -> int:
         return value_of({e: int(flint.nmod(fmpq(c), p)) for e, c in terms.items()}, values, p)
@@ -135,7 +135,7 @@ def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> boo
 
 
 def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
-    """Return the value of a polynomial modulo a prime."""
+    """Return the value modulo p, at a point x, of the polynomial with these coefficients."""
     products = (
         c * math.prod(pow(a, k, p) for a, k in zip(x, e, strict=True) if k)
         for e, c in terms.items()
@@ -147,7 +147,7 @@ def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
 
 
 def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
-    """Return functions of `count` letters modulo p, as terms (N, D), from values that `box` gives.
+    """Return pairs (N, D) modulo p: functions N / D of `count` letters with the values `box(x)`.
 
     `ZeroDivisionError` means that a random point or line is special: another prime may do.
     """
@@ -159,7 +159,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         return [rng.randrange(1, p) for _ in range(count)]
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
-        """Return, for each varying entry, its values at the points s + z t, for all z."""
+        """Return, for each entry that is not constant, its values at s + z t for all z."""
         rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 
@@ -207,14 +207,14 @@ def _terms(P: Any) -> Terms:
 
 
 def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
-    """Return multiples of N and D, sorted by exponent, such that a coefficient of D is 1."""
+    """Return N and D, scaled to be unique: the last coefficient of D is 1; sorted by exponent."""
     scale = pow(D[max(D)], -1, p)
     N, D = ({e: c * scale % p for e, c in sorted(P.items())} for P in (N, D))
     return N, D
 
 
 class Line:
-    """A line s + z t modulo a prime: finds quotients of polynomials in z by their values."""
+    """Points `z` of a line modulo p, to find a quotient of polynomials in z by its values there."""
 
     def __init__(self, z: Sequence[int], p: int) -> None:
         self.p, self.z = p, z
@@ -227,7 +227,7 @@ class Line:
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
         """Return polynomials N and D of least degrees with these values of N / D; None without any.
 
-        There is none if values are too few, or if the degree of N falls to `lowest` in the search.
+        The search ends with None if values are too few, or the degree of N falls to `lowest`.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
@@ -246,7 +246,7 @@ def _size(N: Any, D: Any) -> int:
 
 
 class _Entry:
-    """One function N / D of letters: coefficients of N and D on lines, and terms once known."""
+    """One entry N / D in letters: collects N and D on lines s + z t, and finds their terms."""
 
     def __init__(self, degrees: Sequence[int], s: Sequence[int], p: int) -> None:
         self.degrees, self.s, self.p = degrees, s, p
@@ -254,7 +254,7 @@ class _Entry:
         self._on_lines: list[list[list[int]]] = []
 
     def add(self, pair: Any) -> None:
-        """Add the quotient on a further line, scaled so that D is 1 at s."""
+        """Add the pair (N, D) on a further line s + z t, scaled so that D is 1 at s."""
         if pair is None or pair[1][0] == 0:
             raise ZeroDivisionError
         scale = 1 / pair[1][0]
@@ -266,7 +266,7 @@ class _Entry:
         )
 
     def solve(self, points: Sequence[Sequence[int]]) -> None:
-        """Find the terms, if there are enough lines."""
+        """Set `parts`, the terms of N and D, if lines s + z t for `points` t are enough."""
         if not self.parts:
             parts = [self._part(number, points) for number in (0, 1)]
             self.parts = None if None in parts else parts  # type: ignore[assignment]
@@ -286,7 +286,7 @@ class _Entry:
 
 
 def _on_line(terms: Terms, s: Sequence[int], t: Sequence[int], p: int) -> list[int]:
-    """Return the coefficients in z of a polynomial at s + z t."""
+    """Return the coefficients in z, lowest first, of a polynomial at s + z t."""
     factors = [flint.nmod_poly([*pair], p) for pair in zip(s, t, strict=True)]
     products = (math.prod((f**k for f, k in zip(factors, e, strict=True) if k), start=c)
                 for e, c in terms.items())  # fmt: skip
@@ -331,7 +331,7 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
 def _recurrence(values: Sequence[int], p: int) -> Any:
     """Return the characteristic polynomial of the shortest linear recurrence of values.
 
-    It comes from Euclid's algorithm for z^n and the polynomial with these coefficients.
+    Euclid's algorithm for z^n and the polynomial with the coefficients `values` finds it.
     """
     n = len(values)
     last, R = flint.nmod_poly([0] * n + [1], p), flint.nmod_poly([*values[::-1]], p)

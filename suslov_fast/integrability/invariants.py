@@ -59,7 +59,7 @@ Powers = tuple[int, ...]  # of the generators; those that are left out are 0
 
 
 class Product(NamedTuple):
-    """A product of powers of generators."""
+    """A product g_1**e_1 g_2**e_2 ... of Darboux polynomials: its degree and the `powers` e."""
 
     degree: int
     powers: Powers
@@ -71,7 +71,8 @@ _ONE = Product(0, ())
 class Invariants:
     """The Darboux polynomials found of a map, and the integrals and measures that they imply.
 
-    The value of a cofactor at one random point modulo a prime identifies the cofactor.
+    `generators` are Darboux polynomials that are no combinations of products of others. In methods,
+    `value` stands for a cofactor: its value at one random point modulo a prime identifies it.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
@@ -92,19 +93,19 @@ class Invariants:
         self._point = arithmetic.random_point(map.dimension, self.p)
 
     def value(self, cofactor: Any) -> int:
-        """Return the value of a cofactor at the random point, which identifies the cofactor."""
+        """Return the value of a cofactor at a random point modulo a prime, which identifies it."""
         return int(cofactor.values_modulo(self.p, EPS, [self._point])[0])
 
     # Generators and their products.
 
     def multiply_up_to(self, degree: int) -> None:
-        """Compute the products of generators up to a degree, unless they are known."""
+        """Compute products of Darboux polynomials up to a degree, unless they are known."""
         if degree > self._degree_of_products:
             self._degree_of_products = degree
             self._start_with(self.generators)
 
     def add(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add a generator; return (value of cofactor, degree) of each new product."""
+        """Add a Darboux polynomial; return (value of cofactor, degree) of each new product."""
         self.multiply_up_to(generator.degree)
         added = self._multiply_by(generator)
         kept = [g for g in self.generators if not self._is_combination(g)]
@@ -113,7 +114,7 @@ class Invariants:
         return added
 
     def is_known(self, P: Any, cofactor: Any) -> bool:
-        """Return True if P is a constant or a combination of products of generators."""
+        """Return True if P is a constant or a combination of products of known polynomials."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
         elements = self.elements(self.value(cofactor), degree)
@@ -153,7 +154,7 @@ class Invariants:
         return new
 
     def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace a cofactor's generators by `polynomials` of equal degrees; return new ones."""
+        """Replace polynomials of one cofactor by others of equal degrees; return the new ones."""
         numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
         numbers.sort(key=lambda k: self.generators[k].degree)
         polynomials = sorted(polynomials, key=degree_of)
@@ -170,16 +171,16 @@ class Invariants:
         return new
 
     def highest(self, value: int) -> int:
-        """Return the highest degree of the generators with the cofactor of this value, or 0."""
+        """Return the highest degree of known polynomials with this cofactor value, or 0."""
         degrees = (g.degree for g in self.generators if self.value(g.cofactor) == value)
         return max(degrees, default=0)
 
     def texts(self, value: int) -> set[str]:
-        """Return the formulas of the generators with the cofactor of this value."""
+        """Return the formulas of known Darboux polynomials with this cofactor value."""
         return {str(g) for g in self.generators if self.value(g.cofactor) == value}
 
     def elements(self, value: int, degree: int) -> list[RationalFunction]:
-        """Return independent products of the cofactor `value`, up to a degree, short ones first."""
+        """Return independent products up to a degree with this cofactor value, shortest first."""
         products = [product for product in self.products.get(value, ()) if product.degree <= degree]
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
@@ -253,7 +254,7 @@ class Invariants:
         return [f**-1 for f in self.elements(self.value(cofactor), most)]
 
     def _density_from_relations(self, det: RationalFunction) -> list[RationalFunction]:
-        """Return, in a list, a product of powers of generators with the cofactor 1 / det DPhi."""
+        """Return [f], f a product of powers of generators with the cofactor 1 / det DPhi, or []."""
         rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
         single = [row for row in rows if abs(row[0]) == 1]
         return [self.power_product([sign * e for e in powers]) for sign, *powers in single[:1]]
@@ -280,7 +281,7 @@ def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the higher degree is above; if equal, the denominator is not 0 at 0."""
+    """Return f or 1 / f: the numerator has the higher degree, or the denominator is not 0 at 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -290,7 +291,7 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
-    """Return a function of f that has a nonconstant limit for eps to 0."""
+    """Return f, or a function of f, such that its limit for eps to 0 is not constant."""
     if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
         return without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())
@@ -369,7 +370,7 @@ class NormalForms:
         self._done: dict[int, str] = {}  # spaces in normal form, by the value of the cofactor
 
     def update(self, value: int) -> list[RationalFunction]:
-        """Bring the space of a cofactor into normal form; return the new generators."""
+        """Bring the polynomials with this cofactor value into normal form; return new ones."""
         known = self.invariants
         elements = known.elements(value, known.highest(value))
         space = [known.polynomial(f) for f in elements]
@@ -394,7 +395,7 @@ def _modified_energy(map: RationalMap) -> list[Any]:
 
 
 def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
-    """Return the quotients of a basis by its first polynomial."""
+    """Return the quotients P_i / Q of a basis [Q, P_1, P_2, ...], without constant factors."""
     denominator, *others = basis
     return [without_constant(factored(P) / factored(denominator)) for P in others]
 
@@ -445,7 +446,7 @@ def is_definite(P: Any) -> bool:
 
 
 def in_echelon_form(space: Sequence[Any]) -> list[Any]:
-    """Return the basis with different first monomials, of high degree before low.
+    """Return a basis of the span, with different first monomials, of high degree before low.
 
     No polynomial contains the last monomial of a later one: constants are in the last.
     """

@@ -38,7 +38,7 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """The coefficients of x' = f(x) and of its Hamiltonian, functions of letters, by indices."""
+    """Coefficients in letters: `rates[i, j, k]` of x_j x_k in x_i'; `energy` in the Hamiltonian."""
 
     letters: tuple[str, ...]
     rates: dict[tuple[int, ...], RationalFunction]
@@ -78,7 +78,7 @@ class KahanMap(RationalMap):
         return self._at(None if self.eps is None else -self.eps, -self._sign)
 
     def _at(self, eps: Fraction | None, sign: int = 1) -> KahanMap:
-        """Return the map for another eps, or for the symbol `sign` eps if `eps` is None."""
+        """Return the map for another eps, or for the symbol `sign` * eps if `eps` is None."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
         # These take long, and do not depend on eps.
@@ -153,7 +153,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def _forms(self) -> list[Any]:
-        """The `_equations` for the map's eps; an entry is a list of (j, a), for terms a x_j."""
+        """The rows of (A | b) at the map's eps; an entry is a list of (j, a), for terms a x_j."""
         if self.eps is None:
             eps, unit = self._sign * self.ring.gens()[0], 1
         else:
@@ -164,12 +164,12 @@ class KahanMap(RationalMap):
         ]
 
     def _system(self, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the rows of (A | b) at a point."""
+        """Return the rows of (A | b) at a point x, for the equations A x~ = b of the image x~."""
         zero = 0 * x[-1]
         return [[sum((a * x[j] for j, a in form), zero) for form in row] for row in self._forms]
 
     def _matrices(self, x: Sequence[Any]) -> tuple[Any, Any]:
-        """Return the matrices A (D, D) and b (D, 1) at a point of numbers."""
+        """Return the matrices A (D, D) and b (D, 1) of A x~ = b, at a point x of numbers."""
         D, modulus = self.dimension, moduli(x[0])
         new = flint.nmod_mat if modulus else flint.fmpq_mat
         if self._latest[0] != modulus:
@@ -200,7 +200,7 @@ class KahanMap(RationalMap):
 
     @property
     def denominator(self) -> Any:
-        """The determinant of A."""
+        """The determinant of A in A x~ = b: the common denominator of the image x~."""
         return self._solution[-1]
 
     def _determinant(self) -> RationalFunction | None:
@@ -290,7 +290,7 @@ def _slope(P: Any, i: int) -> Any:
 
 
 def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return scale (A | b), see `_equations`. A term v x_j x_k / scale also counts as v x_k x_j."""
+    """Return scale (A | b) as `_equations`; terms v x_j x_k / scale count as v x_k x_j, too."""
     forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
     for i in range(D):  # at eps = 0, A is the unit matrix and b is x
         forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]

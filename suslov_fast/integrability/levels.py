@@ -139,7 +139,7 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
 
 
 class _Solved(NamedTuple):
-    """The equations of a level after some variables are eliminated."""
+    """The equations of a level: `steps` give eliminated variables, `left` remain in `variables`."""
 
     steps: list[tuple[int, Any, Any]]  # a variable, and numerator and denominator of its value
     left: list[Any]  # equations
@@ -147,7 +147,7 @@ class _Solved(NamedTuple):
 
 
 class _Equations:
-    """The equations of the levels of integrals P / Q of a map."""
+    """The equations P / Q = constant for integrals of a map, from which its `Level` is made."""
 
     def __init__(self, map: RationalMap, integrals: Any, letter: str) -> None:
         self.map, self.letter, D = map, letter, map.dimension
@@ -192,7 +192,7 @@ class _Equations:
     # Which level.
 
     def by_value(self) -> Level | None:
-        """Return the level on which the integral equals the letter; None if it cannot be solved."""
+        """Return the level {integral = letter}; None if D > 3 or no variable can be eliminated."""
         if self.D > 3:
             return None
         ((P, Q),) = self.parts
@@ -200,7 +200,7 @@ class _Equations:
         return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
 
     def generic_point(self) -> tuple[list[Any], str]:
-        """Return a point and its text; a coordinate is the letter, with integrals of low degree."""
+        """Return a point of a generic level, and its text; one coordinate is the letter."""
         found = []
         for j in range(self.D):
             x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]
@@ -223,7 +223,7 @@ class _Equations:
         return [homogenized(R, degree, x, self.ring) for R in (P, Q)]
 
     def through(self, x: list[Any], where: str) -> Level:
-        """Return the level through a point."""
+        """Return the `Level` through a point x; `where` describes the point."""
         equations = []
         for P, Q in self.parts:
             value, below = self._values(P, Q, x)
@@ -295,7 +295,7 @@ class _Equations:
         return Level(found, *functions, how)
 
     def _without_letter(self, P: Any) -> Any:
-        """Return a polynomial in the ring of results, which may lack the letter."""
+        """Return a polynomial for results: in a ring without the letter if the level has none."""
         n = variables_of(P)
         terms = {(*e,) if self.letter else (*e[1:],): c for e, c in P.terms()}
         return polynomial_ring(n, bool(self.letter)).from_dict(terms)
@@ -305,7 +305,7 @@ class _Equations:
         return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
 
     def _check(self, found: RationalMap, embedding: list[Any], how: str) -> None:
-        """Raise an error unless the map of a level agrees with the map, modulo a prime."""
+        """Raise an error unless `found`, the map of a level, agrees with the map modulo a prime."""
         p, at_number, whole = found.prime, found.at_eps(EPS), self.map.at_eps(EPS)
         point = arithmetic.random_point(2, p)
 
@@ -378,6 +378,6 @@ def _of_variables(P: Any, places: list[int]) -> Any:
 
 
 def _in_ring(P: Any, ring: Any) -> Any:
-    """Return a polynomial, with a letter or without, in a ring with a letter."""
+    """Return a polynomial in `ring`, which has a letter even if the polynomial has none."""
     first = () if letters_in(P) else (0,)
     return ring.from_dict({(*first, *e): c for e, c in P.terms()})

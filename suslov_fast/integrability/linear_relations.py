@@ -203,7 +203,7 @@ def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return orbit points, x in their middle for short fractions, or first without an inverse."""
+    """Return `length` points of an orbit; x is in the middle, or the first without an inverse."""
     before = (length - 1) // 2 if map.inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
@@ -237,7 +237,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _RelationsOnLine:
-    """The relations of circuits at points of a random line, to find the degrees of integrals."""
+    """The relations between few monomials along a random line, to find the degrees of integrals."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
@@ -263,7 +263,7 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of the quotient of two coefficients; None if more points are needed."""
+        """Return the degree of a quotient of two coefficients; None if more points are needed."""
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
         pair = self._quotients.quotient(values, lowest=(len(values) - 1) // 2)

@@ -33,7 +33,7 @@ _HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
 
 
 class _Equations:
-    """The linear equations d/dv (g / f) = d/du (h / f) for g and h, on a random plane."""
+    """Equations d/dv (g / f) = d/du (h / f) on a random plane: solutions count factors of f."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)

@@ -182,8 +182,8 @@ def _first_coefficient(P: Any) -> Any:
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     """Return the primitive irreducible factors of a polynomial, and their powers.
 
-    They are sorted here, because results depend on their order, which python-flint 0.9 changed. It
-    sorts factors over the integers, but fails if a coefficient is large.
+    Factors are sorted here, because results depend on their order. They are found over the
+    rationals: over the integers python-flint 0.9 fails if a coefficient is large.
     """
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]

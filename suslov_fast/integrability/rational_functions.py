@@ -139,7 +139,7 @@ class RationalFunction(WithLetters):
         return math.prod(powers, start=self.constant)
 
     def _in_floats(self, x: FloatArray, letters: list[float]) -> FloatArray:
-        """Return the values (...) at states (..., D)."""
+        """Return floats (...) at states (..., D), with numbers in place of the letters."""
         product = np.full(x.shape[:-1], float(self.constant))
         for P, e in self.factors:
             if x.shape[-1] != (D := variables_of(P)):
@@ -246,7 +246,7 @@ class RationalFunction(WithLetters):
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
-        """Return pairs (P, e) of the numerator, a product of P**e; for -1 of the denominator."""
+        """Return pairs (P, e) for factors P**e of the numerator, or for -1 of the denominator."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property

@@ -188,7 +188,7 @@ class Report:
 
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return the line of a report on functions, with at most `most` formulas, or with `none`."""
+    """Return a line: the title, and up to `most` formulas of `known` functions, or else `none`."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
@@ -328,12 +328,12 @@ class _Watched(Watch):
 
     @property
     def left_out(self) -> list[str]:
-        """Notes on functions that were not interpolated."""
+        """Notes for the report: kinds of tasks that left out functions, and why."""
         left_out = self._left_out.items()
         return [f"Left out, because {why}: {', '.join(kinds)}." for why, kinds in left_out]
 
     def tell(self) -> None:
-        """Report the number of tasks to `progress`; end the search if that returns False."""
+        """Call ``progress(tasks done, tasks known)``; end the search if it returns False."""
         done = self._facts.queue.done
         parts = done + len(self._facts.queue.waiting)
         if callable(self._progress) and is_false(self._progress(done, parts)):
@@ -341,7 +341,7 @@ class _Watched(Watch):
 
 
 class _Stopped(BaseException):
-    """A report ends, because `progress` returned False."""
+    """Raised to end a report, because `progress` returned False."""
 
 
 def _special_values(system: Any, facts: Search) -> list[str]:

@@ -137,7 +137,7 @@ class Queue:
 
 
 class Written(tuple[RationalFunction, ...]):
-    """Integrals with a formula; the text says how many others there are."""
+    """Integrals with a formula; `others` is the number of integrals without one."""
 
     others = 0
 
@@ -146,7 +146,7 @@ class Written(tuple[RationalFunction, ...]):
 
 
 class Known(NamedTuple):
-    """The facts of a search that follow from other facts."""
+    """Integrals, measures and polynomials that follow from other facts of a `Search`."""
 
     integrals: tuple[RationalFunction, ...] = ()  # independent
     implicit: tuple[ImplicitIntegral, ...] = ()  # independent of those that are written out
@@ -251,7 +251,7 @@ class Search:
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return the task that finds the next degree; more follow if the recurrence needs more."""
+        """Return the task that finds the next degree of an iterate, and adds another if needed."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
@@ -319,7 +319,7 @@ class Search:
         return self._add_space(modified.as_quotient(ring)) if modified else []
 
     def _count_relations(self, k: int) -> Tasks:
-        """Count the integrals that relations up to degree k show."""
+        """Count the integrals that relations up to degree k show; yield tasks for formulas."""
         exponents = exponents_up_to(k, self.map.dimension)
         independent = count_relations(self.map, exponents).integrals
         if independent > (self.relations or 0):
@@ -384,7 +384,7 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return a task for polynomials of sign * cofactor up to degree k, later up to `last`."""
+        """Return a task for P up to degree k with P(Phi) = sign C P; k + 1, ..., `last` follow."""
 
         def run() -> Tasks:
             yield from self._find_polynomials(cofactor, sign, k)
@@ -423,7 +423,7 @@ class Search:
     # Polynomials that were found.
 
     def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add polynomials that share a cofactor, which is unknown by default."""
+        """Add polynomials that share a cofactor, by default unknown; return tasks that follow."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=sort_key))
@@ -456,7 +456,7 @@ class Search:
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
-        """Add a Darboux polynomial, unless it is a combination of products of others."""
+        """Add a Darboux polynomial, unless products of others give it; yield tasks that follow."""
         known = self.invariants
         if known.is_known(P, cofactor):
             return
@@ -519,7 +519,7 @@ class Search:
         yield Task(run, kind)
 
     def _searched(self) -> Iterator[str]:
-        """Yield descriptions of the parts of the search."""
+        """Yield texts for the report: what was searched, and up to which degree."""
         degrees = self.queue.finished()
         if self.degrees:
             is_unclear = math.isnan(growth(self.degrees, planar=self.map.is_planar).entropy)

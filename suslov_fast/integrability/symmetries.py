@@ -100,7 +100,7 @@ def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
 
 
 def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
-    """Return the equations for the entries of S, and then of b, modulo a prime."""
+    """Return the equations of reversing symmetries for the entries of S, then of b, modulo p."""
     n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
@@ -122,7 +122,7 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[
 
 
 def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
-    """Return the matrix of the products of equations and monomials, up to a degree."""
+    """Return a matrix: a row of coefficients for each equation times a monomial, up to a degree."""
     n, rows, entries = unknowns.nvars(), 0, list[int]()
     column = {e: k for k, e in enumerate(exponents_up_to(degree, n))}
     zeros = [0] * len(column)
@@ -190,7 +190,7 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> It
 
 
 def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
-    """Yield the eigenvectors of a matrix modulo a prime, one for each simple eigenspace."""
+    """Yield the eigenvectors of a matrix modulo a prime with one-dimensional eigenspaces."""
     identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
     for factor, _ in matrix.charpoly().factor()[1]:
         if factor.degree() == 1:

@@ -17,7 +17,7 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return a field, or `make`, by f(x1, ..., xn); n defaults to the number of arguments of f."""
+    """Return ``make(F, n)``, F(x) = f(x1, ..., xn), by default a field; n = 0 is found from f."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 

@@ -328,7 +328,10 @@ class Kernel(Patient):
         # Kernels that check indices or are interpreted may raise, which a
         # parallel loop of Numba ignores.
         may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
-        addresses = None if may_raise else _addresses(self.compiled, numba.typeof(arguments))
+        kind = None if may_raise else (self.compiled, _kind(arguments))
+        if kind not in known_addresses:
+            known_addresses[kind] = kind and _addresses(self.compiled, numba.typeof(arguments))
+        addresses = known_addresses[kind]
         if addresses is None:
             in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
         else:
@@ -356,7 +359,18 @@ def _start(loop, kernel, parts, arguments):
     call_address(loop, call_part, kernel, data, parts)
 
 
-@functools.cache
+known_addresses = {}  # results of `_addresses`, by kernel and kind of its arguments
+
+
+def _kind(argument):
+    """Return a key for Numba's type of an argument; `numba.typeof` takes 0.1 ms for all."""
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 

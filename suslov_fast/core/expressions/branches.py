@@ -29,14 +29,15 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 class Branches:
     """The surfaces on which branches of f change, and the parameters of f that hold the branches.
 
-    kinds          for each surface, jumps of f before kinks: a comparison, "floor" or a `Table`
+    kinds          the condition of each surface: a comparison, "floor" or a `Table`; surfaces
+                   where f jumps come first, then kinks, where f only bends
     jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
     P              how many other parameters f has; they come before the branches
     shifts         places in `kinds` of tables with an argument p + q, see `ElapsedTime`
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Count the parameters; the first `jumps` of `kinds` are jumps of f, the others kinks."""
+        """Count the parameters; `jumps` is how many surfaces of `kinds` are jumps of f."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -44,18 +45,19 @@ class Branches:
 
 
 def branch_count(kind):
-    """Return how many parameters hold the branch of a surface: 4 for a table, 1 otherwise."""
+    """Return how many parameters hold a branch of a surface of this kind: 4 for a table, else 1."""
     return Table.ROWS if is_table(kind) else 1
 
 
 def watch_of(f, kinds, jumps):
-    """Return the `Program` that finds the first surface of f on the straight line from x to y.
+    """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
-    It reads the values of all surfaces at x, their values at y, sides and levels of the surfaces of
-    events (see `TrajectoryRows`), and the table of f. f jumps at the first `jumps` of `kinds`.
-    The first result is the fraction of the line before a crossing, or 1 without one. The second is
-    1 if a surface is crossed, else 0. The third is 1 if f jumps at a crossed surface, else 0. The
-    others are the branches of kinks at y; for a table, its argument.
+    f jumps at the first `jumps` of its surfaces, which have the conditions `kinds` (see
+    `Branches`). The program reads the values of all surfaces at x and at y, sides and levels of the
+    surfaces of events (see `TrajectoryRows`), and the table of f. The first result is the fraction
+    of the line before a crossing, or 1 without one. The second is 1 if a surface is crossed, else
+    0. The third is 1 if f jumps at a crossed surface, else 0. The others are the branches of kinks
+    at y; for a table, its argument.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -111,9 +113,10 @@ def watch_of(f, kinds, jumps):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    Branches follow the P other parameters; `f.branches` is None if f has no branches. `by` are
-    numbers of parameters to differentiate by. `twice` is True if f is for `variational`. `actions`
-    are the actions of events, in the order of `EventSet`.
+    `results` are operands in the `Expressions` `values`. Branches follow the P other parameters;
+    `f.branches` is None if f has no branches. `by` are numbers of parameters to differentiate by.
+    `twice` is True if columns of derivatives are added to f later (`variational`). `actions` are
+    the `EventAction`s of events, in the order of `EventSet`.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -164,8 +167,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    `chosen` is (kinds of conditions, kinks, numbers of branches), three dicts by number. Return
-    four results: {old: new operand} and surfaces, in `fixed`; branches at a state, in `tests`; and
+    Values below `first` are given. `chosen` is three dicts by the number of a condition: kinds of
+    all conditions, kinds of kinks, and the number of the parameter of each branch. Return four
+    results: {old: new operand} and surfaces, in `fixed`; branches at a state, in `tests`; and
     shifts q of tables by number, from the pairs (p, q) in `shifted` (`ElapsedTime.shifts`).
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
@@ -207,8 +211,8 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 def _choosing(values, operations, of_clocks):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
-    `of_clocks` are the values that depend on clocks alone. A table of these that jumps counts as a
-    kink, because no motion slides along its knots.
+    Kinds are as in `Branches`. `of_clocks` are the values that depend on clocks alone. A table of
+    these that jumps counts as a kink, because no motion slides along its knots.
     """
     varying = [
         each
@@ -235,7 +239,7 @@ def _choosing(values, operations, of_clocks):
 
 
 def _watch(f, kinds, jumps, choices):
-    """Set the programs of f that find crossings: watched, watch, double_crossings and aim."""
+    """Set watched, watch, double_crossings and aim of f; arguments as in `double_crossings_of`."""
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch = watch_of(f, kinds, jumps)
@@ -244,7 +248,7 @@ def _watch(f, kinds, jumps, choices):
 
 
 def _derived(f, choices):
-    """Return the `Program` that computes the numbers in the table of f that `choices` change."""
+    """Return the `Program` of numbers in the table of f that the parameters `choices` change."""
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
     return Program(needed_for(f.fixed, results), results)
@@ -253,10 +257,11 @@ def _derived(f, choices):
 def _choices(tests, kinds, jumps, found, first):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    Values from number `first` on are the known branches; `found` are branches at the state, in
-    `tests`, the program so far. The first result is the number of the first jump of f with a new
-    branch, else -1. The second is 1 if any branch is new, else 0. The others are the branches at
-    the state: 1 or 0, the value of `floor`, or a table's argument.
+    Parameters from number `first` on hold the known branches of `kinds`, jumps of f in the first
+    `jumps` places. `found` are the branches at the state, operands in the program `tests` so far.
+    The first result is the place of the first jump of f with a new branch, else -1. The second is 1
+    if any branch is new, else 0. The others are the branches at the state: 1 or 0, the value of
+    `floor`, or a table's argument.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]
@@ -282,7 +287,7 @@ def _finite(values, argument):
 
 
 def _of_clocks(operations, fixed, clocks):
-    """Return the numbers of values that depend on clocks and parameters alone."""
+    """Return the numbers of values that depend on the values `clocks` and `fixed` alone."""
     found = {*clocks, *fixed}
     for _, number, operands in operations:
         if all(isinstance(a, float) or a in found for a in operands):
@@ -291,6 +296,6 @@ def _of_clocks(operations, fixed, clocks):
 
 
 def _is_0_times(values, operand):
-    """Return True if a value is a product with the constant 0: then it is 0 or NaN."""
+    """Return True if an operand is a product with the constant 0: then it is 0 or NaN."""
     name, of = values.of.get(operand, ("", ()))
     return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

@@ -8,8 +8,9 @@ from .tables import is_table
 def gradients(values, operations, results, D, by=()):
     """Return the derivatives of each result as a dict {component of the state: operand}.
 
-    The dict also has derivatives by the parameters with the numbers `by`. A derivative that is
-    missing is 0. The operations that compute derivatives are added to `values`.
+    `results` are values that `operations` compute from D components. The dict also has derivatives
+    by the parameters with the numbers `by`. A derivative that is missing is 0. The operations that
+    compute derivatives are added to `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -19,7 +20,7 @@ def gradients(values, operations, results, D, by=()):
 
 
 def _row_of(values, instruction, number, operands, rows):
-    """Return `_row` of a value; of a**c, even if made of products, it is c a**(c - 1) a'."""
+    """Return the row of value `number` by `_row`; of a**c that a user wrote, c a**(c - 1) a'."""
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
@@ -31,7 +32,7 @@ def _row_of(values, instruction, number, operands, rows):
 
 
 def _row(emit, instruction, number, operands, rows):
-    """Return the row {component: derivative} of an operation, from the rows of its operands."""
+    """Return the row {component: derivative} of value `number`; `rows` has the rows of operands."""
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
         truth = operands[0]
@@ -74,7 +75,7 @@ def _negative(emit, a):
 
 
 def _sum(emit, parts):
-    """Return the sum of factor times row over pairs (factor, row), {component: derivative}."""
+    """Return the row {component: derivative} that is the sum of factor * row over pairs `parts`."""
     total = {}
     for factor, row in parts:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None

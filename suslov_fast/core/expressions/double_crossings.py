@@ -53,15 +53,16 @@ class DoubleCrossings(NamedTuple):
     """Expression programs that decide whether a step hides crossings.
 
     told         the `Program` that decides, see below; None if no surface may be crossed twice
-    phases       the `Program` of arguments of waves at a state, or None
+    phases       the `Program` of the arguments of sin, cos and tan at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
     of_clocks    True if some surfaces depend on clocks alone
     of_states    True if some surfaces depend on states
 
     `told` reads values of the surfaces at five points, phases and rates there, the state at the
-    middle point, rtol, and the table. The first result is the largest e / |m|, see the top, or MOST
-    if the quartic or rates alone show two crossings. The second is 1 if points show two crossings,
-    else 0. The third is the step length divided by the length that waves allow.
+    middle point, rtol, and the table. The first result is the largest e / |m|, where e is an error
+    of interpolation and m the least value of the surface (top). It is MOST if the quartic or rates
+    alone show two crossings. The second is 1 if points show two crossings, else 0. The third is the
+    step length divided by the length that waves allow.
     """
 
     told: Program | None = None
@@ -72,15 +73,15 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """How many numbers `phases` gives at a point of a step, and how many `rates` gives."""
+        """How many results `phases` has, and how many `rates` has, at each point of a step."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
 def double_crossings_of(f, kinds, jumps, choices):
     """Return the `DoubleCrossings` of f.
 
-    f jumps at the first `jumps` of `kinds` (`Branches.kinds`); `choices` are the numbers of their
-    branches. Surfaces linear in clocks are left out, because each is crossed once at most.
+    f jumps at the first `jumps` of `kinds` (`Branches.kinds`); parameters with the numbers
+    `choices` hold their branches. Surfaces linear in clocks are left out: crossed once at most.
     """
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
@@ -117,7 +118,8 @@ def _humps(f, operations):
 def _rates_of(f, humps):
     """Return the `Program` that gives, for each of `humps`, its rate, and a size that counts as 0.
 
-    It reads the state, its change in a step at the present rate, rtol, and the table.
+    `humps` are the numbers of surfaces that may have humps. The program reads the state, its change
+    in a step at the present rate, rtol, and the table.
     """
     if not humps:
         return None
@@ -137,7 +139,12 @@ def _rates_of(f, humps):
 
 
 def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return `told` of `DoubleCrossings`; `own` has (place, operand, kind, branch) of surfaces."""
+    """Return the program `told` of `DoubleCrossings`: it decides if a step hides crossings.
+
+    `own` has (place, operand, kind, number of its branch) for each surface. `by_states`, `kinks`
+    and `humps` are numbers of values: the values that depend on states, the surfaces where f bends,
+    and the surfaces that may have humps. `inside` is `DoubleCrossings.inside`.
+    """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
     first_rate = first_phase + len(_ENDS) * of_phases
@@ -180,7 +187,10 @@ def _list_of(f, own, by_states, kinks, humps, inside):
 
 
 def _turns(operations, arguments):
-    """Return {value: how much its phase changes between points}; waves have these `arguments`."""
+    """Return {number of a value: changes of its phase between neighbouring points of a step}.
+
+    For each sin, cos or tan in `operations`, `arguments` has the argument at all points.
+    """
     found, arguments = {}, iter(arguments)
     for name, number, operands in operations:
         of = [found[a] for a in operands if not isinstance(a, float) and a in found]
@@ -199,8 +209,9 @@ def _turns(operations, arguments):
 def _told(points, rates, rounding, tells_nothing):
     """Return e / |m| of one surface (see the top), and 1 if points show two crossings, else 0.
 
-    `points` are its values; `rates` are its rates and their sizes, or None. Distances below
-    `rounding` are no crossings, and an |m| below `tells_nothing` counts as `tells_nothing`.
+    `points` are its values at five points of a step. `rates` is None, or its rates there and the
+    sizes that count as 0. Distances below `rounding` are no crossings, and an |m| below
+    `tells_nothing` counts as `tells_nothing`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
@@ -235,7 +246,7 @@ def _divided(points):
 
 
 def _least_near(coefficients, place):
-    """Return the least value of a quartic near `place`, or infinity without a minimum there."""
+    """Return the minimum near `place` of a quartic (see `_divided`), or infinity without one."""
     _, slope, bend = _of_quartic(coefficients, place)
     least = place - (slope / (bend + bend)).within(-0.25, 0.25)
     is_inside = (bend > 0.0) & (least > 0.0) & (least < 1.0)
@@ -243,7 +254,7 @@ def _least_near(coefficients, place):
 
 
 def _of_quartic(coefficients, u):
-    """Return the value, the slope and half the second derivative of a quartic at the place u."""
+    """Return value, slope and half the second derivative at u of a quartic (see `_divided`)."""
     value, slope, bend = coefficients[-1], 0.0, 0.0
     for end, c in zip(reversed(_ENDS[:-1]), reversed(coefficients[:-1]), strict=True):
         x = u - end
@@ -252,7 +263,7 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return the truth value: s has a minimum between points, and rates do not fit a line there."""
+    """Return the truth value: s has a minimum where `rates`, 0 within `zeros`, fit no line."""
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]
@@ -267,9 +278,10 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return {value: size}, the scale of its rounding error, in general the modulus.
+    """Return {number of a value: its size}, the scale of its rounding error.
 
-    A sum or difference has the sum of both sizes. `state` is {value: its operand in `values`}.
+    The size of a sum or difference is the sum of the sizes of its operands, other sizes are about
+    the modulus. `state` is {number of a value in `operations`: its operand in `values`}.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -288,7 +300,7 @@ def sizes_of(values, operations, state):
 
 
 def _degrees(f):
-    """Return {number: degree} of values with degree 0 or 1 in clocks, crossed at most once."""
+    """Return {number of a value: its degree in clocks}, if that is 0 or 1: crossed at most once."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
     for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]

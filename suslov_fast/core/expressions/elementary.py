@@ -21,7 +21,7 @@ def from_bits(bits):
 
 
 def _polynomial(coefficients, x):
-    """Return the value of a polynomial: pairs a + b x, then pairs of pairs with x**2, and so on."""
+    """Return c_0 + c_1 x + ...: first pairs c_0 + c_1 x, then pairs of pairs by x**2, and so on."""
     terms = [*coefficients]
     while len(terms) > 1:
         left = terms[len(terms) & ~1 :]
@@ -112,7 +112,7 @@ _SINH = tuple(map(float.fromhex, (
 
 
 def _less_log_2(x, low=None):
-    """Return n, the integer nearest to x / log 2, and high and low part of x + low - n log 2."""
+    """Return the integer n nearest x / log 2, and x + low - n log 2 in two parts; None means 0."""
     n = _nearest(x * _PER_LN2)
     first, second = x - n * _LN2[0], n * _LN2[1]
     if low is not None:
@@ -121,7 +121,7 @@ def _less_log_2(x, low=None):
 
 
 def _exp_of(r, low):
-    """Return exp(r + low) as (high, low)."""
+    """Return exp(r + low) as (high, low), for abs(r) up to log(2) / 2 and a small `low`."""
     high, rest = _sum(1.0, r)
     return high, rest + (low + (r * r) * _polynomial(_EXP, r))
 
@@ -213,13 +213,13 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return `result`, a logarithm of x - zero; -inf at x = zero, NaN below it, and inf at inf."""
+    """Return `result`, a logarithm of x - zero, with -inf at x = zero, NaN below it, inf at inf."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 
 
 def _log(k, f, rest=None):
-    """Return k log(2) + log(1 + f) + rest."""
+    """Return log(x) + rest for x = 2**k (1 + f), see `_exponent`; a `rest` of None is 0."""
     s = f / (2.0 + f)
     z, half = s * s, 0.5 * (f * f)
     low = k * _LN2[1] if rest is None else k * _LN2[1] + rest
@@ -379,7 +379,7 @@ def _less_quarters(x):
 
 
 def _sine_and_cosine(x):
-    """Return n + _SHIFT, and sin(r) and cos(r) in two parts, for x = r + n pi / 2 >= 0."""
+    """Return n + _SHIFT, and sin(r) and cos(r) in two parts; x >= 0 is reduced to r + n pi / 2."""
     n, r, low = _less_quarters(x)
     z = r * r
     cosine, rest = _difference(1.0, 0.5 * z)
@@ -394,7 +394,7 @@ def _is_odd(n):
 
 
 def _signed(x, n, *others):
-    """Return x times the signs of `others`, times -1 if n mod 4 is 2 or 3; n as for `_is_odd`."""
+    """Return x times the signs of `others`, and times -1 if m mod 4 is 2 or 3; n is m + _SHIFT."""
     x = x.then("bits_xor", n.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
     for other in others:
         x = x.then("bits_xor", other.then("bits_and", -0.0))
@@ -412,7 +412,7 @@ def cos(x):
 
 
 def tan(x):
-    """Return the tangent of r + n pi / 2: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
+    """Return the tangent of x = r + n pi / 2: sin(r) / cos(r), or -cos(r) / sin(r) if n is odd."""
     n, (sine, first), (cosine, second) = _sine_and_cosine(abs(x))
     sine, cosine, is_odd = sine + first, cosine + second, _is_odd(n)
     result = is_odd.select(-cosine, sine) / is_odd.select(sine, cosine)
@@ -429,7 +429,7 @@ ELEMENTARY = {
 
 @functools.cache
 def list_of(name):
-    """Return the operations of a function (its operands are 0, 1, ...), and its result's number."""
+    """Return the operations of a function, with operands 0, 1, ..., and its result's number."""
     function, count = ELEMENTARY[name]
     operations = []
 

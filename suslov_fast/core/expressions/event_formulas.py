@@ -76,12 +76,12 @@ class EventAction(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `KeyedProgram` that computes these operands of `Expressions`."""
+        """Return the `KeyedProgram` that computes the operands `results` of `Expressions`."""
         return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def with_parameters(actions, first):
-    """Return actions with parameters in place of constants, and a tuple of these constants.
+    """Return `EventAction`s with parameters in place of constants, and a tuple of the constants.
 
     The parameters have numbers from `first` on. So events that differ only by constants share code.
     """
@@ -121,7 +121,7 @@ def read_by(program, results):
 
 
 class EventProgram(NamedTuple):
-    """A `Program` that reads `rows` numbers of a motion, parameters, and scales (`Variational`)."""
+    """A `Program` that reads `rows` rows of a motion, parameters, and scales (`Variational`)."""
 
     program: Program
     rows: int
@@ -140,9 +140,10 @@ class EventSet(NamedTuple):
 
     The part `to{k}` reads the state, and returns the components that event k sets. `toward` reads
     the state and f there, and returns `OF_SURFACE` numbers of each surface. `tau{k}` reads the
-    state, a column v and f before the event, and returns tau (see the top). `column{k}` reads also
-    f after it and tau, and returns the new column. `tau{k}_{q}` and `column{k}_{q}`, for a column
-    by parameter q, also read its scale. Without columns, parts for columns are missing.
+    state, a column v of derivatives and f before the event, and returns tau (see the top).
+    `column{k}` reads also f after it and tau, and returns the new column. `tau{k}_{q}` and
+    `column{k}_{q}`, for a column by parameter q, also read its scale. Without columns, parts for
+    columns are missing.
     """
 
     directions: tuple
@@ -175,7 +176,11 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of actions, with parts for columns, also by `by`, if `with_columns`."""
+    """Return the `EventSet` of `EventAction`s, for D components and P parameters.
+
+    If `with_columns`, it has parts that change columns of derivatives by the initial state, and by
+    the parameters with the numbers `by`.
+    """
     parts, components = {}, []
     for k, action in enumerate(actions):
         own = components_of(action)
@@ -226,7 +231,10 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return the parts `tau` and `column` of event k (`EventSet`); given q, of columns by by[q]."""
+    """Return the parts `tau` and `column` of event k (`EventSet`), which change a column.
+
+    The column has the derivatives by the initial state if q is None, else by the parameter by[q].
+    """
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
     results += [] if action.surface is None else emitted(values, action.surface)
@@ -255,6 +263,6 @@ def _of_columns(k, action, D, P, by, q):
 
 
 def _product(emit, row, vector):
-    """Return the scalar product of a row and a vector, both dicts of operands."""
+    """Return the scalar product of a row and a vector, dicts {component: operand that is not 0}."""
     total = dot(emit, [(slope, vector[j]) for j, slope in row.items() if j in vector])
     return 0.0 if total is None else total

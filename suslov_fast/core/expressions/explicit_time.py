@@ -52,7 +52,7 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return an action rewritten for the new clocks, from old results of its two programs."""
+        """Return an action for the new clocks; `results` are old operands of surface and state."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
@@ -60,7 +60,7 @@ class ElapsedTime:
         return action._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
-        """Rewrite the operations for clocks that count from 0."""
+        """Rewrite the operations so that `clocks`, numbers of components, count from 0."""
         D = len(self.results)
         first, old = D + self.P, self.values
         self.P += len(clocks)
@@ -102,7 +102,7 @@ class ElapsedTime:
         return self.values.emit("fadd", found.q, found.p)
 
     def _value(self, name, operands):
-        """Return the new operand of an operation on old operands, or a `_Pair` if it is a sum."""
+        """Return the new operand, or the `_Pair`, of the operation `name` on old operands."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -137,7 +137,7 @@ class ElapsedTime:
         return rigid[1] if name == "fdiv" else any(rigid)
 
     def _without_turns(self, q):
-        """Return a phase, without whole turns if it is large."""
+        """Return the operand of a phase q, without whole turns if q is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number
@@ -148,7 +148,7 @@ def _is_0(a):
 
 
 def _joined(emit, name, a, b):
-    """Return the operand of a + b or a - b; a constant 0 takes no operation."""
+    """Return the operand of a + b ("fadd") or a - b ("fsub"); a constant 0 takes no operation."""
     if _is_0(b):
         return a
     if _is_0(a):

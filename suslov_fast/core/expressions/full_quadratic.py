@@ -49,7 +49,10 @@ class DenseRightHandSide:
 
 
 def dense_parameters(indices, values, D):
-    """Return `DenseRightHandSide` parameters for v x_j x_k in f_i, indices (i, j, k); x_D = 1."""
+    """Return the parameters (P, ...) of a `DenseRightHandSide` with the terms v x_j x_k in f_i.
+
+    `indices` (3, n) has i, j, k of n terms, where x_D = 1; `values` (..., n) has their v.
+    """
     shape = values.shape[:-1]
     parts = np.zeros((D, 1 + D + D * D, *shape))
     for (i, j, k), v in zip(indices.T.tolist(), np.moveaxis(values, -1, 0), strict=True):

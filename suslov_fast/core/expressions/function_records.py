@@ -41,13 +41,13 @@ class Function(NamedTuple):
         return operand_of(self.formula(*map(values.number, operands)))
 
     def partials(self, emit, *operands_and_value):
-        """Return the operands that are the partial derivatives."""
+        """Return the operands of the partial derivatives; arguments: operands, then the value."""
         found = self.derivative(*[Number(emit, a) for a in operands_and_value])
         return [*map(operand_of, found if isinstance(found, tuple) else (found,))]
 
 
 def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
-    """Return the record of a function that is an instruction of expression programs."""
+    """Return the `Function` of an instruction of programs: `instruction` if given, else `name`."""
     return Function(name, operands, instruction or name, None, derivative, is_0_at_0)
 
 
@@ -133,7 +133,7 @@ def _power(a, exponent):
 
 
 def _extreme(name):
-    """Return the formula of a minimum or maximum, which is NaN if an operand is NaN."""
+    """Return the formula of "min" or "max" (`name`), which is NaN if an operand is NaN."""
 
     def formula(a, b):
         if isinstance(b.number, float):
@@ -162,7 +162,7 @@ def _ceil(a):
 
 
 def interp(values, x, knots, heights, left, right):
-    """Return the value of np.interp(x, knots, heights, left, right), by the same arithmetic."""
+    """Add np.interp(x, knots, heights, left, right) to `values`, same bits; return its operand."""
     emit = values.emit
     result = emit(of_line(knots, heights), x)
     for truth, knot, end, beyond in (

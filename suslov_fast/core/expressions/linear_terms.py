@@ -13,10 +13,11 @@ _ROUNDING = 1e-14  # of coefficients, relative to the sum of the moduli that the
 
 
 def coefficients(f, table):
-    """Return C (members, D, terms) of a `RightHandSide` f = C m(x), for tables (members, n).
+    """Return C (members, D, terms) of a `RightHandSide` f = C m(x).
 
-    Its left null vectors are linear integrals. Each column is divided by its largest entry. Values
-    that depend on branches stay in m.
+    `table` (members, n) has the table of f for each set of parameters. Left null vectors of C are
+    linear integrals. Each column of C is divided by its largest entry. Values that depend on
+    branches stay in m.
     """
     kinds = () if f.branches is None else f.branches.kinds
     choices = depending(f.fixed, range(f.D + f.P - len(kinds), f.D + f.P))

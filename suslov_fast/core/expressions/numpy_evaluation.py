@@ -28,7 +28,7 @@ def _of_library(function):
 
 
 def _of_bits(function):
-    """Return a function of doubles that works on their bits as unsigned integers."""
+    """Return a function of doubles that applies `function` to their bits, unsigned integers."""
 
     def of_arrays(*arrays):
         integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
@@ -46,7 +46,7 @@ def _sum(*operands):
 
 
 def _of_list(name):
-    """Return an elementary function of arrays, which evaluates its expression program."""
+    """Return the elementary function `name` for arrays; it evaluates its expression program."""
 
     def of_arrays(*arrays):
         operations, result = list_of(name)
@@ -113,7 +113,7 @@ FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
 def evaluate(operations, values):
-    """Evaluate operations on numbers or arrays; add their results to the dict `values`."""
+    """Evaluate operations; `values` is {number: number or array}, and gets the results, too."""
     for instruction, number, operands in operations:
         numbers = [a if isinstance(a, float) else values[a] for a in operands]
         values[number] = FUNCTIONS[instruction](*numbers)

@@ -22,8 +22,8 @@ SHIFT = 2.0
 def _with_frame(f, moving):
     """Return the `RightHandSide` of x, the frame Q + SHIFT by rows, and its growth l (top).
 
-    f has no branches. `moving` are the components of the tangent vectors. The parameters are the
-    numbers in the table of f, which also contains the starts of clocks.
+    f has no branches. `moving` are the components of x that tangent vectors have. The parameters
+    are the numbers in the table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
     first = D + n * n + n
@@ -55,7 +55,7 @@ def _with_frame(f, moving):
 
 
 def _product(emit, a, b, n):
-    """Return the product of two matrices, both dicts of the operands that are not 0."""
+    """Return the product of two n by n matrices, both dicts of the operands that are not 0."""
     found = {}
     for i, j in itertools.product(range(n), repeat=2):
         pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]

@@ -50,14 +50,14 @@ def sets_of(f):
 
 
 def part_of(program, numbers):
-    """Return the part of a `Program` for results at these places; its other results are None."""
+    """Return the part of a `Program` for results at places `numbers`; other results are None."""
     of = {*numbers}
     own = [a if k in of else None for k, a in enumerate(program.results)]
     return Program(needed_for(program.operations, own), own)
 
 
 def _colours(reads):
-    """Return two colours, {component: bool}, so that no rate reads its own colour, or None."""
+    """Return {i: colour (bool)} so that reads[i] has no components of the colour of i, or None."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:
@@ -82,7 +82,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """How a value depends on the state, which tells if it may have features in a gap (top)."""
+    """How a value depends on the state: it tells if f may change unseen between points (top)."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
@@ -95,7 +95,7 @@ _ROOTS = "sqrt", "log", "pow", "hypot"
 
 
 def _kinds(f):
-    """Return {number: `_Kind`} of values of f, or None if f may have features in a gap (top)."""
+    """Return {number: `_Kind`} of values of f, or None if f may change unseen, see the top."""
     kinds = {i: _Kind(1) for i in range(f.D)}
     for name, number, operands in f.f.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
@@ -107,7 +107,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of an operation on values of kinds `of`, or None as for `_kinds`."""
+    """Return the `_Kind` of operation `name` on values of kinds `of`, or None, see `_kinds`."""
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("select", "fabs"):

@@ -205,7 +205,7 @@ def _depth_first(values, results):
 
 
 def needed_for(operations, results):
-    """Return the operations that these results depend on."""
+    """Return the operations, in order, that the operands `results` depend on."""
     needed, found = {a for a in results if type(a) is int}, []
     for operation in reversed(operations):
         if operation[1] in needed:
@@ -215,7 +215,7 @@ def needed_for(operations, results):
 
 
 def depending(operations, given):
-    """Return the numbers `given` of values, and the numbers of all values that depend on these."""
+    """Return the set of `given` numbers of values, and of all values that depend on these."""
     found = {*given}
     for _, number, operands in operations:
         if any(a in found for a in operands if not isinstance(a, float)):
@@ -224,7 +224,7 @@ def depending(operations, given):
 
 
 def renamed(operands, new):
-    """Return operands with their new names; constants, and operands without a new name, stay."""
+    """Return operands, renamed by `new`, {old: new}; constants and operands not in `new` stay."""
     return [a if isinstance(a, float) else new.get(a, a) for a in operands]
 
 
@@ -241,7 +241,7 @@ def emitted(values, program, new=None):
 
 
 def renumbered(program, given):
-    """Return a `Program` with new numbers; `given` is {old: new number} of its given values."""
+    """Return a renumbered `Program`; `given` is {old: new number} of values without operations."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

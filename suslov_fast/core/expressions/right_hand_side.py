@@ -133,7 +133,7 @@ class RightHandSide:
         return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters; only `Variational` reads `table`."""
+        """Return the table for other parameters; `Variational` keeps scales of the old `table`."""
         return self.table_of(parameters)
 
     def value(self, x, table):
@@ -149,7 +149,7 @@ class RightHandSide:
         return matrix
 
     def _at(self, name, x, table):
-        """Return the results of the program with this name, at states and for a table."""
+        """Return the results of a program, "f" or "derivative", at states and for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
         return _carried_out(getattr(self, name), given, shape)
@@ -225,7 +225,7 @@ def _both(emit, *truths):
 
 
 def _common_factors(instruction, operands, factors, D):
-    """Return, as bits, the components that make the value of an operation 0 if they are 0."""
+    """Return, as bits, components that make a value 0 if they are 0; `factors`: of its operands."""
     everything = (1 << D) - 1
     of = [
         (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)

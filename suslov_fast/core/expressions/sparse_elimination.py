@@ -36,7 +36,7 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 
 
 class Sparse:
-    """The plan of elimination in A = 1 - s J; J has entries at `places`, `filled` gives `fill`.
+    """The plan of elimination in A = 1 - s J, with entries of J at `places`; `fill`: see `filled`.
 
     Columns and rows are places in the order of pivots, except in `lower` and `upper`.
 
@@ -74,7 +74,7 @@ class Sparse:
         self.offsets = np.stack(offsets, axis=1).astype(np.int64)
 
     def _in_full(self, spans):
-        """Expand spans; return the unknowns (-, 2) of row and column of each of their numbers."""
+        """Return (-, 2) unknowns of row and column of each place in `spans` (from `_spans`)."""
         column, first, count = spans
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return self.order[[np.repeat(first, count) + within, np.repeat(column, count)]].T.copy()
@@ -83,7 +83,7 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return (columns, rows) below the diagonal, and above; `sets` has rows by column, as bits."""
+    """Return (columns, rows) of places below the diagonal, and above; sets[k]: rows as bits."""
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
         own = [*bits_of(rows_of_column)]
@@ -94,7 +94,7 @@ def _below_and_above(sets):
 
 
 def _spans(columns, rows):
-    """Return the column, first row and number of rows of each span of places, as (3, -)."""
+    """Return (3, -) column, first row and number of rows of each span of places (row, column)."""
     is_first = np.ones(len(rows), bool)
     is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
     begin = np.flatnonzero(is_first)

@@ -16,6 +16,7 @@ class Elimination:
     pivots    the number of pivots that the pattern does not fix at 1
     solution  `Program` that reads these results and g (D); its results are v (D)
 
+    `pattern` are the places (i, j) of J, `order` are the unknowns in the order of pivots, and
     `fill` is the result of `filled` for this order.
     """
 
@@ -57,7 +58,7 @@ class _Scaled:
 
 
 def operations_of(fill):
-    """Return an estimate of the number of operations in `Elimination.factors`."""
+    """Return about how many operations `Elimination.factors` has; `fill`: see `filled`."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

@@ -19,9 +19,10 @@ def aim_of(f, kinds, choices, is_implicit):
 
     It reads the state, f there with the sign of time, sides and levels of the surfaces of events
     (see `TrajectoryRows`), and the table. `kinds` are the kinds of `Branches`, and `choices` the
-    numbers of their branches. `is_implicit` is True for ends of implicit steps, see the top. The
-    first result is the least time to a surface, negative if the state is just beyond it. The second
-    is the longest time since a crossing: 0 without one, infinity if the rate leads back.
+    numbers of the parameters that hold their branches. `is_implicit` is True for ends of implicit
+    steps, see the top. The first result is the least time to a surface, negative if the state is
+    just beyond it. The second is the longest time since a crossing: 0 without one, infinity if the
+    rate leads back.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)

@@ -17,7 +17,10 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return two sets of places (i, j): all entries of N, and entries that depend on the state."""
+    """Return two sets of places (i, j): all entries of N, and entries that depend on the state.
+
+    `indices` (3, n) has i, j, k of the terms v x_j x_k of f_i, where x_D = 1.
+    """
 
     def of(i, j):
         numbers = np.unique(i * D + j)
@@ -30,7 +33,7 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """The entries of N(x) = h f'(x) and the right sides h f(x); `halves` are h v of the terms."""
+    """N(x) = h f'(x) and right sides h f(x), for terms v x_j x_k of f_i; `halves` are their h v."""
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -192,8 +195,8 @@ class Factors:
 def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
-    Among unknowns of equal degree the next pivot has the shortest chain of pivots that it depends
-    on, because processors evaluate independent operations in parallel.
+    Among equal degrees it has the shortest chain of pivots that it depends on, because processors
+    evaluate independent operations in parallel. `pattern` contains places (i, j) of entries.
     """
     neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
     for i, j in pattern:
@@ -246,7 +249,7 @@ def filled(pattern, order):
 
 
 def before_and_after(order, fill):
-    """Return two dicts by row: its columns of earlier pivots in `fill`, and of later pivots."""
+    """Return {row: columns of earlier pivots}, and of later ones; `fill`: see `filled`."""
     before, after = {}, {}
     for k, columns in enumerate(fill[0]):
         places = [*bits_of(columns)]

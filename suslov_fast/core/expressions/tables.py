@@ -55,7 +55,11 @@ def is_table(instruction):
 
 
 def interval(kind, number, choice, places):
-    """Return the ends low and high between which a table or `floor` keeps the branch `choice`."""
+    """Return the ends low and high of the interval in which a table or "floor" keeps its branch.
+
+    `choice` is the number of the first parameter of the branch; `places` gives its operand, of
+    which `number` makes a `Number`.
+    """
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
 

@@ -45,7 +45,7 @@ class Number:
         return self.then("select", a, b)
 
     def within(self, least, greatest):
-        """Return this value, clipped to limits; NaN stays NaN."""
+        """Return this value, clipped to the interval from least to greatest; NaN stays NaN."""
         return self._of("min", greatest, self._of("max", least, self))
 
 

@@ -47,7 +47,8 @@ if hasattr(os, "register_at_fork"):  # a child has no thread that would give it 
 def code_of(text_of, step, W=1, *options, lasts=False):
     """Return the `Address` of the machine code of `text_of(step, name, W, *options)` for W lanes.
 
-    The code is cached. If `lasts` is true, it stays until the process ends.
+    `text_of` writes the text of the function `name` for a step of a map; `step.key` identifies the
+    step. The code is cached. If `lasts` is true, it stays until the process ends.
     """
     key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
@@ -89,7 +90,7 @@ def _free_old():
 
 
 def _compile(text, name, level, lasts):
-    """Compile a text; return the `Address` of its function `name`."""
+    """Compile a text; return the `Address` of its function `name` (arguments as in `compiled`)."""
     module, kind = binding.parse_assembly(text), (level, lasts)
     if kind in _engines:
         _engines[kind].add_module(module)
@@ -107,7 +108,7 @@ def _compile(text, name, level, lasts):
 
 
 def _machine(level):
-    """Return the target machine for the processor and the features that Numba compiles for."""
+    """Return LLVM's target machine for Numba's processor and features, at an optimisation level."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     target = binding.Target.from_triple(binding.get_process_triple())

@@ -13,7 +13,7 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Return the lengths of a `Sparse` plan by name, and the addresses of its arrays `names`."""
+    """Return attributes: lengths of a `Sparse` plan, and addresses of its arrays with `names`."""
     lengths = {
         "D": plan.order,
         "entries": plan.rows,
@@ -33,7 +33,7 @@ def _between(text, begin, end):
 
 
 def _offsets(text, of, j):
-    """Return the `ColumnOffsets` of column j, and of the next column."""
+    """Return the `ColumnOffsets` of column j, and of the next column; `of` is from `_parts`."""
     offsets = Integers(text, of.offsets + j * (8 * len(SLOT)))
     return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
@@ -41,8 +41,8 @@ def _offsets(text, of, j):
 def _along(text, of, begin, end, rows, numbers=0):
     """Add loops over the rows of the spans begin, ..., end - 1, with the body of `for`.
 
-    The body gets a text, the address of a row (`rows` is the address of row 0), and the address of
-    its number (`numbers` is the first). If W is 1, AT_ONCE rows are lanes of a wider text.
+    The body gets a text, the address of a row (`rows`: of row 0) and of its number (`numbers`: of
+    the first). If W is 1, AT_ONCE rows are lanes of a wider text. `of` is from `_parts`.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):

@@ -226,7 +226,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """The rows of a `Table` as constants in a text, `bytes` apart, with inf up to 2**n numbers."""
+    """Rows of a `Table` as constants, `bytes` apart; inf fills each row up to 2**n numbers."""
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
@@ -237,7 +237,7 @@ class Intervals:
         self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
-        """Return the address of the low end of the interval with x + less, by bisection."""
+        """Return the address of the low end of the interval that holds x + less, by bisection."""
         for now in self.text.rounds(Carried(at=self.base, half=self.half)):
             above = now.at + now.half * 8
             is_above = x >= Shared(x.text, above)[0] - less
@@ -408,7 +408,7 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop over k < count: copy the number at source + k step to target + k other."""
+        """Add a loop over k < count: copy 8 bytes from source + k step to target + k other."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
@@ -528,7 +528,7 @@ class Code:
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
 
     def place(self, base, first, i=0):
-        """Return the address of row first + i at `base`."""
+        """Return the address of row first + i, where `base` is the address of row 0."""
         base = Index(self, base)
         if isinstance(i, int):
             return base + self.size * (first + i)
@@ -600,7 +600,7 @@ class Code:
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def carry_out(self, operations, values, load):
-        """Add operations; `values` is {number: name}, and `load` returns names that it lacks."""
+        """Add operations; `values` is {number: name}; load(number) returns a name that it lacks."""
         M = self.M
         for instruction, number, operands in operations:
             names = []

@@ -51,7 +51,7 @@ class SolverRequest(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, atol):
-    """Return the `ComponentNumbers` of f as an array (5, D), for `CodeArguments.components`."""
+    """Return `ComponentNumbers` of f, an array (5, D); `atol` is a number, D numbers, or None."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
@@ -65,7 +65,7 @@ def components_of(f, atol):
 
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
-    """Return `SharedNumbers` as an array; `set_times` sets its last time and its longest step."""
+    """Return `SharedNumbers` as an array for a `sign` of time, 1 or -1; see also `set_times`."""
     return array("d", SharedNumbers(
         settings.rtol,
         inf,
@@ -80,7 +80,7 @@ def numbers_of(settings, sign):
 
 
 def set_times(numbers, integrator, settings, times):
-    """Set the last time and the longest step in `SharedNumbers`; `times` end with NO_TIMES."""
+    """Set the last time and longest step in `numbers` (`numbers_of`); `times` end with NO_TIMES."""
     numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
     longest = settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
@@ -92,7 +92,7 @@ def set_limits(numbers, request):
 
 
 def code_of(integrator, W, for_each):
-    """Return the `Address` of the code for W lanes, with one table for all or one `for_each`."""
+    """Return the `Address` of code for W lanes; if `for_each` is True, each has its own table."""
     # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
     if (W, for_each) not in integrator.codes:
         key = "motion", integrator.key, W, for_each
@@ -134,7 +134,10 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Move start values of clocks from x0 to the table; return both, and these starts or None."""
+    """Move start values of clocks from x0 (B, D) to the table, so that these clocks begin at 0.
+
+    Return the table, x0, and the start values (B, clocks), or None in their place if all are 0.
+    """
     if not f.offsets:
         return table, x0, None
     starts = x0[:, [*f.offsets]]
@@ -232,7 +235,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take steps of a block (slice) until `abandoned` has an entry; `flat` are rows so far."""
+        """Take steps of a block (slice) until `abandoned` has an entry; `flat`: its rows so far."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
@@ -254,15 +257,15 @@ class BatchSolver:
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
     def _table(self, which):
-        """Return the table of all trajectories (n,), or the tables of `which` (K, n)."""
+        """Return the table of all trajectories (n,), or tables (K, n) of the numbers `which`."""
         if self.table.ndim == 1:
             return self.table.copy()
         return np.ascontiguousarray(self.table[which])
 
     def _steps(self, integrator, rows, which, W, abandoned):
-        """Take steps of trajectories (K, rows) with one integrator, until none of them uses it.
+        """Take steps with one integrator, until no trajectory uses it or `abandoned` has an entry.
 
-        `which` are their numbers; `places` count the times that they have reached.
+        The trajectories have the rows `rows` (K, -) and the numbers `which`; W lanes take them.
         """
         table = self._table(which)
         take = self._taker(integrator, rows, table, W)
@@ -280,7 +283,7 @@ class BatchSolver:
             self.table[which] = table
 
     def _taker(self, integrator, rows, table, W):
-        """Return a function that takes steps of trajectories; it returns True once none is left."""
+        """Return `StepRunner.take` for rows of trajectories; it returns True if all are done."""
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.event_times is not None:
@@ -289,9 +292,10 @@ class BatchSolver:
 
 
 class StepRunner:
-    """A call of an integrator's code: its arguments and its memory.
+    """A call of an integrator's code for W lanes: its arguments and its memory.
 
-    `take` takes steps of the trajectories in `rows`, with one table for all or one for each.
+    `take` takes steps of the trajectories in `rows`, with one table for all or one for each. The
+    arrays `numbers` and `components` are results of `numbers_of` and `components_of`.
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):

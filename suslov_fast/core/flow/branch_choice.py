@@ -59,7 +59,7 @@ def LOOK_AHEAD(t, last, part, sign):
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Return the rows that start a search (`CUT`) for a surface that is crossed again at once."""
+    """Return the rows that start a search (`CUT`) for a surface that is crossed within `ahead`."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -86,7 +86,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return the jump of the integral of u trace f': u log|after / before| of grad s . f."""
+    """Return u log|after / before| of grad s . f, the jump of the integral of u trace f', or 0."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
@@ -101,7 +101,7 @@ def INFLOW(low, f_old, f_new):
 def add_branches(text, integrator, name, for_each):
     """Add the function void choose(arguments), which chooses all branches.
 
-    It uses the state `new`, in lanes in which `chooses` is 1.
+    It uses the rows `new` and `chooses` of `WorkRows`: branches at `new`, where `chooses` is 1.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -171,7 +171,7 @@ def _put_ahead(code, x, f, signed):
 
 
 def _choose(code, truth, acted):
-    """Choose branches at the new state; update f, `low` and, unless `acted` is 1, columns."""
+    """Choose branches in lanes `truth`; update f, `low` and, where no event `acted`, columns."""
     text, line, work, f = code.text, code.line, code.work, code.f
     has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
@@ -191,7 +191,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Update the columns of a `Variational` where f jumps, by the formula at the top."""
+    """Update columns of a `Variational` in lanes `truth`, where f jumps, as at the top."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -229,7 +229,7 @@ def _change_columns(code, truth):
 
 
 def _go_on(code, ended):
-    """Continue solutions in lanes that end just before a surface.
+    """Continue solutions in the lanes `ended`, which end just before a surface.
 
     Their next state lies beyond the surface. States at requested times in between are saved.
     """
@@ -268,7 +268,7 @@ def _go_on(code, ended):
 
 
 def _put_all(code, truth):
-    """Write all branches to the table of lanes, and the numbers that depend on them."""
+    """Write all branches, and numbers that depend on them, to the tables of lanes `truth`."""
     text, work, branches = code.text, code.work, code.f.branches
     _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
     derived = code.f.of.derived.results
@@ -281,7 +281,11 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, found, place):
-    """Write branches in rows `found` to f's table from `place` on; of a `Table`, its interval."""
+    """Write branches of surfaces of these `kinds` to f's table, in lanes where `truth` is true.
+
+    The rows `found` have the branches; places of the table from `place` on receive them. For a
+    `Table` the row is its argument, and the places receive the interval that holds it.
+    """
     text, f = code.text, code.f.of
     first = len(f.branches.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
@@ -299,7 +303,7 @@ def _put_choices(code, truth, kinds, found, place):
 
 
 def shift_of(f, number):
-    """Return the place of the shift of a surface's argument in f's table, None without a shift."""
+    """Return where f's table has the shift of surface `number`, see `_put_interval`, or None."""
     branches = f.branches
     if number not in branches.shifts:
         return None
@@ -308,7 +312,10 @@ def shift_of(f, number):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a `Table` that holds argument + shift, less the shift, to f's table."""
+    """Write the interval of a `Table` that holds argument + shift, less the shift, to f's table.
+
+    `argument` is a row, `place` and `shift` are places in f's table, and `bits` marks the lanes.
+    """
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)
     for offset in code.lanes_with(bits):

@@ -10,7 +10,10 @@ from .memory import LaneState
 
 
 class FunctionCode:
-    """A function in the text of an integrator; `work` has an array for each part of `WorkRows`."""
+    """A function in the text of an integrator; `work` has an array for each part of `WorkRows`.
+
+    `name` begins the names of all functions; `for_each` is True if each lane has its own table.
+    """
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
         self.text, self.integrator, self.name, self.for_each = text, integrator, name, for_each
@@ -19,7 +22,7 @@ class FunctionCode:
         self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call a function of `Integrator.functions`; its arguments are from, table and to."""
+        """Call a function of `Integrator.functions`; `addresses` are input, table and output."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
@@ -99,7 +102,7 @@ class StepCode(FunctionCode):
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
-        """Update the largest modulus of component i by the value x in these lanes."""
+        """Update the row `largest` of component i by the value x, in lanes where `truth` holds."""
         modulus, largest = abs(x), self.line.largest[i]
         self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
 
@@ -111,7 +114,7 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write results of a kernel to rows of the same names, in lanes where `truth` is true."""
+        """Write results `found` of a kernel to `rows` of their names, in lanes `truth` or all."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))

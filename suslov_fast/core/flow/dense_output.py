@@ -38,7 +38,7 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 @scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
-    """Return a quarter of the signed length of a step that has passed a requested time, else 0."""
+    """Return a quarter of the signed length of a step if its end `after` is past `next`, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
@@ -83,7 +83,10 @@ def INTERPOLATED(
 
 @scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Update `ratio`, the largest error of p / allowed error, and `total` = sum |f| (for NaN)."""
+    """Update `ratio`, the largest error of p / allowed error, and `total` = sum |f| (for NaN).
+
+    `slope` is p'_i, f is f_i(p), `signed` is h / 4, and `inverse` is 1 / allowed error.
+    """
     ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
     return {"ratio": ratio, "total": total + abs(f)}
 
@@ -110,7 +113,7 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
 
 @scalar_kernel
 def WITH_SIGN(value, x, keeps):
-    """Return a component inside a step; if `keeps` is 1, with the sign of x."""
+    """Return `value`, a component inside a step; if `keeps` is 1, with the sign of x before it."""
     signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
     return {"value": (keeps > 0.0).select(signed, value)}
 

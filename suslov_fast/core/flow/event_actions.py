@@ -35,6 +35,7 @@ def _side(value, rate, size, rate_size, near, sign):
 
     A state with |value| <= `near` + rounding is on the surface. Its side is where the rate leads,
     and the level moves, so that the value lies on this side. If the rate is rounding, it STAYS.
+    `value` is s, and `rate` ds/dt; `size` and `rate_size` are sums of the moduli of their terms.
     """
     rounding = ROUNDING * size + TINY
     is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
@@ -63,7 +64,7 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
 
 
 def _is_on(value, rate, last, jumps):
-    """Return whether a state may be on a surface: if s jumps, only for |s| <= SOON last |rate|."""
+    """Return whether a state may be on s = 0: if s jumps, only for |s| <= SOON last |rate|."""
     return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
 
 
@@ -79,7 +80,8 @@ def CROSSED(
     if a gap without values begins or ends. It is none if the motion changes the side, but the rate
     leads back: an action had left the state beyond the surface by rounding. Then the level moves to
     the state. `near` is twice the distance of a crossing by the motion. After the action a state so
-    near is on the surface.
+    near is on the surface. `is_here` is 1 where events may act, and `by_motion` where the motion
+    led there. `value`, `rate`, `size` and `rate_size`: see `_side`. `jumps` is 1 if s jumps.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -114,7 +116,8 @@ def AGAIN(
     A state that an action turns back returns along a parabola: it is away for 2 |r / a| with the
     rate r and its derivative a, and rises by r**2 / (2 |a|). If it returns at once, or stays LOW,
     and the action has reduced r by the factor q, it is at rest after 2 |r / a| / (1 - q). For other
-    states the time since the last action counts, and the limit is Aitken's.
+    states the time since the last action counts, and the limit is Aitken's. `fired`, `near` and
+    `rate_before` are in the rows `WorkRows.fired`; `later` is the rate a MOMENT later.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -143,7 +146,7 @@ def AFTER_EVENT(
     size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
     stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
-    """Return the next length, and the state of a lane, after actions.
+    """Return the next length, and the state of a lane, after actions (if their `number` is not 0).
 
     The length becomes the length of a first step, if this is longer. If the rate is FASTER times
     the rate at the beginning of the last step, as after a dose, the length is at most the length of
@@ -196,7 +199,7 @@ def act(code):
 
 
 def find_sides(code, begins):
-    """Find on which sides of the surfaces the trajectories of these lanes begin."""
+    """Find on which sides of surfaces the trajectories begin, in lanes where `begins` is true."""
     if not code.integrator.events.surfaces:
         return
     side, resting = code.line.side, Carried(resting=0.0)
@@ -338,7 +341,7 @@ def _look_a_moment_later(code):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let the event on surface k act in lanes whose state is now on another side of it."""
+    """Let the event on surface k act in lanes of `is_there` in which the state has crossed it."""
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
@@ -367,7 +370,11 @@ def _cross(code, k, is_there, by_motion):
 
 
 def _note(code, k, truth, crosses, by_motion):
-    """Record a crossing without an action; a trajectory with enough crossings stops."""
+    """Record crossings of surface k without an action; a trajectory with enough crossings stops.
+
+    `crosses` marks lanes that cross, `truth` lanes that cross in the direction of the event.
+    `by_motion` marks lanes that no action at this instant has moved.
+    """
     line, work = code.line, code.work
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
@@ -454,7 +461,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Update the largest moduli before an action; forget which components are low, see `LOW`."""
+    """Update largest moduli before an action in lanes `truth`; forget low components, see `LOW`."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))

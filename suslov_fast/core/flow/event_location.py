@@ -64,7 +64,7 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return the factor of u**2 (1 - u)**2 that makes the rate at POINTS[0] equal f, 0 for NaN."""
+    """Return the factor of u**2 (1 - u)**2 with the rate `f_point` at POINTS[0], or 0 for NaN."""
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
@@ -90,7 +90,10 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Return the first crossing so far: its fraction `place` of the step, and `end` of its part."""
+    """Return the first crossing so far: its fraction `place` of the step, and `end` of its part.
+
+    If `crosses` is 1, the part of length `width` that ends at u has one at its fraction `part`.
+    """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
         "crossed": is_first.select(1.0, crossed),
@@ -103,7 +106,9 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
     """Return the next length to try between `lengths`, and the Illinois weights of both.
 
-    A straight line between the states at both crosses the surface at the fraction `part`.
+    A straight line between the states at both crosses the surface at the fraction `part`. `cut` is
+    true if the last step has crossed it, `aim` is the length by Newton's method, and `sought` the
+    accuracy. If `is_rough`, the next length is the longer one.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
     starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
@@ -203,7 +208,7 @@ def BACK(found, taken, end):
 
 
 def cut(code, before, total):
-    """Repeat a step that crosses a surface, or is on the way to one, with a better length."""
+    """Repeat a step, begun at `before`, that crosses or seeks a surface, with a better length."""
     text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
     taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
     far = line.far
@@ -284,7 +289,7 @@ def _keep_far(code, truth, state):
 
 
 def _look_inside(code, u, x, phases, rates, quartic):
-    """Find phases of waves, and rates of surfaces, at the state x at the fraction u of the step."""
+    """Find phases of waves, rates of surfaces, at the state x at the fraction u of the step."""
     work, moving, D = code.work, code.work.moving, code.integrator.watched
     if code.integrator.double_crossings.phases:
         code.call("phases", x, code.table, phases)

@@ -11,7 +11,7 @@ def size_of(f):
 
 
 def record(code, truth, k, time, before, after, *of_columns):
-    """Write a record in these lanes: trajectory, number of the event, time, and both states.
+    """Write a record in lanes `truth`: trajectory, number k of the event, time, and both states.
 
     `time`, `before` and `after` are rows; `of_columns` are pairs (row, how many rows).
     """

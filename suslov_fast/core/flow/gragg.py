@@ -80,7 +80,7 @@ class ExplicitColumns(FunctionCode):
         return self.text
 
     def parts(self, inner):
-        """Add a loop over the registers of a line; yield x, f, the address of `work`, and table."""
+        """Add a loop over registers of a line; yield x, f, and addresses of `work` and table."""
         for part in self.text.each(self.text.W // inner.W):
             offset = part * (8 * inner.W)
             x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
@@ -90,7 +90,7 @@ class ExplicitColumns(FunctionCode):
 
     # ------------------------------------------------------------------------------------- in turn
     def in_turn(self, inner):
-        """Add the first `count` columns as a loop over pairs of sub-steps."""
+        """Add the first `count` columns to `inner` (`narrower`): a loop over pairs of sub-steps."""
         text, work, D = self.text, self.integrator.work, self.D
         pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
@@ -132,7 +132,7 @@ class ExplicitColumns(FunctionCode):
     def rates_at_end(self, a, b, table, of_b, call=None):
         """Return the missing rates {i: rate} at the end of the last column. Gragg's rule has none.
 
-        In `stormer`, `call` writes the missing rates to rows if f is not inlined.
+        In `stormer` they depend on b, with the components `of_b`; `call` is a result of `caller`.
         """
         return {}
 
@@ -141,14 +141,14 @@ class ExplicitColumns(FunctionCode):
         return self.of_a(), self.of_b()
 
     def begin(self, a, b, x, f, s, of_a, of_b):
-        """Begin a column: a = x, b = x + s f."""
+        """Begin a column: a = x for components `of_a`, b = x + s f for components `of_b`."""
         for i in of_a:
             a[i] = x[i]
         for i in of_b:
             b[i] = x[i] + s * f[i]
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x, to `ends`, and a - b to `apart`."""
+        """Write (a + b) / 2 - x, the end of a column less x, to `ends`, and a - b to `apart`."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
@@ -181,7 +181,7 @@ class ExplicitColumns(FunctionCode):
         return f
 
     def value(self, name, x, table):
-        """Return the rates at a state by component, with inlined f."""
+        """Return {i: rate} at the state x, with inlined f; `name` is one of `names`."""
         text = x.text if isinstance(x, Array) else next(iter(x.values())).text
         for_each = self.for_each and self.text.W > 1
         values = self.integrator.functions[name].values(text, lambda k: x[k], table, for_each)

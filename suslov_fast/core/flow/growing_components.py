@@ -49,7 +49,7 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """Return 1 if a component below NEAR / inverse has h f / x > NEXT, or changes sign."""
+    """Return 1 if |x| < NEAR / inverse and h f / x > NEXT, or if the sign changes; else `grows`."""
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -64,7 +64,7 @@ def KEEPS_SIGN(x, new, inverse, remembers, feeds):
 
 @scalar_kernel
 def LARGE_ALONE(x, inverse, times):
-    """Return a component, or 0 if it is below `times` allowed errors."""
+    """Return x, or 0 if |x| is below `times` allowed errors, which is `times` / `inverse`."""
     return {"alone": _is_below(x, inverse, times).select(0.0, x)}
 
 
@@ -83,7 +83,7 @@ def REMEMBERS(x, f, fed, inverse, taken, signed):
 
 @scalar_kernel
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
-    """Return an entry of J if both components are in L, see the top, else 0.
+    """Return J_ij if `of_row` and `of_column` are not 0 (i and j are in L, see the top), else 0.
 
     `feeds` becomes 0 for an entry h J_ij < 0 with i != j, and `of_row` 2 for h J_ii < -1.
     """
@@ -172,7 +172,7 @@ def longest_step(code):
 
 
 def _growth(code, x, f, least):
-    """Return `feeds` of `_factor_alone`, and the longest step that damps no growth at x."""
+    """Return `feeds` of `_factor_alone`, and the longest step <= `least` that damps no growth."""
     work = code.work
     feeds, count = _factor_alone(code, x, f), code.integrator.pivots
     found = code.reduce(PIVOT, lambda i: {"pivot": work.factors[i]}, count, length=inf, sign=1.0)

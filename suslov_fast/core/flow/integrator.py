@@ -177,5 +177,5 @@ class Integrator:
 
 
 def _read(program, D):
-    """Return the numbers of the components that a program reads."""
+    """Return the numbers, ascending, of the first D inputs (components) that a program reads."""
     return sorted(read_by(program, program.results).intersection(range(D)))

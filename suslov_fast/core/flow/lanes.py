@@ -12,7 +12,7 @@ from .next_state import move
 
 
 def take_next(code, free):
-    """Write back the trajectories of lanes with these bits; give them the next trajectories."""
+    """Write back trajectories of lanes with bit 1 in `free`; give the lanes the next ones."""
     text, of = code.text, code.of
     for offset in code.lanes_with(free):
         line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
@@ -34,7 +34,7 @@ def take_next(code, free):
 
 
 def _write_back(code, offset, own):
-    """Write the rows of a lane, and its table, back to trajectory `own` - 1, unless `own` is 0."""
+    """Write rows and table of the lane at `offset` bytes to trajectory `own` - 1, if own > 0."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.branches:  # whose branches stand in the table
@@ -61,7 +61,7 @@ def pause_if_spent(code):
 
 
 def _begin(code, begins):
-    """Begin the trajectories of these lanes: f, the largest moduli, the first length."""
+    """Begin trajectories in lanes `begins`: find f, the largest moduli, and the first length."""
     text, line, f_new = code.text, code.line, code.work.f_new
     if code.f.branches:
         text.copy(line.x, code.work.new, code.D)

@@ -60,7 +60,7 @@ def RATE(product, scale, size):
 
 @scalar_kernel
 def MODE(product, size, seeds, mode):
-    """Return the next vector of the power iteration; `seeds` keep it out of invariant subspaces."""
+    """Return z = w / |mu| + seed of the power iteration, see the top: product = w, size = |mu|."""
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
@@ -122,7 +122,7 @@ class ImplicitColumns(FunctionCode):
         self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
 
     def add_to_quarter(self, c, m, ends):
-        """Add column c to the sums of a quarter if a quarter ends after m + 1 sub-steps."""
+        """Add `ends`, after m + 1 sub-steps of column c, to sums of a quarter that ends there."""
         number = self.numbers[self.firsts[c] + m]
         with self.text.when(number < 3, likely=False):
             sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]

@@ -82,13 +82,13 @@ OF_EVENTS = "stop stop_which stop_place at recorded often resting actions".split
 
 
 def firsts_of(kind, sizes):
-    """Return the first row of each part of `kind`; parts without a size have one row."""
+    """Return a `kind`, such as `WorkRows`, of first rows; a part has sizes[name] rows, or one."""
     counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
     return kind(*accumulate(counts, initial=0))
 
 
 def scalars_of(firsts):
-    """Return the names of the parts that have one row."""
+    """Return the names of the parts that have one row, from a result of `firsts_of`."""
     return [
         name for name, (a, b) in zip(firsts._fields, pairwise(firsts), strict=False) if b - a == 1
     ]

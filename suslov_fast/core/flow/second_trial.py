@@ -83,7 +83,7 @@ def MOST(change, most):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Return the smaller `most` of both ends of a step, and the two largest of all its points."""
+    """Update `least`, the smaller `most` of both ends, and the two largest `most` of all points."""
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
         "largest": larger(most, largest),
@@ -123,7 +123,7 @@ def SECOND(
 def try_again(code, own, of_error, sums):
     """Return the ratios in `sums` by name; after a second trial new ratios, and `on_trial` = 1.
 
-    `own` and `of_error` are the weights of columns for the next state, and for its error.
+    `own`, `of_error` weigh columns for the next state and its error; `sums`: see `find_errors`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
@@ -173,8 +173,8 @@ def try_again(code, own, of_error, sums):
 def _changes_beside(code, is_noise):
     """Return arrays of changes of f beside points of the step, see `BESIDE_POINTS`.
 
-    Lanes with an error that may be noise evaluate all points and states beside them. Other lanes
-    evaluate one state beside each end.
+    Lanes `is_noise`, with an error that may be noise, evaluate all points and states beside them.
+    Other lanes evaluate one state beside each end.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     change = work.right if integrator.is_implicit else work.f

@@ -65,12 +65,12 @@ class _PreparedRunner(StepRunner):
 
 @functools.lru_cache(64)
 def prepared(f, settings, sign, B, for_each):
-    """Return the list of the `_PreparedRunner`s that no call is using."""
+    """Return the list of the `_PreparedRunner`s with these arguments that no call is using."""
     return []
 
 
 def solve_small_batch(f, table, x0, request):
-    """Take trajectories x0 (B, D) to the times of a request, as far as one integrator takes them.
+    """Take trajectories x0 (B, D) to the times of a `SolverRequest`, as far as one integrator goes.
 
     Return (states, steps, records, begun):
 

@@ -86,7 +86,7 @@ def _find_columns(code):
 def _estimate_errors(code, kept, sizes):
     """Return `ratio`, `apart`, `total` and the other inputs of `step_length.AFTER`, by name.
 
-    `kept` is 1 in lanes whose components keep their signs; `sizes` are those of `find_next_state`.
+    `kept` and `sizes` are results of `find_next_state`.
     """
     integrator, work = code.integrator, code.work
     own, of_error = integrator.weights, integrator.error_weights
@@ -104,7 +104,7 @@ def _estimate_errors(code, kept, sizes):
 
 
 def _accept(code, errors, before):
-    """Decide which lanes accept the step from the time `before`, and the next lengths."""
+    """Decide by `errors` which lanes accept the step from time `before`, and the next lengths."""
     line, work = code.line, code.work
     found = code.apply(step_length.AFTER, **errors, **code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
@@ -117,7 +117,7 @@ def _accept(code, errors, before):
 
 
 def _choose_integrator(code, errors):
-    """Make stiff lanes implicit, and other lanes explicit again; end lanes that fail."""
+    """Make stiff lanes implicit, by `errors`, and others explicit again; end lanes that fail."""
     if code.integrator.is_implicit:
         code.keep(code.line, code.apply(step_length.TURN_IMPLICIT, **errors))
         return

@@ -71,14 +71,14 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 
 def first_length(size, rate, part, last):
-    """Return a first length: part * size / rate, or FIRST_AT_REST * part * last if size = 0."""
+    """Return a first length: part * max |x_i| / max |f_i|; FIRST_AT_REST * part * last if x = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Return the first length, and the rows of a trajectory that do not begin at 0."""
+    """Return the first length and other rows; NO_VALUE if `total` (of moduli) is not finite."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
@@ -140,7 +140,11 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is accepted, or has reached its time aside, and the next length."""
+    """Return whether a step is accepted, or has reached its time aside, and the next length.
+
+    `kept` is 0 if a sign is lost, `of_length` is the ratio for the next length, and `total` is
+    finite if f_next is. For `ratio` and `apart` see `step`; for `on_trial`, `second_trial`.
+    """
     is_finite = total < inf
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the estimate means something
@@ -178,7 +182,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, states (ENDED if steps are too short), and which have many tries."""
+    """Return which lanes run, states (ENDED if steps are too short), and which tried too often."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -191,7 +195,10 @@ def _is_stiff(rates, states, limit):
 
 @scalar_kernel
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
-    """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end."""
+    """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end.
+
+    rates / states is (h |mu|)**2, see `tolerance.DIFFERENCES`; `stiff` counts stiff steps.
+    """
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
@@ -202,7 +209,7 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Return the state of an explicit lane (it may end or turn implicit), and counts of steps."""
+    """Return the state of an explicit lane, which may end or turn implicit, and counts of steps."""
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
@@ -228,7 +235,7 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return the state of an implicit lane (it may end or turn explicit), and counts of steps."""
+    """Return the state of an implicit lane (it may turn explicit), and counts; `rate` is |mu|."""
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)

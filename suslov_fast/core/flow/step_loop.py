@@ -17,7 +17,7 @@ from .stormer import StormerColumns
 
 
 def text_of_integrator(integrator, name, W, for_each):
-    """Return the text of i64 name(arguments), see `CodeArguments`, for an `Integrator`.
+    """Return the text of i64 name(arguments), see `CodeArguments`, for an `Integrator` and W lanes.
 
     The function takes all steps with this integrator, and returns 1. When the budget is spent, it
     returns 0, and the next call continues. When a trajectory ends, its lane takes the next one.

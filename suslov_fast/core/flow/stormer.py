@@ -43,7 +43,10 @@ class StormerColumns(ExplicitColumns):
             ends[i] = b[i] - x[i]
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return the rates in A at the end of the last column; `a` gets the state in B."""
+        """Return {i: rate} in the set A, see the top, at the end of the last column.
+
+        `a` gets the state in B (`of_b`) from b. If f is not inlined, `call` writes rates to rows.
+        """
         for i in of_b:
             a[i] = b[i]
         if self.is_inlined:

@@ -48,7 +48,7 @@ def LEAST_ALLOWED(top, rtol, smallest):
 
 @scalar_kernel
 def ALLOWED(new, largest, least, moved, extra, rtol):
-    """Return the inverse of the allowed error of a component."""
+    """Return `inverse`, 1 / allowed error of a component, from `LEAST_ALLOWED` and `LARGEST`."""
     allowed = extra + larger(rtol * larger(abs(new), largest), least)
     return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 
@@ -61,7 +61,7 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 
 @scalar_kernel
 def RATIO(error, inverse, f_new, ratio, total):
-    """Return the largest ratio of errors to allowed errors, and a sum that detects NaN and inf."""
+    """Update `ratio` = max |error| / allowed error, and `total`, which shows NaN and inf."""
     own = abs(error) * inverse
     return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
 
@@ -79,7 +79,7 @@ def LARGE(error, inverse, noisy, large):
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Return sums of squares of h (f_new - f_last) and new - last: the quotient shows h |mu|."""
+    """Update sums of squares of h (f_new - f_last), and new - y_N (`last`): they show h |mu|."""
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
@@ -87,7 +87,8 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 def find_errors(code, own, sizes):
     """Return results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES` over all components, by name.
 
-    `apart` is the largest |d_i| / allowed_i. The row `error` gets inverse allowed errors.
+    `apart` is max |d_i| / allowed_i. The row `error` gets inverse allowed errors. `own` are weights
+    of columns, and `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (
@@ -119,7 +120,7 @@ def find_errors(code, own, sizes):
 
 
 def apart_in(code, own, i):
-    """Return component i of d, see `step`: it is large if all columns agree on a false end."""
+    """Return component i of d, see `step`, large at a false end; `own` are the weights w_c."""
     if code.integrator.is_implicit:
         return code.work.right[i]
     if code.integrator.sets:
@@ -128,7 +129,7 @@ def apart_in(code, own, i):
 
 
 def _noise(code, own, i):
-    """Return the sum over columns of abs(factor * end): rounding errors of x_i grow with it."""
+    """Return sum_c |w_c (y_c - x)|, with which rounding errors grow; `own` are the weights w_c."""
     ends = code.of_columns(code.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 

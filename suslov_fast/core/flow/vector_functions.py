@@ -99,7 +99,7 @@ class SparseLoops:
 
 
 class DenseQuadratic:
-    """f, or f', of a dense quadratic field: sums over all its coefficients.
+    """f, or f' if `is_derivative`, of a dense quadratic field: sums over all its coefficients.
 
     f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k) with symmetric q; the table has, for each
     component, c_i, l_ij for all j, and q_ijk for all j and k.

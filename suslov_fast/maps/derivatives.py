@@ -31,9 +31,9 @@ def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
 
 
 def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the derivative A(x; eps)**-1 A(x_next; -eps) of a step (B, D, D); NaN if undefined.
+    """Return the derivatives A(x; eps)**-1 A(after; -eps) (B, D, D) of a step from x to `after`.
 
-    A second solution corrects the first one, so that small entries have digits, too.
+    They are NaN if undefined. A second solution gives digits to small entries, too.
     """
     A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
@@ -45,7 +45,7 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
 
 
 def _with_derivative(arguments: Any, x: FloatArray, notes: Any, n: int) -> Any:
-    """Return the states after step n, and the derivatives (B, D, D) of the step at x."""
+    """Return states n + 1 and derivatives (B, D, D) of the step from x, states n (see `_take`)."""
     (own, stages), values, eps = arguments
     if (f := own.of) is not None:
         slopes = f.jacobian(x.T, f.table_of(values.T))

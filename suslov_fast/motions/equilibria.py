@@ -197,7 +197,7 @@ def _warn_of_clocks(field: Any) -> None:
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the nearest states on a line of steady states through 0.
+    """Return the states nearest to x on a line of steady states through 0 along `direction`.
 
     Newton's method would halve states there, because f is homogeneous.
     """
@@ -207,7 +207,7 @@ def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _named(field: Any, member: Any) -> str:
-    """Return the name of a member of a family, for messages."""
+    """Return the name of member number `member` of a family of fields, for messages."""
     index = tuple(map(int, np.unravel_index(member, field.shape))) if field.shape else ()
     return str(field._of_member(index if len(index) > 1 else index[0])) if index else ""
 
@@ -318,7 +318,7 @@ class _Equations:
         return step, f / sizes, inverse, least
 
     def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
-        """Return the states to which Newton's method converges, and True where it does.
+        """Return the states to which Newton's method converges from y, and True where it does.
 
         The length of a step is relative to the sizes of components.
         """
@@ -342,7 +342,7 @@ class _Equations:
         return y, is_found
 
     def damped(self, y: FloatArray) -> FloatArray:
-        """Return states after fractions of Newton steps that make the next step shorter."""
+        """Return y after fractions of Newton steps, each of which makes the next step shorter."""
         part = np.ones(y.shape[:-1])
         for _ in range(_MOST_DAMPED):
             step, _, inverse, _ = self.step(y)
@@ -386,7 +386,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
-    """Return states y, and where they are equilibria, degenerate ones, members of a family."""
+    """Return y and where it is an equilibrium, degenerate, in a family; `has_value`: f finite."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)

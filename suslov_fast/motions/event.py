@@ -346,7 +346,7 @@ class TracedEvent:
         return operand
 
     def _results(self, argument: str, f: Any) -> list[Any]:
-        """Return the operands of an argument of `Event`: results of a function, or of formulas."""
+        """Return operands of the results of f, a function or texts; `argument` is for messages."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
         needed, known = arguments_of(f), taken(f, self.tracer.parameters)
@@ -362,7 +362,7 @@ class TracedEvent:
         return operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
-        """Return the operands of formulas that are given as text."""
+        """Return the operands of the formulas `texts`; messages call them `argument`."""
         tracer = self.tracer
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
         each = [*self.event._definitions.items(), *enumerate(texts)]

@@ -224,7 +224,7 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
 def warn_of_times_that_never_come(
     events: tuple[Event, ...], sign: int, last: float, count: int
 ) -> None:
-    """Warn of each event whose times are all before x0 or after the last time asked, `last`."""
+    """Warn of events with all times before x0 or after `last`, the last of `count` times asked."""
     for k, event in enumerate(events if count else ()):
         if event.times is None:
             continue
@@ -295,7 +295,7 @@ def derivatives_of(records: Any) -> dict[str, Any]:
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the events of a motion from these columns.
+    """Return the `Events` of a motion; `columns` are their arrays by name.
 
     Raise ValueError if a number of a trajectory or of an event does not exist in the motion.
     """

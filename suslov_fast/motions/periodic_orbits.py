@@ -261,7 +261,7 @@ def _integrals(system: Any) -> int | None:
 
 
 def _warn_of_families(search: Shooting, known: int | None) -> None:
-    """Warn if nearby orbits are periodic, too, though no known integral explains that."""
+    """Warn if the orbit has a family that the integrals, `known` in number, do not explain."""
     phase = 0 if search.flow.is_forced else 1
     if known is None or search.freedom <= phase + known:
         return

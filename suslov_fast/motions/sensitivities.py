@@ -20,17 +20,17 @@ from ..maps.kernel_arguments import flat_arrays
 
 @dataclass
 class WithColumns:
-    """What `integration.solve` takes in place of a field: right-hand sides of columns or events."""
+    """What `integration.solve` takes in place of a field, with derivatives (columns) or events."""
 
     shape: tuple[int, ...]
     _right_hand_sides: list[OfMembers]
 
 
 class Columns:
-    """The columns of a batch of trajectories x (B, D) of a field.
+    """The derivatives of trajectories x (B, D) of a field, as C columns of D more variables.
 
     field, settings  for the motion with columns, in place of the field and its settings
-    starts           (B, D + D C) for C columns
+    starts           (B, D + D C); columns are by x0 if `by_starts`, then by `parameters`
 
     `groups`, if given, replace the right-hand sides of the members of the field, as with events.
     """

@@ -130,7 +130,7 @@ class OfMotion:
 class Shooting:
     """Arcs from nodes (M, D), of the duration T together.
 
-    ends    (M, D), NaN where an arc has none
+    ends    (M, D), NaN where an arc has none; the gaps are `ends` less the next nodes
     slopes  (M, D, D), derivatives of the ends by the nodes
     rates   (M, D), derivatives of the ends by log T
     sizes   (D,), ranges of components, as units of the lengths of steps
@@ -189,7 +189,7 @@ class Shooting:
 
     @property
     def freedom(self) -> int:
-        """The number of directions of nodes and a free T that keep gaps closed, with the phase."""
+        """The number of independent changes of nodes, and of a free T, that keep gaps closed."""
         matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
         values = np.linalg.svd(matrix, compute_uv=False)
         rank = int((values > _LEAST * values[0]).sum())

@@ -293,7 +293,7 @@ class _Run:
     def _changes_of(
         self, engine: BatchSolver, K: int
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Return where events have acted, and how many of these events were at given times."""
+        """Return where events acted on K trajectories, and how many were at given times."""
         if self.event_times is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
@@ -302,7 +302,7 @@ class _Run:
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
-        """Mark columns of trajectory k that die; move them last, where no others depend on them."""
+        """Note that columns `dies` of trajectory k have no digits left (dead); move them last."""
         self.dead[k] |= dies
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]

@@ -65,9 +65,10 @@ def _spans_of(step):
 
 
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Take steps of dense fields on `threads` threads; arguments are as in `suslov.steps.steps`.
+    """Take steps of dense fields on `threads` threads; arrays are as in `suslov.steps.steps`.
 
-    If a lane loses digits, `solve_at` is compiled, in seconds, and the steps are taken again.
+    `arguments` are a `Scheme`, values and eps. `solve_at` is compiled, in seconds, if a lane loses
+    digits, and the steps are taken again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -106,7 +107,8 @@ def fill(spans, coefficients, states, columns, a):
     """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
     With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of N
-    is the right side less x. `spans` are as in `Dense`; `columns` (W, D + 1, D) is memory for N.
+    is the right side less x. `spans` are as in `Dense`; `coefficients` (1 or W, T) are h v in the
+    order of spans (see `prepare`); `columns` (W, D + 1, D) is memory for N.
     All lanes use a coefficient before the next one is read: they take most of the memory.
     """
     W, D = states.shape
@@ -166,7 +168,10 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Call `solve_lane` with arrays at addresses; return -status, plus 256 if det A < 0."""
+    """Call `solve_lane` with arrays at addresses; return -status, plus 256 if det A < 0.
+
+    `half` is the address of eps / 2 times v (T,). `memory` has room for D (D + 3) numbers.
+    """
     status, negative = solve_lane(
         array_at(indices, (3, T), np.int64),
         array_at(half, (T,), np.float64),
@@ -179,7 +184,7 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write v eps / 2 of trajectory i for lane l and each stage, in order of terms and of spans."""
+    """Write h v of trajectory i to lane l of each stage; `coefficients` have the order of spans."""
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
@@ -189,7 +194,7 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Take the steps of one part (a thread), with a `Dense` and a `Memory`; see `take_dense`."""
+    """Take the steps of one of `parts` parts; `field` is a `Dense`; others as in `take_dense`."""
     field, memory, carry, saved = uncounted((field, memory, carry, saved))
     final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span

@@ -119,13 +119,19 @@ class _Driver:
 
     # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
-        """Return the bits of lanes of a line that are neither in `bits` nor in marks[line]."""
+        """Return the bits of the lanes of a line that are neither in `bits` nor marked.
+
+        `marks` is the address of bits of lanes, a byte for each line, such as those that ended.
+        """
         marked = self.text.load("i8", marks + line, 1)
         marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
         return (bits | marked) ^ self.all_lanes
 
     def call_pivoting(self, line, bad, told, n):
-        """Add a call of `pivoting_step`; without its address the code returns NOT_READY."""
+        """Add a call of `pivoting_step`; without its address the code returns NOT_READY.
+
+        `bad`, `told` and n are its arguments `bad`, `negative` and n.
+        """
         text, of = self.text, self.of
         with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
@@ -134,7 +140,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- stages
     def take_stage(self, state, table, line, n):
-        """Add the code of a stage of a line; return the components of the next state."""
+        """Add the code of stage n of a line at the address `state`; return the next components."""
         text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
             table = table + line * (len(step.table) * text.size)
@@ -148,7 +154,10 @@ class _Driver:
         return final
 
     def take_rare_stage(self, stage, rows, line, n):
-        """Add the rare operations, and pivoting if they do not suffice; return the next state."""
+        """Add the rare operations, and pivoting if they do not suffice; return the next state.
+
+        `stage` is the `Stage` after its usual operations, and `rows` is the state in memory.
+        """
         text, components = self.text, range(self.D)
         # Loaded and computed again, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
@@ -190,7 +199,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
-        """Add code that writes the states of a line to the address `row`, number by number."""
+        """Add code that copies a line from the address `state` to `row`, number by number."""
         text, one = self.text, self.text.lanes(1)
         first = line * text.W
         for l in range(text.W):

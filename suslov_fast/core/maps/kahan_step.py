@@ -113,7 +113,10 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
 
     def _increments(self, indices, D, halves, order, fill):
-        """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0."""
+        """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0.
+
+        `halves` are the numbers of the values h v; `order` and `fill` are from `_plan_of`.
+        """
         right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
         self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
         for k in reversed(order):

@@ -124,7 +124,10 @@ class _Lines:
         return True
 
     def _driver_arguments(self, start, steps, saved, until, between, pivoting):
-        """Return the array of `DriverArguments`, and what must stay alive while the driver runs."""
+        """Return the array of `DriverArguments`, and what must stay alive while the driver runs.
+
+        `steps` counts stages, `until` is `first_until`, and `pivoting` is `pivoting_step`.
+        """
         arrays, own = None, None
         if pivoting:
             step, stages = self.scheme
@@ -202,9 +205,9 @@ class FieldSteps(Kernel):
 def _iterate_part(
     part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
 ):
-    """Iterate one part of the trajectories; arguments as in `suslov.steps.steps`.
+    """Iterate one part of the trajectories; arrays as in `suslov.steps.steps`.
 
-    End early if `abandoned` is not empty.
+    `arguments` are a `Scheme`, values and eps. End early if `abandoned` is not empty.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -230,7 +233,7 @@ def _iterate_part(
 
 
 def _take_steps(lines, states, steps, saved, abandoned):
-    """Take the steps (start, stop, every, row); again from `states` if they need pivoting."""
+    """Take `steps` (start, stop, every, row); again from `states` (B, D) if they need pivoting."""
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()

@@ -50,7 +50,7 @@ def common_table(step, stages, eps, values):
 
 
 def plan_of(stages, table):
-    """Return the addresses (stages,) of the tables of the stages, `plan` of `DriverArguments`."""
+    """Return `plan` of `DriverArguments`: for each stage the address of its part of `table`."""
     return address_of(table) + table.strides[0] * distinct(stages.fractions)[1]
 
 
@@ -75,7 +75,7 @@ def packed(truths):
 
 
 def note_undefined(states, notes):
-    """Give trajectories that start at NaN the status NONFINITE; set `poles` to 0, for none."""
+    """Set `notes` (status, failed_at, poles) at state 0: NONFINITE where it is NaN; poles are 0."""
     status, failed_at, poles = notes
     poles[:] = 0.0
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.

@@ -35,7 +35,10 @@ def fill_system(indices, half, sign, x, system):
 
 @function
 def solve_lane(indices, half, x, system, units):
-    """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0."""
+    """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0.
+
+    `indices` (3, T) and `half` (T,) are as in `fill_system`; `system` and `units` are memory.
+    """
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
@@ -53,13 +56,13 @@ def solve_lane(indices, half, x, system, units):
 
 @function
 def crosses_0(x, after):
-    """Return True if a component changes its sign, by more than rounding errors."""
+    """Return True if a component changes its sign from x to `after`, by more than rounding."""
     return (x < 0.0 and after > SIGNIFICANT) or (x > 0.0 and after < -SIGNIFICANT)
 
 
 @function
 def changes_sign(indices, x, after):
-    """Return True if a component that keeps its sign along the motion changes it in a step.
+    """Return True if a component that keeps its sign along the motion changes it from x to `after`.
 
     It keeps its sign if each term of its equation contains it; see `kahan_step.of_one_sign`.
     """
@@ -79,6 +82,7 @@ def take_columns(indices, half, x, after, tangent, units):
     """Multiply the columns of a lane by the derivative of the step; orthonormalise them.
 
     `x` is the lane's state, columns and sums of logarithms before the step, `after` the next state.
+    `tangent` (D, 2 D) and `units` (2, D) are memory.
     """
     D = len(after)
     fill_system(indices, half, -1.0, after, tangent)

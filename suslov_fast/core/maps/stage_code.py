@@ -65,7 +65,7 @@ class Stage:
 def loader(text, step, for_each, state, table):
     """Return a function that loads a value: a component of the state, or a table value.
 
-    `state` and `table` are the addresses of their rows for one line.
+    `state` and `table` are addresses of rows for one line; lanes share a table unless `for_each`.
     """
     x, values = text.array(state), text.array(table) if for_each else Shared(text, table)
 

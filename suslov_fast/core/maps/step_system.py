@@ -37,7 +37,7 @@ def _prepared(step, stages, eps, values):
 def step_of_one(arguments, x):
     """Return the state that follows x (D,); None if only the kernel of steps can take the step.
 
-    A call takes a sixth of the time of the kernel.
+    `arguments` are a `Scheme`, values and eps. A call takes a sixth of the time of the kernel.
     """
     (step, stages), values, eps = arguments
     if not step.usual or not math.isfinite(sum(x.tolist())):

@@ -13,7 +13,11 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return states after steps start + 1 to stop; save each `every`-th at saved[row] and on."""
+    """Return states after steps start + 1 to stop; save each `every`-th at saved[row] and on.
+
+    `arguments` are a `Scheme`, values and eps. `span` is (start, stop, every, row), and `notes` are
+    status, failed_at and poles. End early if `abandoned` is not empty.
+    """
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
@@ -61,7 +65,10 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """A step of sparse fields: a call returns x_next (n, D) and signs of det A, 0 if singular."""
+    """A step of sparse fields, called with a fraction of eps, x (n, D) and trajectories `which`.
+
+    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular.
+    """
 
     def __init__(self, indices, D, halves):
         self.D, (i, j, k), self.halves = D, indices, halves

@@ -43,7 +43,7 @@ def uncounted_type(kind):
 
 
 def uncounted_value(context, builder, kind, value):
-    """Return the LLVM value of an argument without the reference counts of its arrays."""
+    """Return the LLVM value of an argument, of Numba type `kind`, without reference counts."""
     if isinstance(kind, types.Array):
         return builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
     for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):

@@ -64,7 +64,7 @@ with suppress(ImportError, AttributeError):  # private names of Numba; Windows h
 
 # -------------------------------------------------------------------------------------- functions
 def _cached(compile_with, py_function):
-    """Return a function that is compiled at its first call; cache it if there is a folder."""
+    """Return compile_with(py_function), compiled at its first call; cached if there is a folder."""
     compiled = compile_with(py_function)
     # Numba would cache code with and without bounds checks under the same name.
     if not (config.BOUNDSCHECK or config.DISABLE_JIT):

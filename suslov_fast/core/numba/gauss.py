@@ -50,7 +50,7 @@ def eliminate(a, b, lanes):
     """Solve the systems `a` (m, columns, lanes) of all lanes without row exchanges.
 
     Solutions replace the right sides. U replaces A above the diagonal, inverse pivots on it, unit
-    lower L below it; LEAST and LARGEST of b get pivots. Pairs of pivots halve loads and stores.
+    lower L below it; b[LEAST] and b[LARGEST] get moduli of pivots. Pairs of pivots halve loads.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -168,7 +168,7 @@ def solve(a, units):
 
 @inlined
 def balance(a, units):
-    """Rescale the unknowns by powers of two.
+    """Rescale the unknowns of a system `a` by powers of two, which go to `units` (m,).
 
     Then the largest off-diagonal entries in the row and column of each unknown are about equal.
     """

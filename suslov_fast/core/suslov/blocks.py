@@ -8,8 +8,8 @@ from ..numba.intrinsics import LINE, lesser, stream_pairs
 def alignment(out, begin, batch, lanes):
     """Return `lead`, `shift` and `shared`, which align the writing of `out` with cache lines.
 
-    A trajectory takes two numbers in a row of `out`. If two blocks write to one cache line, the
-    line is read first, which doubles the time.
+    A row of `out` has two numbers for each of `batch` trajectories, a block has `lanes`. If two
+    blocks write to one cache line, the line is read first, which doubles the time.
 
     lead     how many numbers of `out` are before its first cache line, -1 if `out` is small
     shift    by how many trajectories the block that starts at trajectory `begin` must be shorter,

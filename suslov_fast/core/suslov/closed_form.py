@@ -112,14 +112,17 @@ def constants_of(I1, I2, I13, I23):
 
 @formula
 def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
-    """Return ell = x + k, x and nu = y / sqrt(I1 I2) of a state, with x and y of equation (7)."""
+    """Return three numbers of the state (w1, w2): ell, x and nu (see the top).
+
+    With x and y of equation (7), ell = x + k and nu = y / root_a; see `constants_of` for root_a.
+    """
     x = I13 * w1 + I23 * w2
     return x + k, x, root_a * (g2 * w1 - g1 * w2)
 
 
 @formula
 def steady(g1, g2, h1, h2, x, nu):
-    """Return the state (w1, w2) with this x and nu (see `coordinates`), times |g|**2."""
+    """Return |g|**2 (w1, w2) of the state with x and nu; g1 to h2 are from `constants_of`."""
     return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
@@ -134,6 +137,8 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
     """Fill rows B1 to D22 of lane l: numbers b, c, d12 and d22 of the closed form (see the top).
 
     `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `b` is (ROWS, lanes).
+    `square` is A**2 - k**2, `passes` is True if it is positive, and R2 is R**2. `half_d12` and
+    `d22_passes` are of orbits that pass, `d22_turns` of others.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
@@ -160,7 +165,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, discrete):
-    """Fill rows B1 to MISSING of lane l, which describe its orbit; RATE gets e root, for `rate`."""
+    """Fill rows B1 to MISSING of lane l, for the map (`discrete` 1) or flow (0); RATE is e root."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
@@ -290,7 +295,7 @@ def reason(b, l):
 
 @formula
 def fill_bodies(b, first, width, lanes, parameters, discrete):
-    """Fill lanes with bodies: `width` trajectories from `first` on, repeated; set UNIT to 1."""
+    """Fill lanes with bodies of `width` trajectories from `first` on, repeatedly; set UNIT to 1."""
     i = first
     for l in range(lanes):
         b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
@@ -321,9 +326,10 @@ def rescale(b, lanes, discrete):
 
 @formula
 def start_orbits(b, first, width, used, omega0, discrete):
-    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated.
+    """Fill the first `used` lanes with orbits of `width` trajectories from `first` on, repeatedly.
 
-    Return True if a unit is not 1: then the rows of bodies have changed.
+    `discrete` is 1.0 for the map, 0.0 for the flow. Return True if the states of a lane got a unit
+    (`unit_of`), because then the rows of its body have changed, too.
     """
     i = first
     for l in range(used):

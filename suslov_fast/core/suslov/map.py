@@ -103,7 +103,7 @@ def leave_plain(frame, X, Y):
 def turn(X, Y, K):
     """Return `along`, `across`, `ratio` (NaN if there is no next state), and 1 at a pole, else 0.
 
-    z_next = along z + across i z and X_next = ratio X.
+    With z, X, Y and K as at the top, z_next = along z + across i z and X_next = ratio X.
     """
     KX, square = K * X, X * (2.0 * X)
     linear = (1.0 - Y) - KX
@@ -167,7 +167,7 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
 
 @formula
 def step_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return the next state of a body with this frame and e."""
+    """Return the state after (w1, w2), NaN if there is none; frame and e are from `frame_of`."""
     X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     if is_plain(frame, X, Y):
         next1, next2 = leave_plain(frame, *plain_step(X, Y))

@@ -66,7 +66,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
     """Solve the two equations for I.delta and w.delta (see the top) by Cramer's rule.
 
     Return the factors of w_i / d_i and I_i / d_i in delta_i, True if they are accurate, and the
-    determinant.
+    determinant. `square` is |w|**2.
     """
     h = 0.5 * eps
     a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
@@ -289,6 +289,7 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate one part of the trajectories, in O(n) a step or `by_elimination`.
 
     `by_elimination` is True or None. Because it is not False, Numba compiles one branch alone.
+    `arrays` are omega0, carry, saved, final, status and failed_at of `suslov.steps.steps`.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
@@ -322,7 +323,8 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
     """Take step n of a block, see `iterate_nd`; record failures and poles in `notes`.
 
-    `a` is (m, m + 1, lanes), the matrices for elimination.
+    `a` is (m, m + 1, lanes), the matrices for elimination; `for_solve` is memory of `solve`.
+    `notes` are carry, status and failed_at.
     """
     (carry, status, failed_at), lanes = notes, c.shape[2]
     if by_elimination is None:

@@ -67,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S) in all lanes, S / 2 = b e_n^T - e_n b^T; b is (D, lanes)."""
+    """Replace r by r cay(S) in all lanes, S/2 = b e_n^T - e_n b^T; b is (D, lanes), c memory."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
@@ -98,7 +98,7 @@ def turn_lanes(r, b, c):
 
 @function
 def clean(r, gram, cleaned):
-    """Replace r by r (3 - r^T r) / 2, a Newton step to the nearest orthogonal matrix."""
+    """Replace r by r (3 - r^T r) / 2, nearer to orthogonality; `gram`, `cleaned` are memory."""
     n, _, lanes = r.shape
     for i in range(n):
         for j in range(n):
@@ -120,7 +120,7 @@ def clean(r, gram, cleaned):
 
 @function
 def write(r, begin, width, target):
-    """Write orientations to target (B, n, n)."""
+    """Write the orientations r of the first `width` lanes to target[begin : begin + width]."""
     for l in range(width):
         for i in range(r.shape[0]):
             for j in range(r.shape[0]):

@@ -70,7 +70,7 @@ def state_at(b, l):
 
 @formula
 def fill_frames(b, lanes, first, width, parameters):
-    """Fill the frames of lanes; lanes beyond `width` repeat the first trajectory."""
+    """Fill frames of lanes: `width` trajectories from `first` on; other lanes repeat `first`."""
     I1, I2, I13, I23, k, eps = parameters
     full = LANES if lanes > 1 else ONE  # constants, for SIMD
     for l in range(lanes):
@@ -170,6 +170,7 @@ def take_steps(b, lanes, plains, n, pause):
 def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
     """Write last states, statuses and `carry`; return how many trajectories may have failed.
 
+    They are trajectories first to last - 1, one if `alone`; `plains` is from `start_lanes`.
     `b` is (ROWS, LANES); the other arrays are as in `steps`.
     """
     (_, _, start, stop, _, _), to_find = span, FIRST

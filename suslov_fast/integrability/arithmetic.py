@@ -155,7 +155,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Return a null space, as rows: a row's last nonzero entry is 1, where other rows have 0."""
+    """Return rows that span a null space; a row's last nonzero entry is 1, and 0 in other rows."""
     columns, dimension = matrix.nullspace()
     return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 

@@ -169,7 +169,7 @@ class RationalMap(WithLetters):
             yield x
 
     def variations(self, x: Sequence[Any], length: int) -> Iterator[tuple[Sequence[Any], Any]]:
-        """Yield the points of an orbit modulo a prime, and their derivatives by the first point."""
+        """Yield `length` points of the orbit of x modulo a prime, with their derivatives by x."""
         p, identity = int(x[0].modulus()), np.eye(self.dimension, dtype=int)
         derivative = flint.nmod_mat(identity.tolist(), p)
         for y in self.orbit(x, length):

@@ -81,7 +81,7 @@ class Plane:
         return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:
-        """Return into how many conjugate curves this curve splits over the complex numbers."""
+        """Return the number of complex curves into which the contracted curve `number` splits."""
         return max(1, count_factors(self._affine(number)))
 
     def _affine(self, number: int) -> Any:
@@ -90,7 +90,7 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """One step of a germ, a series in t: its image, divided by the common factor t**common_order.
+    """One step of a germ, a series in t. `germ` is its image, divided by t**common_order.
 
     `curve_orders` are the orders in t of the equations of curves along the germ before the step.
     """
@@ -113,7 +113,7 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor modulo p of the equation of a curve, for `germ`; None without one.
+        """Return a factor modulo p of the equation of the curve `number`, for `germ`; or None.
 
         Conjugate lines are listed as one curve, but are contracted to different points.
         """
@@ -126,10 +126,7 @@ class PlaneModulo:
         return None
 
     def germ(self, component: Any) -> list[Any] | None:
-        """Return a germ c + t v at a random point c of a component: three polynomials in t.
-
-        The point is an intersection of a random line with the component.
-        """
+        """Return a germ c + t v at a random point c of a component: three polynomials in t."""
         p = self.p
         for _ in range(_LINES):
             ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
@@ -144,7 +141,7 @@ class PlaneModulo:
         return None
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
-        """Return the `Step` from a germ, by `terms` powers of t; None if the image's are all 0."""
+        """Return the `Step` by the first `terms` powers of t; None if they are 0 in the image."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -169,7 +166,7 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage` by the first `terms` powers of t, `endless` if these are too few."""
+        """Return the `Passage` by `most` steps; `endless` if `terms` powers of t are too few."""
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps whose orders of curves are less than the number of terms
@@ -242,7 +239,7 @@ _NUMBERS = range(1, 9)  # in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
-    """Return True if the orders of a passage, found modulo primes, are proved to be exact.
+    """Return True if a passage across the curve `number`, found modulo primes, is proved exact.
 
     Orders modulo a prime are at least the true orders, so orders that are 0 are exact.
     """
@@ -263,7 +260,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
 
 class _Germs:
-    """Exact germs across a curve: polynomials in t, a parameter s, an algebraic number r, eps."""
+    """Exact germs across a curve: polynomials in t, s (which point), r (which line) and eps."""
 
     def __init__(self, plane: Plane, number: int) -> None:
         self._plane, self._curve = plane, plane.curves[number]
@@ -283,7 +280,7 @@ class _Germs:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return a point of the curve on a fixed line; its coordinates contain a root r."""
+        """Return the curve's point on a fixed line; coordinates contain an algebraic number r."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
@@ -324,9 +321,9 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Return the orders after each step, as in a `Passage`, and the last germ.
+        """Return the orders after each of `steps` steps, as in a `Passage`, and the last germ.
 
-        There are fewer steps if there are too few terms; None if coordinates become too large.
+        Steps are fewer if `terms` powers of t are too few; None if coordinates become too large.
         """
         germ, orders = self.first, []
         for k in range(steps + 1):
@@ -369,7 +366,7 @@ class _Germs:
         return False
 
     def _simplest(self, x: list[Any]) -> list[Any]:
-        """Return the same point with homogeneous coordinates, one of which does not contain r."""
+        """Return the point x in homogeneous coordinates, one of which does not contain r."""
         n, last = int(self._modulus.degrees()[-3]), next(P for P in reversed(x) if P != 0)
         zeros = [self._ring.constant(0)] * n
 

@@ -113,7 +113,7 @@ def cofactors(
 
 
 def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
-    """Raise an error if polynomials of a degree in n variables have too many coefficients."""
+    """Raise an error about `name` if polynomials in n variables have over `most` coefficients."""
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
         expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
@@ -141,14 +141,14 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
-    """Return the matrix of the linear map P -> C(x) P(x) - P(Phi(x)), at random points x."""
+    """Return the matrix modulo p of P -> sign C(x) P(x) - P(Phi(x)), at random points x."""
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, sign), p)
     return at_points - flint.nmod_mat(points.of_images, p)
 
 
 class _Points(NamedTuple):
-    """Random points `x` modulo a prime, and the values of monomials at `x` and at its images."""
+    """Random points `x` modulo p, and values of monomials at x and, as `of_images`, at Phi(x)."""
 
     map: RationalMap  # at eps
     eps: Values
@@ -216,7 +216,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return the minimal polynomial of P -> P(Phi) / candidate, by n random points."""
+            """Return the minimal polynomial of P -> P(Phi) / candidate, by points from `start`."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
@@ -252,7 +252,7 @@ def _divisors(
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
-        """Return linear equations for the polynomials such that f**power divides their pullback."""
+        """Return equations for P with f**power dividing its pullback; f has the degree `size`."""
         divisor_degree = size * power
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree
@@ -273,7 +273,10 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Yield exponents that begin with `powers`; the other factors have the degree `left`."""
+        """Yield exponents that begin with `powers`; the other factors have the degree `left`.
+
+        `system` has the linear equations for `powers`.
+        """
         k = len(powers)
         if k == len(divisors):
             yield powers[at_infinity:]

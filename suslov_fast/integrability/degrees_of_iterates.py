@@ -217,7 +217,10 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
 
 
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
-    """Return a recurrence as text: `number` degrees satisfy it, but not the first `transient`."""
+    """Return a recurrence as text: `number` degrees satisfy it, but not the first `transient`.
+
+    `from_identity` is True if the degree 1 of the identity before them satisfies it, too.
+    """
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"

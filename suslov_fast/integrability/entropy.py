@@ -195,7 +195,7 @@ def _few_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
-    """Return the `Contraction` of a curve from its passage, with a proof if one is found."""
+    """Return the `Contraction` of curve `number` from its passage, with a proof if one is found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if length is not None:
@@ -218,8 +218,7 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
     """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates.
 
-    The generating functions satisfy linear equations with the determinant Q. The coefficients of Q
-    are those of a recurrence of degrees.
+    The coefficients of Q are those of a recurrence of degrees.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]

@@ -90,7 +90,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
 
 
 def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
-    """Return the matrix of a search modulo p, with pairs (N, D) in place of the values `found`."""
+    """Return the matrix `found` by a search modulo p, with pairs (N, D) in `count` letters."""
     if not count:
         return [[({(): c}, {(): 1}) for c in row] for row in found]
     shape, done = [*map(len, found)], itertools.count()
@@ -109,7 +109,7 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return rows with the terms in `shape`; their fractions have the `residues` modulo primes."""
+    """Return rows with the exponents in `shape`, and fractions for the `residues` modulo primes."""
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -297,7 +297,7 @@ def _homogeneous(values: Sequence[int], count: int, degree: int, p: int) -> Term
     """Return the homogeneous polynomial with these values at (2^i, 3^i, ...), i = 0, 1, ...
 
     The values of its monomials at (2, 3, ...) are the roots of the recurrence of `values`. None if
-    there are too few values.
+    there are too few values. `count` is the number of letters.
     """
     values = [a % p for a in values]
     if not any(values):

@@ -114,7 +114,7 @@ class Invariants:
         return added
 
     def is_known(self, P: Any, cofactor: Any) -> bool:
-        """Return True if P is a constant or a combination of products of known polynomials."""
+        """Return True if P is constant, or combines products of generators with this cofactor."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
         elements = self.elements(self.value(cofactor), degree)
@@ -133,7 +133,7 @@ class Invariants:
         return rank([*lower, self.polynomial(generator)]) == rank(lower)
 
     def _multiply_by(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add a new generator, and its products with known products; return the result of `add`."""
+        """Add a generator and its products with others; return (cofactor value, degree) of each."""
         cofactor: Any = generator.cofactor
         factor, new = self.value(cofactor), []
         number = len(self.generators)
@@ -154,7 +154,10 @@ class Invariants:
         return new
 
     def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace polynomials of one cofactor by others of equal degrees; return the new ones."""
+        """Replace the generators with this cofactor value by `polynomials`; return new ones.
+
+        None are replaced if degrees differ. `basis` says how the polynomials were confirmed.
+        """
         numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
         numbers.sort(key=lambda k: self.generators[k].degree)
         polynomials = sorted(polynomials, key=degree_of)
@@ -209,7 +212,7 @@ class Invariants:
         return tuple(map(_without_constant_term, found))
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral that is a product of g**e over generators g, with the cofactor 1."""
+        """Return the integral that is the product of g**e for generators g and e in `powers`."""
         return _with_varying_limit(_f_or_reciprocal(self.power_product(powers)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
@@ -249,7 +252,7 @@ class Invariants:
         return tuple(sorted(different, key=_order_of_densities))
 
     def _densities(self, cofactor: RationalFunction) -> list[RationalFunction]:
-        """Return 1 / P for the products P with a cofactor."""
+        """Return the densities 1 / P for products P of generators with this cofactor."""
         most = self.map.degree * self.degree
         return [f**-1 for f in self.elements(self.value(cofactor), most)]
 
@@ -389,7 +392,7 @@ class NormalForms:
 
 
 def _modified_energy(map: RationalMap) -> list[Any]:
-    """Return the numerator of the modified energy of a field with a Hamiltonian, in a list."""
+    """Return [P], P the numerator of the modified energy; [] for a map without one."""
     modified = map.modified_energy
     return [modified.as_quotient(map.ring)[0]] if modified else []
 

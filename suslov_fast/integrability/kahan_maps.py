@@ -290,7 +290,10 @@ def _slope(P: Any, i: int) -> Any:
 
 
 def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return scale (A | b) as `_equations`; terms v x_j x_k / scale count as v x_k x_j, too."""
+    """Return the rows of scale * (A | b), with entries as in `KahanMap._equations`.
+
+    A term ((i, j, k), v) adds v (x_j x~_k + x_k x~_j) / scale to (x~_i - x_i) / eps; half if j = k.
+    """
     forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
     for i in range(D):  # at eps = 0, A is the unit matrix and b is x
         forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]

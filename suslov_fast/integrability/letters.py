@@ -30,7 +30,7 @@ def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
 
 
 def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
-    """Return a `Map` as a rational map, or the Kahan map of a field or a body."""
+    """Return a `Map` as a rational map, or a system's Kahan map; `letters` stay symbols."""
     if isinstance(system, Map):
         return rational_map(system, letters=letters)
     if letters is None:

@@ -121,7 +121,7 @@ def on_level(
 
 
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
-    """Return the level of integrals through a point, or the generic level, as `on_level`."""
+    """Return the level of integrals through a point, or the generic level; see `on_level`."""
     D = map.dimension
     if D < 3 or not map.inverse or not map.is_invertible:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
@@ -235,7 +235,7 @@ class _Equations:
     # Coordinates.
 
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
-        """Return the `Level` of solved equations; a quadric that remains is projected from x."""
+        """Return the `Level` of solved equations, named `text`; a quadric is projected from x."""
         names = self.map.names or labels(self.D)
         how = (
             [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []
@@ -264,7 +264,7 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, places: list[int], x: list[Any]) -> list[Any]:
-        """Return the point of a quadric on the line through x with the direction (x1, x2, 1)."""
+        """Return the point of a quadric in x[places] on the line x + s (x1, x2, 1)."""
         u, v = self.plane.gens()[1:]
         start = [self.plane.from_dict({(e[0], 0, 0): c for e, c in x[k].terms()}) for k in places]
         d = [u, v, self.plane.constant(1), self.plane.constant(0)]
@@ -372,7 +372,7 @@ def _component(P: Any, x: list[Any]) -> Any:
 
 
 def _of_variables(P: Any, places: list[int]) -> Any:
-    """Return a polynomial in some of the variables, in a ring of these variables alone."""
+    """Return a polynomial in the variables at `places` in a ring of these variables alone."""
     terms = {(e[0], *(e[1 + k] for k in places)): c for e, c in P.terms()}
     return polynomial_ring(len(places), True).from_dict(terms)
 

@@ -57,8 +57,8 @@ def gradients_of_coefficients(
     """Return grad c_i for the coefficients c_i of relations, by relation, then by coefficient.
 
     They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
-    the points x_k of the orbit of x. Relations must be a basis in echelon form. Coefficients that
-    this form fixes at 0 or 1 are constant, and are left out.
+    `length` points x_k of the orbit of x. Relations must be a basis in echelon form. Coefficients
+    that this form fixes at 0 or 1 are constant, and are left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
@@ -73,10 +73,7 @@ def gradients_of_coefficients(
 
 
 class Counted(NamedTuple):
-    """The number of relations along an orbit, and of the independent integrals they show.
-
-    The number of integrals is the rank of the gradients of the coefficients.
-    """
+    """The number of relations along an orbit, and of the independent integrals they show."""
 
     relations: int
     integrals: int
@@ -167,7 +164,7 @@ class ImplicitIntegral:
         return arithmetic.fraction(self.value(map, [arithmetic.fmpq(a) for a in point]))
 
     def value(self, map: RationalMap, x: list[Any]) -> Any:
-        """Return the value at a point (x1, ..., xD, 1) of exact numbers of any type."""
+        """Return the value at a point (x1, ..., xD, 1) of exact numbers; `map` has no letters."""
         others = [e for e in self.monomials if e != self.denominator]
         orbit = _orbit_around(map, x, len(others))
         # With the coefficient 1 of the denominator, the others solve a linear system.
@@ -263,7 +260,7 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of a quotient of two coefficients; None if more points are needed."""
+        """Return the degree of a circuit's c_numerator / c_denominator; None if points are few."""
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
         pair = self._quotients.quotient(values, lowest=(len(values) - 1) // 2)
@@ -274,10 +271,7 @@ class _RelationsOnLine:
 def _gradients_of_logarithms(
     map: RationalMap, circuit: Exponents, p: int
 ) -> dict[tuple[int, ...], Any]:
-    """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
-
-    The gradients are at `arithmetic.random_point` modulo p. The last coefficient is 1.
-    """
+    """Return {monomial: grad log(coefficient)} at `random_point` modulo p; 0 for the last one."""
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
     (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)

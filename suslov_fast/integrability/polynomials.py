@@ -55,10 +55,7 @@ def _ring(n: int, symbolic: int, context: Any, *modulus: int) -> Any:
 
 
 def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
-    """Return the ring of polynomials in n variables, with letters before them.
-
-    A single letter is called eps there.
-    """
+    """Return the ring of polynomials in letters and n variables; a single letter is called eps."""
     if len(letters) < 2:
         return polynomial_ring(n, len(letters))
     names = ("eps" if name == "eps" else _LETTER + _encoded(name) for name in letters)
@@ -140,15 +137,14 @@ def has_constant_term(P: Any) -> bool:
 def sort_key(P: Any) -> tuple[Any, ...]:
     """Return the sort key of polynomials, which puts short ones first.
 
-    Monomials in x come before coefficients, so that the order is the same for a symbolic eps and
-    for a number.
+    The order is the same for a symbolic eps and for a number: coefficients count last.
     """
     monomials = sorted({(-sum(e), *(-k for k in e)) for e in exponents_in_x(P)})
     return degree_of(P), len(monomials), monomials, str(P)
 
 
 def coefficients_in(P: Any, place: int) -> list[Any]:
-    """Return [c_0, c_1, ...] with P = sum of c_k y**k, for the variable y at a place."""
+    """Return [c_0, c_1, ...] with P = sum of c_k y**k, for y = variable number `place` of P."""
     terms: list[dict[Any, Any]] = []
     for e, c in P.to_dict().items():
         others = [*e]
@@ -253,10 +249,7 @@ def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> l
 
 
 def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
-    """Return P modulo a prime p with numbers in place of its letters: a polynomial in x alone.
-
-    For p = 0 the result is over the rationals.
-    """
+    """Return P in x alone, `values` in place of letters, modulo p (over the rationals if p = 0)."""
     context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     letters, variables = letters_of(P.context()), labels(variables_of(P))
     # python-flint 0.9 keeps terms that are 0 modulo p.
@@ -354,7 +347,7 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
     """Return primitive polynomials that span the same space as rows of their coefficients.
 
-    Rows are as `over_rationals` returns them. Without letters, LLL makes the coefficients small.
+    Rows, of `over_rationals`, have an entry for each exponent. Without letters, LLL shortens them.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:

@@ -229,7 +229,7 @@ class RationalFunction(WithLetters):
 
     @property
     def denominator(self) -> Any:
-        """The denominator, as :attr:`numerator`."""
+        """The denominator as one polynomial of python-flint, in the letters and the variables."""
         return with_plain_letters(self.as_quotient()[1])
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
@@ -255,7 +255,7 @@ class RationalFunction(WithLetters):
         return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
     def values_modulo(self, p: int, eps: Sequence[int], points: Sequence[Any]) -> list[Any]:
-        """Return the values at points (x1, ..., xD, 1) modulo a prime, at values of letters."""
+        """Return the values modulo p at points (x1, ..., xD, 1), with numbers `eps` for letters."""
         values = [flint.nmod(arithmetic.fmpq(self.constant), p)] * len(points)
         for P, e in self.factors:
             P = modulo(P, p, eps)
@@ -303,7 +303,10 @@ class RationalFunction(WithLetters):
 
 
 def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:
-    """Return the text of a power; a polynomial that is the whole formula needs no brackets."""
+    """Return the text of P**e, without brackets if P is the whole formula.
+
+    The degree and the number of terms stand for a P with more than `longest` characters.
+    """
     text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
@@ -354,7 +357,7 @@ def without_constant(f: RationalFunction) -> RationalFunction:
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
-    """Return P / Q up to a constant factor, in irreducible factors, with this `basis`."""
+    """Return P / Q in irreducible factors, up to a constant; `basis` says how it is confirmed."""
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
 
 
@@ -368,7 +371,7 @@ def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) ->
 def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
-    """Return the constant times the product of P**e, with equal P merged, and sorted by size."""
+    """Return constant * product of P**e over pairs (P, e), with equal P merged, sorted by size."""
     exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e

@@ -188,7 +188,7 @@ class Report:
 
 
 def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return a line: the title, and up to `most` formulas of `known` functions, or else `none`."""
+    """Return a line: a title, up to `most` formulas of `known` functions, or the text `none`."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
@@ -345,7 +345,7 @@ class _Stopped(BaseException):
 
 
 def _special_values(system: Any, facts: Search) -> list[str]:
-    """Return a note if there are more integrals at the values of a system than for letters."""
+    """Return [a note] if the system's own parameters give more integrals than letters, else []."""
     degree = facts.queue.finished().get("relations", 0)
     exponents = exponents_up_to(degree, facts.map.dimension)
     try:

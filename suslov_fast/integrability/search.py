@@ -155,7 +155,7 @@ class Known(NamedTuple):
 
 
 class Search:
-    """The facts known about a map, and the tasks that find more."""
+    """The facts known about a map, and the tasks that find more, by polynomials up to a degree."""
 
     def __init__(self, map: RationalMap, degree: int, only_integrals: bool = False):
         self.map, self.degree = map, degree
@@ -208,8 +208,7 @@ class Search:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
 
         If enough integrals are known, polynomials of lower degree can still replace them. Above the
-        degree of the report only norms are wanted: products of conjugate polynomials with
-        irrational coefficients.
+        degree of the report, only norms are wanted: products of conjugate polynomials.
         """
         is_small = self.unknowns(degree) <= _FEW
         if degree > self.degree:
@@ -251,7 +250,7 @@ class Search:
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return the task that finds the next degree of an iterate, and adds another if needed."""
+        """Return the task that takes an iterate's degree from `following`, and may add another."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
@@ -329,14 +328,14 @@ class Search:
             yield Task(partial(self.quotients_of_relations, k), "quotients", k)
 
     def quotients_of_relations(self, k: int) -> Tasks:
-        """Add the polynomials of `integrals_of_relations`, if formulas of integrals are missing."""
+        """Add the `integrals_of_relations` of monomials up to degree k, if formulas are missing."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
         return self._add_space(integrals_of_relations(self.map, exponents))
 
     def integrals_between_few_monomials(self, k: int) -> Tasks:
-        """Find integrals from relations between few monomials, if formulas are missing."""
+        """Find integrals by relations of few monomials up to degree k, if formulas are missing."""
         missing = (self.relations or 0) - len(self.known.integrals)
         exponents = exponents_up_to(k, self.map.dimension)
         if missing <= len(self.known.implicit):
@@ -370,7 +369,7 @@ class Search:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
-        """Return the task that tries the next candidate cofactor, and adds the task after it."""
+        """Return the task that tries the next candidate cofactor of degree k, and adds another."""
 
         def run() -> Tasks:
             for candidate in candidates:
@@ -384,7 +383,7 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return a task for P up to degree k with P(Phi) = sign C P; k + 1, ..., `last` follow."""
+        """Return a task for P(Phi) = sign C P up to degree k; tasks up to degree `last` follow."""
 
         def run() -> Tasks:
             yield from self._find_polynomials(cofactor, sign, k)
@@ -499,7 +498,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield the task that proves by identities that quotients of a space are integrals."""
+        """Yield a task to prove that quotients of a space are integrals, in `longest` seconds."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 

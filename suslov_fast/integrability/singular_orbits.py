@@ -15,7 +15,7 @@ _TRIES = 3  # points and numbers in place of eps for each of these
 
 
 def why_never(plane: Plane, number: int, passage: Passage) -> str:
-    """Return why the orbit of a contracted curve never ends, a proof in words; "" if unproved."""
+    """Return why the orbit of the curve `number` never ends, a proof in words; "" if unproved."""
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
         for _ in range(_TRIES):

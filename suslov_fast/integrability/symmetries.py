@@ -74,14 +74,17 @@ def reversors(map: KahanMap) -> list[Reversor]:
 
 
 def reverses(reversor: Reversor, terms: Terms) -> bool:
-    """Return True if f(S x + b) = -S f(x) and the symmetry is an involution."""
+    """Return True if f(S x + b) = -S f(x), f with `terms`, and the symmetry is an involution."""
     ring = flint.fmpq_mpoly_ctx.get(labels(len(reversor.b)), ordering="deglex")
     *S, b = ([*map(arithmetic.fmpq, row)] for row in (*reversor.S, reversor.b))
     return not any(P != 0 for P in _identities(terms, S, b, ring.gens(), arithmetic.fmpq))
 
 
 def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
-    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry."""
+    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry.
+
+    `number` is called to convert the coefficients of f.
+    """
     zero = 0 * x[0]
     terms = [(place, number(c)) for place, c in f.members()]
 
@@ -100,7 +103,7 @@ def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
 
 
 def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
-    """Return the equations of reversing symmetries for the entries of S, then of b, modulo p."""
+    """Return the equations of reversing symmetries in the ring `unknowns` of entries of S and b."""
     n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D

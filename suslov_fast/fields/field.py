@@ -23,7 +23,7 @@ from .mass import parted, rates
 from .names import check_for_map, variables
 from .right_hand_sides import OfMembers
 from .terms import Terms, texts_of, without_zeros
-from .trace import check_function, operands_of_function
+from .trace import check_callable, check_function, operands_of_function
 from .traced import EQUATIONS, NAMES, Traced, operands_of_texts, parts_of
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
@@ -120,11 +120,12 @@ class Field(Traced):
         self,
         f: Callable[..., Any],
         /,
-        names: int | str | Sequence[str],
+        names: int | str | Sequence[str] = "",
         *,
         mass: Any = None,
         **parameters: Any,
     ) -> None:
+        check_callable("f", f)  # before its names, because texts have them
         names = variables("names", names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None

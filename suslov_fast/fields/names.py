@@ -83,7 +83,7 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
         raise wrong(argument, 'names of variables, such as "u v w"', short(given), TypeError)
     names = [str(name) for name in names if name]
     if not names:
-        raise wrong(argument, "the name of at least one variable", short(given))
+        raise wrong(argument, 'the names of variables, as in Field(f, "x v")', short(given))
     if D is not None and len(names) != D:
         raise wrong(
             argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"

@@ -19,12 +19,17 @@ _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations a
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 
 
-def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless a user's function takes the state and these parameters."""
+def check_callable(argument: str, f: Any) -> None:
+    """Raise TypeError unless f is a function."""
     if not callable(f):
         items = f if isinstance(f, list | tuple | dict) else [f]
         how = _OF_TEXT if any(isinstance(each, str) for each in items) else _OF_SYMPY
         raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
+
+
+def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless a user's function takes the state and these parameters."""
+    check_callable(argument, f)
     try:
         signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments

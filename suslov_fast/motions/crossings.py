@@ -125,4 +125,5 @@ def crossings(
         since=before,
     )
     motion = solved(system, x, batch, request, progress, names, field, events)
-    return motion.events  # type: ignore[return-value]
+    assert motion.events is not None  # because there are events
+    return motion.events

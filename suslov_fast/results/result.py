@@ -94,8 +94,8 @@ class Result:
         """Return a component of the states by its name."""
         labels = self.body._labels
         if not isinstance(name, str):
-            named = f"{self._called} takes the name of one component, such as [{labels[0]!r}]"
-            raise TypeError(f"{named}, not [{short(name)}]: use {self._by_number}")
+            named = f"[{short(name)}] must be the name of one component, such as [{labels[0]!r}]"
+            raise TypeError(f"{named}: use {self._by_number}")
         if name not in labels:
             known = f"run.{name}" if name in dir(self) else ", ".join(labels)
             if name in getattr(self, "derivatives", ()):

@@ -328,10 +328,12 @@ class Kernel(Patient):
         # Kernels that check indices or are interpreted may raise, which a
         # parallel loop of Numba ignores.
         may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
-        kind = None if may_raise else (self.compiled, _kind(arguments))
-        if kind not in known_addresses:
-            known_addresses[kind] = kind and _addresses(self.compiled, numba.typeof(arguments))
-        addresses = known_addresses[kind]
+        addresses = None
+        if not may_raise:
+            kind = self.compiled, _kind(arguments)
+            if kind not in known_addresses:
+                known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
+            addresses = known_addresses[kind]
         if addresses is None:
             in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
         else:

@@ -7,9 +7,8 @@ polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
 
 p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
 
-where L_j are Lagrange polynomials. Its error is C prod_j (v - j)**2 at first order. The defect p' -
-h / 4 f(p) shows C and the errors of the nodes. If the defect is too large, the step is taken again,
-to the next time.
+with Lagrange polynomials L_j. Its error is C prod_j (v - j)**2 at first order. The defect p' -
+h / 4 f(p) shows C and the errors of the nodes. If it is large, a new step ends at the next time.
 """
 
 from math import inf, prod
@@ -38,13 +37,16 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 @scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
-    """Return a quarter of the signed length of a step if its end `after` is past `next`, else 0."""
+    """Return a signed quarter of a step that ends (`after`) past requested time `next`, else 0."""
     is_inside = (accepted > 0.0) & (next < after)
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
 
 def weights_at(v):
-    """Return the weights of x_j - x and of h / 4 f(x_j) in p(v) - x, see the top, by name."""
+    """Return weights of x_j - x (`state1` ...) and h / 4 f(x_j) (`rate0` ...) in p(v) - x, by name.
+
+    p interpolates states x_j and rates f(x_j) after j = 0 ... 4 quarters of a step, where v = j.
+    """
     of_states, of_rates = {}, {}
     for j in _NODES:
         product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
@@ -57,12 +59,12 @@ def weights_at(v):
 
 @scalar_kernel
 def BETWEEN(t, taken, next):
-    """Return the weights of the interpolation at the next requested time, see `weights_at`."""
+    """Return `weights_at` the requested time `next`, in a step of length `taken` from time t."""
     return weights_at(4.0 * ((next - t) / taken))
 
 
 def weights_of_test(v):
-    """Return two dicts of weights, see `weights_at`: for p(v) - x, and for p'(v)."""
+    """Return weights, as `weights_at`, for interpolation p(v) - x after v quarters; and for p'."""
     weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},
@@ -75,7 +77,10 @@ def INTERPOLATED(
     x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
     rate0, rate1, rate2, rate3, rate4,
 ):  # fmt: skip
-    """Return a component of p(v) - x or p'(v): sum state_j (x_j - x) + signed sum rate_j f_j."""
+    """Return sum_j state_j (x_j - x) + signed sum_j rate_j f_j, a component of p(v) - x or p'(v).
+
+    x_j is the state after j quarters of a step, f_j is f there; `signed` is h / 4. p: `weights_at`.
+    """
     rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
     states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
     return {"value": states + signed * rates}
@@ -83,7 +88,7 @@ def INTERPOLATED(
 
 @scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Update `ratio`, the largest error of p / allowed error, and `total` = sum |f| (for NaN).
+    """Update `ratio`, the largest error of interpolation p / allowed error, and sum |f|, `total`.
 
     `slope` is p'_i, f is f_i(p), `signed` is h / 4, and `inverse` is 1 / allowed error.
     """
@@ -93,9 +98,10 @@ def DEFECT(slope, f, signed, inverse, ratio, total):
 
 @scalar_kernel
 def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return `fails` = 1 if a step is inaccurate inside (`ratio` > 1), and rows to take it again.
+    """Return `fails` = 1 if the interpolation in a step is inaccurate, and rows to take it again.
 
-    `ratio` and `total` are results of `DEFECT`. The new step ends at the next requested time.
+    The step has the length `taken` from time t; the new step ends at the requested time `next`.
+    `ratio` and `total` are results of `DEFECT`. `signed` is 0 if no requested time is inside.
     """
     length = next - t
     is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
@@ -113,7 +119,7 @@ def FAILS(t, taken, next, signed, ratio, total, steps, state):
 
 @scalar_kernel
 def WITH_SIGN(value, x, keeps):
-    """Return `value`, a component inside a step; if `keeps` is 1, with the sign of x before it."""
+    """Return `value`, a component inside a step, with the sign of x, its start, if `keeps` is 1."""
     signed = x.equals(0.0).select(0.0, abs(value).then("copysign", x))
     return {"value": (keeps > 0.0).select(signed, value)}
 
@@ -122,6 +128,7 @@ def add_between(text, integrator, name, for_each):
     """Add the function void between(arguments), which saves states at times within a step.
 
     It is a separate function, because LLVM's time grows faster than the length of a function.
+    `name` begins the names of functions; `for_each` is True if each lane has its own table.
     """
     with text.function(f"{name}_between", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -133,7 +140,7 @@ def add_between(text, integrator, name, for_each):
 
 
 def save_states(code):
-    """Save the states at times that the step has passed, or that a step aside has reached."""
+    """Add code that saves states at requested times that a step passed, or a step aside reached."""
     text, work = code.text, code.work
     served = work.served[0] > 0.0
     with text.when((served | _passed(code, Value.__ge__)).any(), likely=False):
@@ -146,7 +153,7 @@ def save_states(code):
 
 
 def save_at_end(code):
-    """Save the states at times at which the step ends, or NEARLY ends, after actions there."""
+    """Save states at requested times at (or NEARLY at) the end of a step, after actions there."""
     text = code.text
     with text.when(_reached(code).any(), likely=False):
         for now in text.rounds(Carried()):
@@ -155,17 +162,17 @@ def save_at_end(code):
 
 
 def _passed(code, how):
-    """Return which lanes have passed their next time; `how` is the comparison: >, >= or =."""
+    """Return which accepted steps end past the next requested time; `how` compares: >, >= or =."""
     return (code.work.accepted[0] > 0.0) & how(_until(code), code.line.next[0])
 
 
 def _reached(code):
-    """Return which lanes have reached their next time."""
+    """Return which lanes have accepted a step that reaches their next requested time."""
     return (code.work.accepted[0] > 0.0) & (code.line.t[0] >= code.line.next[0])
 
 
 def _until(code):
-    """Return the time up to which states are inside the step, before any action."""
+    """Return the time up to which states are inside the step, before any action of an event."""
     t = code.line.t[0]
     if not code.integrator.events:
         return t
@@ -173,7 +180,7 @@ def _until(code):
 
 
 def _find_nodes(code):
-    """Find states and rates at the ends of quarters; reject steps with an inaccurate interior."""
+    """Write states and f after quarters of a step to `nodes`; reject steps inaccurate inside."""
     text, line, work, D = code.text, code.line, code.work, code.D
     code.keep(work, code.apply(QUARTER, t=work.t[0], after=_until(code)))
     few, more = WEIGHTS
@@ -217,7 +224,7 @@ def _find_nodes(code):
 
 
 def _between(code, weights, i):
-    """Return component i of p(v) - x, or of p'(v), see the top, with these weights."""
+    """Return component i of the interpolation p(v) - x or p'(v), by `weights` of `weights_at`."""
     work, inputs = code.work, {}
     for k in range(3):
         node = work.nodes.after(2 * k * code.D)
@@ -227,7 +234,7 @@ def _between(code, weights, i):
 
 
 def _put_between(code, weights):
-    """Write the state inside the step with these weights to `start`."""
+    """Write the state inside a step that has these `weights` (`weights_at`) to the row `start`."""
     for i in code.text.each(code.D):
         x = code.line.x[i]
         value = x + _between(code, weights, i)
@@ -237,7 +244,7 @@ def _put_between(code, weights):
 
 
 def save(code, bits, states):
-    """Write the rows `states` to the output in lanes with these bits; set their next two times."""
+    """Save rows `states` at the next time, in lanes with bit 1 in `bits`; set their next times."""
     text, of, rows = code.text, code.of, code.integrator.rows
     one = text.lanes(1)
     for offset in code.lanes_with(bits):

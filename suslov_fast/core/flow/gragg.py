@@ -11,16 +11,11 @@ a = a + 2 s f(b),     b = b + 2 s f(a),     at the end of the column b = b + s f
 
 so that a column ends at (a + b) / 2. The difference a - b has an expansion like that of the end,
 and is 0 in the limit. But only f connects a and b: if it has a layer thinner than a sub-step, they
-may stay on its two sides, and all columns agree on a false end. The weighted sum of a - b shows
-that.
+may stay on its two sides, and all columns agree on a false end. A weighted sum of a - b shows it.
 
-Both forms have the same bits. Columns are computed
-
-- in turn: a loop over pairs of sub-steps, one column after the other;
-- side by side: straight-line code of all columns, if f is short.
-
-Ends minus x are in the row `ends` of `WorkRows`, a - b in `apart`, y_N of the last column and f
-there in `a` and `f_last`. `stormer` has half of this rule.
+Both forms have the same bits: a loop over pairs of sub-steps, one column after the other
+(`in_turn`), and straight-line code of all columns if f is short (`side_by_side`). For results see
+`WorkRows`; `stormer` has half of this rule.
 """
 
 from ..llvm.compiler import numbers_in_register
@@ -36,10 +31,10 @@ OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
 
 class ExplicitColumns(FunctionCode):
-    """The function void columns(x, f, table, work, count): the ends y_c - x of `count` columns.
+    """Writer of the function void columns(x, f, table, work, count) by Gragg's midpoint rule.
 
-    `x` and `f` are the addresses of the rows of a state and of f there. The row `signed` of `work`
-    is the length of the step.
+    It writes the ends y_c - x of the first `count` columns to the row `ends` of `work`, for a step
+    of the length `signed`. Arguments are addresses of the state x, f there, the table and rows.
     """
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold
@@ -63,24 +58,21 @@ class ExplicitColumns(FunctionCode):
             self.in_turn(inner)
 
     def work_of_pair(self):
-        """Return an estimate of the operations in half a pair of sub-steps."""
+        """Return an estimate of the operations in a sub-step, half of a pair of sub-steps."""
         return self.length + 3 * self.D
 
     def _have(self, name):
         return any(getattr(function, name) for function in self.functions.values())
 
     def narrower(self):
-        """Return the `Code` to which sub-steps are added: for all W lanes, or for fewer.
-
-        It is for the lanes of one register if f is inlined and calls no function.
-        """
+        """Return `Code` for the lanes of one register if f is inlined without calls, else all."""
         W = numbers_in_register()
         if self.is_inlined and W < self.text.W and not self._have("calls"):
             return self.text.lanes(W)
         return self.text
 
     def parts(self, inner):
-        """Add a loop over registers of a line; yield x, f, and addresses of `work` and table."""
+        """Add a loop over registers; yield x, f, work, table for lanes of the `Code` `inner`."""
         for part in self.text.each(self.text.W // inner.W):
             offset = part * (8 * inner.W)
             x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
@@ -90,7 +82,7 @@ class ExplicitColumns(FunctionCode):
 
     # ------------------------------------------------------------------------------------- in turn
     def in_turn(self, inner):
-        """Add the first `count` columns to `inner` (`narrower`): a loop over pairs of sub-steps."""
+        """Add a loop over pairs of sub-steps of columns; `inner` is the `Code` for their lanes."""
         text, work, D = self.text, self.integrator.work, self.D
         pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
@@ -126,34 +118,35 @@ class ExplicitColumns(FunctionCode):
                         of_work.f_last[i] = value
 
     def caller(self, table, f):
-        """Return a function of (name, rows of a state) that writes rates there to the rows `f`."""
+        """Return a function of (name, x) that calls `name` to write rates at x to the rows `f`."""
         return lambda name, of: self.call(name, of, table, f)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return the missing rates {i: rate} at the end of the last column. Gragg's rule has none.
+        """Return {i: rate} at the end of the last column, for rates that sub-steps do not evaluate.
 
-        In `stormer` they depend on b, with the components `of_b`; `call` is a result of `caller`.
+        Gragg's rule has none; `StormerColumns` overrides this. `a`, `b` are the last states, `of_b`
+        the components in b. `call`, a result of `caller`, writes rates if f is not inlined.
         """
         return {}
 
     def loops(self):
-        """Return loops over the components in `a` and in `b`."""
+        """Return two loops, over the components in the row `a` and over the components in `b`."""
         return self.of_a(), self.of_b()
 
     def begin(self, a, b, x, f, s, of_a, of_b):
-        """Begin a column: a = x for components `of_a`, b = x + s f for components `of_b`."""
+        """Begin a column of sub-steps s: a = x for components `of_a`, b = x + s f for `of_b`."""
         for i in of_a:
             a[i] = x[i]
         for i in of_b:
             b[i] = x[i] + s * f[i]
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write (a + b) / 2 - x, the end of a column less x, to `ends`, and a - b to `apart`."""
+        """Write an end minus x, (a + b) / 2 - x, to `ends`, a - b to `apart`, for i in `of_a`."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
     def pair(self, work, table, double, factor):
-        """Add a += double f(b), b += factor f(a); return this f(a), or {} if it is in `f_last`."""
+        """Add a += double f(b), b += factor f(a) in `work`; return f(a), {} if in `f_last`."""
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
@@ -168,7 +161,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add a += double f(b), b += factor f(a) with inlined f; return this f(a) by component."""
+        """Add `pair` to rows of a and b, with inlined f; return {i: rate} of f(a) at the new a."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)
@@ -181,7 +174,7 @@ class ExplicitColumns(FunctionCode):
         return f
 
     def value(self, name, x, table):
-        """Return {i: rate} at the state x, with inlined f; `name` is one of `names`."""
+        """Return {i: rate} at the state x by inlined code of the function `name`, such as "f"."""
         text = x.text if isinstance(x, Array) else next(iter(x.values())).text
         for_each = self.for_each and self.text.W > 1
         values = self.integrator.functions[name].values(text, lambda k: x[k], table, for_each)
@@ -189,7 +182,7 @@ class ExplicitColumns(FunctionCode):
 
     # --------------------------------------------------------------------------------- side by side
     def side_by_side(self, inner):
-        """Add all columns as straight-line code for a register of lanes."""
+        """Add all columns as straight-line code; `inner` is the `Code` for a register of lanes."""
         D = self.D
         of_a, of_b = self.names
         for x, f, lanes, table in self.parts(inner):
@@ -217,6 +210,6 @@ class ExplicitColumns(FunctionCode):
 
 
 def added(x, factor, change):
-    """Return x + factor * change by components."""
+    """Return {i: x_i + factor * change_i} for the components i of the dict `change`."""
     products = {i: factor * each for i, each in change.items()}
     return {i: x[i] + product for i, product in products.items()}

@@ -8,16 +8,14 @@ others or growing by themselves. The equations grow there at a rate above 1 / h 
 restricted to L, has a negative determinant; or a negative pivot, if no component of L takes from
 another. Such a step is rejected: h / (1 - pivot), at both ends of it, is the longest length.
 
-If none takes from another, growth shows as h f_i / x_i > 1 as long as no component changes its
-sign. So components that decay keep their sign in an implicit step, which costs less than the
-allowed error.
+If none takes from another, growth shows as h f_i / x_i > 1 while no component changes its sign. So
+implicit steps keep the signs of components that decay, which costs less than the allowed error.
 
 A warning (`LOW`) is for a component that may have no digits. It was large, falls below FEW allowed
 errors in two steps in a row while it remembers, and then grows to GROWN allowed errors, or a tenth
-of its size. It remembers its former value if nothing else feeds it. Let g be f in the state where
-all components below their allowed errors are 0. Then h |g_i| is below the allowed error, and
-|g_i| <= |f_i| / 2. If f_i contains the factor x_i, nothing feeds it, and one step below FEW_ALONE
-allowed errors counts.
+of its size. It remembers its former value if nothing else feeds it: h |g_i| is below the allowed
+error, and |g_i| <= |f_i| / 2, where g is f with 0 for all components below their allowed errors.
+If x_i divides f_i, nothing feeds it, and one step below FEW_ALONE allowed errors counts.
 """
 
 from math import inf
@@ -49,7 +47,10 @@ def _changes_sign(x, new, inverse):
 
 @scalar_kernel
 def GROWS(x, f, new, f_new, inverse, signed, grows):
-    """Return 1 if |x| < NEAR / inverse and h f / x > NEXT, or if the sign changes; else `grows`."""
+    """Return `grows` = 1 if a small component grows or changes its sign in a step from x to `new`.
+
+    Small is below NEAR allowed errors (1 / `inverse`). It grows if h f / x > NEXT; h is `signed`.
+    """
     at_start = _is_below(x, inverse) & (signed * f / x > NEXT)
     at_end = _is_below(new, inverse) & (signed * f_new / new > NEXT)
     return {"grows": (at_start | at_end | _changes_sign(x, new, inverse)).select(1.0, grows)}
@@ -57,14 +58,17 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
 
 @scalar_kernel
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
-    """Return `new`, with the sign of x if `remembers` = 2 (it decays) and `feeds` = 1 (`ENTRY`)."""
+    """Return `new`, the component x after a step, with the sign of x if it is small and decays.
+
+    Small is below NEAR allowed errors (1 / `inverse`). It decays if `remembers` = 2, `feeds` = 1.
+    """
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
 
 
 @scalar_kernel
 def LARGE_ALONE(x, inverse, times):
-    """Return x, or 0 if |x| is below `times` allowed errors, which is `times` / `inverse`."""
+    """Return `alone`: x, or 0 if |x| is below `times` allowed errors, which are 1 / `inverse`."""
     return {"alone": _is_below(x, inverse, times).select(0.0, x)}
 
 
@@ -74,7 +78,10 @@ def _is_fed(fed, inverse, taken):
 
 @scalar_kernel
 def REMEMBERS(x, f, fed, inverse, taken, signed):
-    """Return 1 if a component is in L, see the top; `fed` is f_i where small components are 0."""
+    """Return `remembers` = 1 if a small component, not 0, is not fed by others or grows by itself.
+
+    `fed` is f_i with small components (|x| < NEAR / inverse) at 0; `signed` is h, `taken` |h|.
+    """
     grows = signed * (f - fed) / x > NEXT
     is_free = ~_is_fed(fed, inverse, taken) | grows
     is_in = _is_below(x, inverse) & (abs(x) > 0.0) & is_free
@@ -83,9 +90,10 @@ def REMEMBERS(x, f, fed, inverse, taken, signed):
 
 @scalar_kernel
 def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
-    """Return J_ij if `of_row` and `of_column` are not 0 (i and j are in L, see the top), else 0.
+    """Return `entry`, J_ij of f', or 0 unless both i and j are small components of `REMEMBERS`.
 
-    `feeds` becomes 0 for an entry h J_ij < 0 with i != j, and `of_row` 2 for h J_ii < -1.
+    They are if `of_row` and `of_column` are not 0. `is_diagonal` is 1 if i = j. With h = `signed`,
+    `feeds` becomes 0 if h J_ij < 0 and i != j, and `of_row` becomes 2 if h J_ii < -1.
     """
     own, is_own = ((of_row > 0.0) & (of_column > 0.0)).select(entry, 0.0), is_diagonal > 0.5
     takes = (signed * own < 0.0) & ~is_own
@@ -98,9 +106,9 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Update `length`, and the `sign` of det(1 - h J), by a pivot p = 1 / `pivot` of this matrix.
+    """Update `length`, and the `sign` of det(1 - h J), by a pivot p of 1 - h J, 1 / p = `pivot`.
 
-    `length` is the least h / (1 - p) so far, with h = `taken`: a longer step would damp growth.
+    `length` is the least h / (1 - p) so far, 1 - p > NEXT, h = `taken`: longer steps damp growth.
     """
     growth = 1.0 - 1.0 / pivot
     return {
@@ -111,7 +119,7 @@ def PIVOT(pivot, taken, length, sign):
 
 @scalar_kernel
 def LONGEST(length, sign, feeds, least):
-    """Return min(least, length), or `least` if sign > 0 (`PIVOT`) and feeds = 0: no growth."""
+    """Return min(least, length) if `sign` < 0 (`PIVOT`) or `feeds` = 1: growth; else `least`."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
@@ -121,14 +129,14 @@ def _grown(rtol):
 
 
 def _bounds(rtol, keeps):
-    """Return two sizes in allowed errors: low is below the first, grown is above the second."""
+    """Return two sizes / allowed error: low below, grown above; `keeps` is 1 if x_i divides f_i."""
     few = (keeps > 0.0).select(smaller(FEW_ALONE, OF_RTOL / rtol), FEW)
     return few, (keeps > 0.0).select(4.0 * few, _grown(rtol))
 
 
 @scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
-    """Return 1 if a component was large, and is below few allowed errors now, else `fallen`."""
+    """Return 1 if new * inverse is low but largest * inverse was not (`_bounds`), else `fallen`."""
     few, grown = _bounds(rtol, keeps)
     has_fallen = (abs(new) * inverse < few) & (largest * inverse > grown)
     return {"fallen": has_fallen.select(1.0, fallen)}
@@ -136,7 +144,11 @@ def FALLEN(new, largest, inverse, rtol, keeps, fallen):
 
 @scalar_kernel
 def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watches):
-    """Return `low`: for how many steps in a row (1, 2) a component is low; 3 if it grew after 2."""
+    """Return `low`: for how many steps in a row (1, 2) a component is low; 3 if it grew after 2.
+
+    `fed` is f_i where small components are 0, `inverse` 1 / allowed error, `largest` the largest
+    modulus; `keeps` is 1 if x_i divides f_i. `watches` is the largest `low` < 3 of all components.
+    """
     few, grown = _bounds(rtol, keeps)
     since = (low >= 2.0).select((abs(new) * inverse > grown).select(3.0, low), 0.0)
     stays = abs(f_new) * inverse * (last * rtol) < STAYS  # it does not just cross 0
@@ -152,7 +164,7 @@ def LOW(new, largest, f_new, fed, inverse, taken, last, rtol, keeps, low, watche
 
 
 def longest_step(code):
-    """Return the length of the longest step that damps no growth, infinity if there is none."""
+    """Return the longest step that damps no growth of small components, else infinity."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     sums = code.reduce(GROWS, lambda i: {"inverse": work.error[i]}, D, grows=0.0)
 
@@ -172,7 +184,7 @@ def longest_step(code):
 
 
 def _growth(code, x, f, least):
-    """Return `feeds` of `_factor_alone`, and the longest step <= `least` that damps no growth."""
+    """Return `_factor_alone` at x with rates f, and the longest step, <= `least`, by its pivots."""
     work = code.work
     feeds, count = _factor_alone(code, x, f), code.integrator.pivots
     found = code.reduce(PIVOT, lambda i: {"pivot": work.factors[i]}, count, length=inf, sign=1.0)
@@ -181,7 +193,7 @@ def _growth(code, x, f, least):
 
 
 def _factor_alone(code, x, rates):
-    """Factorise 1 - h J on L, see the top; return 1 if no component of L takes from another."""
+    """Factorise 1 - h f'(x) on small components; return 1 if none takes from another (`ENTRY`)."""
     text, work, f = code.text, code.work, code.f
     _find_fed(code, x, NEAR)
     text.fill(work.start, code.D, lambda: 0.0)
@@ -215,7 +227,7 @@ def _find_fed(code, x, times):
 
 
 def watch_small(code, fallen):
-    """Update `low` of components, see `LOW`, for a warning; `fallen` is 1 where one has fallen."""
+    """Update `low` (`LOW`) for a warning; `fallen` is 1 where a component has fallen (`FALLEN`)."""
     text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):

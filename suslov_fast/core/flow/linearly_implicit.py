@@ -37,37 +37,41 @@ SMALLEST_SCALE = 2.0**-60
 
 @scalar_kernel
 def FINITE(entry):
-    """Return an entry of f', or 0 if it is not finite: J may be any matrix."""
+    """Return `entry`, of f', or 0 if it is not finite: the rule takes any matrix for f'."""
     return {"entry": (abs(entry) < inf).select(entry, 0.0)}
 
 
 @scalar_kernel
 def SIZE(largest, top):
+    """Update `top`, the largest modulus so far of all components, by `largest` of one component."""
     return {"top": larger(largest, top)}
 
 
 @scalar_kernel
 def SCALE(largest, top, mode):
+    """Return S_i, the `largest` modulus, at least a part of `top`, and S_i z_i with z = `mode`."""
     scale = larger(largest, SMALLEST_SCALE * top) + TINY
     return {"scale": scale, "scaled": scale * mode}
 
 
 @scalar_kernel
 def RATE(product, scale, size):
+    """Return w_i = `product` / `scale`, and `size` = max |w_i| so far, the largest rate of f'."""
     own = product / scale
     return {"product": own, "size": larger(abs(own), size)}
 
 
 @scalar_kernel
 def MODE(product, size, seeds, mode):
-    """Return z = w / |mu| + seed of the power iteration, see the top: product = w, size = |mu|."""
+    """Return the next `mode` of the power iteration: `product` / `size` (its maximum) + `seeds`."""
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
 class ImplicitColumns(FunctionCode):
-    """Code of void columns(x, f, table, work, count), as in `ExplicitColumns`, for implicit steps.
+    """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
 
-    The row `jacobian` of `WorkRows` contains the entries of J, as `derive` has written them.
+    It writes the ends y_c - x of the first `count` columns to the row `ends` of `work`; the row
+    `jacobian` has f' at x. Arguments are addresses of the state x, f there, the table and rows.
     """
 
     def add(self):
@@ -86,7 +90,7 @@ class ImplicitColumns(FunctionCode):
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
     def column(self, c, N, s, weight, ends):
-        """Add column c: N sub-steps of length s. Write its end - x to `ends`; `weight` is N w_c."""
+        """Add column c: N sub-steps s, and end - x in `ends`. `weight` is N times its weight."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -108,7 +112,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Set sums for states at quarters to 0; list the quarter that each sub-step ends, or 3."""
+        """Begin sums of states after quarters of a step; list which quarter sub-steps end, or 3."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -122,7 +126,10 @@ class ImplicitColumns(FunctionCode):
         self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
 
     def add_to_quarter(self, c, m, ends):
-        """Add `ends`, after m + 1 sub-steps of column c, to sums of a quarter that ends there."""
+        """Add column c to a state at a quarter of the step, if m + 1 of its sub-steps end there.
+
+        `ends` is its state minus x. The states at quarters are weighted sums over columns.
+        """
         number = self.numbers[self.firsts[c] + m]
         with self.text.when(number < 3, likely=False):
             sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
@@ -138,7 +145,7 @@ def _plus_change(a, part, after, before):
 
 
 def find_apart(code):
-    """Write the quantity that shows false steps, see the top, to `right`; it needs `f_new`."""
+    """Write the sum that shows false implicit steps to the row `right`, from the row `f_new`."""
     text, work = code.text, code.work
     half = work.signed[0] * -0.5
     text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)
@@ -146,7 +153,7 @@ def find_apart(code):
 
 
 def derive(code):
-    """Write f' to `jacobian`; return its largest rate |mu| by a step of the power iteration."""
+    """Write f'(x) to the row `jacobian`; return an estimate of |mu|, its largest eigenvalue."""
     text, line, work = code.text, code.line, code.work
     entries = code.f.entries
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a

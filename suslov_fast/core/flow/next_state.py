@@ -11,9 +11,9 @@ from .scalar_kernels import scalar_kernel
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return `kept`, 0 if a large component has lost its sign, and `new` with the sign of x.
+    """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` has lost it.
 
-    A component that has decayed below its tolerance may have any sign after a long step.
+    Large is above extra + rtol * size. A smaller component may have any sign after a long step.
     """
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
     changes = changes & (keeps > 0.0)
@@ -23,19 +23,22 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 @scalar_kernel
 def CLOCK(x, new, f, signed, steady):
-    """Return a component at the end of a step; x + h x' if its rate is constant, to round less."""
+    """Return `new`, or x + signed * f, rounded less, if the rate f is constant (`steady` = 1)."""
     return {"new": (steady > 0.0).select(x + signed * f, new)}
 
 
 @scalar_kernel
 def SAME_SIGN(x, new, kept):
-    """Return `kept`, or 0 if a denominator that depends on clocks alone has changed its sign."""
+    """Return `kept`, or 0 if a denominator made of clocks changes its sign from x to `new`."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
     return {"kept": changes.select(0.0, kept)}
 
 
 def find_next_state(code):
-    """Write x_next, f there and errors; return `kept` (0 if a sign is lost), sizes of `parts`."""
+    """Write the next state, f there and errors to the rows `new`, `f_new` and `error`.
+
+    Return `kept`, 0 if a sign is lost; and the list of sizes by name of each of `Integrator.parts`.
+    """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
     sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []
@@ -66,7 +69,7 @@ def find_next_state(code):
 
 
 def move(code):
-    """Move the lanes that accept their step to their next state."""
+    """Add code that moves lanes to their next state if they accept their step."""
     text, line, work = code.text, code.line, code.work
     accepted = work.accepted[0] > 0.0
     for i in text.each(code.D):

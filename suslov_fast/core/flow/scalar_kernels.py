@@ -1,7 +1,4 @@
-"""Scalar kernels: expression programs on the numbers of one lane, which decide about a step.
-
-A kernel is in the file of its subject.
-"""
+"""Scalar kernels, in the files of their subjects: expression programs on numbers of one lane."""
 
 import inspect
 from typing import NamedTuple
@@ -15,7 +12,7 @@ NEARLY = 2.0**-45  # part of the time, before which what happens does so at this
 
 
 class ScalarKernel(NamedTuple):
-    """An expression program with names for its inputs, which are its first values, and results."""
+    """An expression program with names of its `inputs`, its first values, and of `results`."""
 
     inputs: list
     operations: list
@@ -23,7 +20,7 @@ class ScalarKernel(NamedTuple):
 
 
 def scalar_kernel(function, *others):
-    """Return the kernel of a Python function of `Number`s.
+    """Return the `ScalarKernel` of a function of `Number`s that returns a dict of results.
 
     Parameters with defaults are inputs if their names are in `others`.
     """

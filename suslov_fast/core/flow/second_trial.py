@@ -10,8 +10,7 @@ trial takes time. So it is only for steps after one that was rejected, or accept
 A component that is 0 up to rounding, because terms of its rate cancel, consists of rounding alone:
 no step has digits of it, and shorter steps would not help. So an error below NOISY of the largest
 component may be as large as such changes of f at the points ALONG the step, and does not shorten
-the next step. If such an error decides about a step that is accepted, every eighth step has the
-trial.
+the next step. If such an error decides about an accepted step, every eighth step has the trial.
 """
 
 from math import inf
@@ -44,7 +43,10 @@ TINY_STEP = 2.0**-40  # part of the time
 
 @scalar_kernel
 def IS_NOISY(ratio, large, steps, longer):
-    """Return 1 if rounding may decide about a step; tested every eighth step and after a trial."""
+    """Return 1 if errors like rounding make the `ratio` of a step that is due for a second trial.
+
+    `large` is the ratio of other errors. Due are every eighth step, and after a trial (`longer`).
+    """
     eighth = steps * 0.125
     is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
     return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
@@ -52,21 +54,23 @@ def IS_NOISY(ratio, large, steps, longer):
 
 @scalar_kernel
 def TOP(x, largest, counts, top):
-    """Update `top`, the largest modulus so far of all components, except clocks."""
+    """Update `top`, the largest modulus, by x and its `largest` modulus so far, without clocks."""
     return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
 
 
 @scalar_kernel
 def ON_LINE(x, new, u):
-    """Return x + u (new - x), a state on the straight line along the step."""
+    """Return `point` = x + u (new - x), a component on the straight line from x to `new`."""
     return {"point": x + u * (new - x)}
 
 
 @scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
-    """Return a component beside `state`: it differs by rounding; a clock is later.
+    """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
 
-    Between the ends of a step the larger of |x| and |new| sets the rounding, as x may be 0.
+    A clock (`counts` = 0) is later. Other components differ in a direction `seeds` * `multiple`, as
+    if by chance, by a part of |state| at the ends x and `new` (`is_end` = 1). Between the ends it
+    is a part of the larger of |x| and |new|, as x may be 0. `move` is added.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -77,13 +81,13 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def MOST(change, most):
-    """Return the largest change of f beside a point so far, from states where f has a value."""
+    """Update `most`, the largest |change| of f beside a point so far, without NaN."""
     return {"most": larger(abs(change), most)}
 
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update `least`, the smaller `most` of both ends, and the two largest `most` of all points."""
+    """Update `least`, the smaller change `most` of f at ends, and the two largest of all points."""
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
         "largest": larger(most, largest),
@@ -96,15 +100,15 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return the largest ratios of a second trial, and the inverse of the error it allows.
+    """Return `ratio`, `of_length` and `of_apart` of a second trial so far, and a new `inverse`.
 
-    `of_length` is the ratio for the next length. It omits errors that only rounding allows:
-    shorter steps have relatively no less of it.
-
-    `least` is the smaller change of f at both ends, because f may be steep at one of them. In a
-    step not much longer than the rounding of time `largest` counts: its sub-steps see little but
-    rounding. The sum of columns makes these changes larger by `grows`. If an error is below the
-    rounding of `top`, the largest component, the second largest change of all points counts, too.
+    `ratio` is the largest `error` / allowed error, and `of_apart` the same of `apart`, which shows
+    false steps. `of_length`, for the next length, omits errors that only rounding allows: shorter
+    steps have relatively no less of it. `inverse` is 1 / allowed error of the component. `least` is
+    the smaller change of f at both ends, because f may be steep at one of them. In a step not much
+    longer than the rounding of time `largest` counts: its sub-steps see little but rounding. The
+    sum of columns makes these changes larger by `grows`. If an error is below the rounding of
+    `top`, the largest component, the `second` largest change of all points counts, too.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))
@@ -121,9 +125,10 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return the ratios in `sums` by name; after a second trial new ratios, and `on_trial` = 1.
+    """Return `ratio`, `of_length`, `apart`, `on_trial`, `rates` by name, after a second trial.
 
-    `own`, `of_error` weigh columns for the next state and its error; `sums`: see `find_errors`.
+    `sums` has them before, see `find_errors`, and lanes without a trial keep them. `own` and
+    `of_error` are the weights of columns for the next state and its error.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
@@ -171,7 +176,7 @@ def try_again(code, own, of_error, sums):
 
 
 def _changes_beside(code, is_noise):
-    """Return arrays of changes of f beside points of the step, see `BESIDE_POINTS`.
+    """Return arrays `least`, `largest`, `second` of changes of f beside points (`BESIDE_POINTS`).
 
     Lanes `is_noise`, with an error that may be noise, evaluate all points and states beside them.
     Other lanes evaluate one state beside each end.

@@ -4,15 +4,13 @@ The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by th
 the estimate of an explicit step is of order 9. A rejected step is taken again with this length, and
 the step after that is not longer.
 
-All columns may agree on a false end, because f changes between their sub-steps within a layer that
-is thinner than they are. Each integrator has sums over its columns that vanish on true steps, to
-the order of the method, and stay on false steps (`weights`). A step is rejected if these exceed
-MOST_APART times the allowed error.
+All columns may agree on a false end, because f changes within a layer thinner than their sub-steps.
+Columns of `gragg` and `linearly_implicit` have a sum that vanishes on true steps, to the order of
+the method. A step is rejected if this sum exceeds MOST_APART times the allowed error.
 
-If the next step would pass a single requested time, a step aside from the same state reaches that
-time first. It is tested as every step, and its end is saved, but the trajectory stays. In the
-implicit integrator each time has a step aside. If an explicit step passes several times, they lie
-on a polynomial (`dense_output`).
+If the next step would pass a single requested time, a step aside from the same state reaches it
+first. It is tested, and its end is saved, but the trajectory stays. Implicit steps have one for
+each time. If an explicit step passes several times, they lie on a polynomial (`dense_output`).
 
 The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' on the left. The difference
 quotient of f between the next state and the end of the last column shows the largest |mu| at no
@@ -56,7 +54,7 @@ def first_part(rtol):
 
 
 def limit_of(rtol):
-    """Return the h |mu| above which a step looks stiff."""
+    """Return the h |mu| above which a step of length h looks stiff; mu are eigenvalues of f'."""
     return min(max(17.0 * _root8(rtol), 1.4), 4.8)
 
 
@@ -66,19 +64,24 @@ def _root8(a):
 
 @scalar_kernel
 def BEGIN_COMPONENT(x, f, counts, size, rate, total):
+    """Update `size`, max |x|, `rate`, max |f|, `total`, sum |x| + |f|; clocks have `counts` 0."""
     size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
 
 def first_length(size, rate, part, last):
-    """Return a first length: part * max |x_i| / max |f_i|; FIRST_AT_REST * part * last if x = 0."""
+    """Return `part` * max |x_i| (`size`) / max |f_i| (`rate`), or part of time `last` if x = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Return the first length and other rows; NO_VALUE if `total` (of moduli) is not finite."""
+    """Return rows of a new trajectory, from sums of `BEGIN_COMPONENT`, and `part` of `first_part`.
+
+    `first_next` and `second_next` are the first requested times. `longest` bounds the length. The
+    state is `first_state`, or NO_VALUE if `total` is not finite.
+    """
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
@@ -94,22 +97,27 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return `reach` and `shortest`: 1 and 0 on the way to a surface, else REACH and SHORTEST."""
+    """Return `reach` and `shortest`, or 1 and 0 if `outer` is finite: if a surface is sought.
+
+    A step above `reach` of the time left takes all of it; below `shortest` of the time it fails.
+    """
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
 
 @scalar_kernel
 def GOAL(last, stop):
-    """Return the time that no step passes: `last`, or the next given time of an event, `stop`."""
+    """Return `last`, the time that no step passes: at most `stop`, an event's next given time."""
     return {"last": smaller(last, stop)}
 
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Return the length of this step, 0 in lanes of the other integrator, and `aside`.
+    """Return `taken`, the length of this step (0 in lanes of the other integrator), and `aside`.
 
-    If the step would pass the time `next`, but not `second`, `aside` is 1, and it ends at `next`.
+    If `wanted` would pass the requested time `next`, but not `second` after it, the step ends at
+    `next`, and `aside` is 1. A length above `reach` of the time left leads to `last`. `mode` is
+    this integrator's `LaneState`. `signed` has the sign of time, `sign`.
     """
     rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -131,7 +139,7 @@ def _root(ratio):
 
 
 def _is_false(ratio, apart):
-    """Return whether all columns agree (ratio <= 1) on a false end (apart > MOST_APART)."""
+    """Return whether columns agree (error `ratio` <= 1) on a false end, as large `apart` shows."""
     return (apart > MOST_APART) & (ratio <= 1.0)
 
 
@@ -140,10 +148,11 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is accepted, or has reached its time aside, and the next length.
+    """Return whether a step is `accepted`, or has `served` its time aside, and rows for the next.
 
-    `kept` is 0 if a sign is lost, `of_length` is the ratio for the next length, and `total` is
-    finite if f_next is. For `ratio` and `apart` see `step`; for `on_trial`, `second_trial`.
+    `taken` is its length. `ratio` is max error / allowed error, `of_length` the ratio for the next
+    length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a
+    sign is lost. `longer` bounds the factor of the length; `on_trial` is 1 after a second trial.
     """
     is_finite = total < inf
     is_active = taken > 0.0
@@ -173,7 +182,7 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct `AFTER` if a step ends at the time `stop` of an event: no shorter length, no DONE."""
+    """Correct `AFTER` at an event's time `stop`: wanted >= before; state_before instead of DONE."""
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),
@@ -182,7 +191,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, states (ENDED if steps are too short), and which tried too often."""
+    """Return which lanes run, states (ENDED: wanted < shortest * t), which have tries > most."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -197,7 +206,8 @@ def _is_stiff(rates, states, limit):
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
     """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end.
 
-    rates / states is (h |mu|)**2, see `tolerance.DIFFERENCES`; `stiff` counts stiff steps.
+    rates / states is (h |mu|)**2 with eigenvalues mu of f', stiff above `limit`**2. `stiff` counts
+    these. `apart` shows false steps. It ends below `shortest` of time t, or after `most` tries.
     """
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
@@ -209,7 +219,12 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Return the state of an explicit lane, which may end or turn implicit, and counts of steps."""
+    """Return rows of an explicit lane after a step; it may end, or turn implicit if `switches` = 1.
+
+    rates / states is (h |mu|)**2 with eigenvalues mu of f', stiff above `limit`**2. `stiff` counts
+    stiff steps and, with weights, false steps (`ratio`, `apart`); `easy` counts the steps since. At
+    `patience` the lane turns. A lane ends below `shortest` of the time, or after `most` tries.
+    """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
@@ -235,7 +250,12 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return the state of an implicit lane (it may turn explicit), and counts; `rate` is |mu|."""
+    """Return rows of an implicit lane after a step; it may end, or turn explicit if `switches` = 1.
+
+    `rate` is |mu|, the largest eigenvalue of f'; a step is easy if rate * wanted < 2 limit. After
+    EASY of these in a row (`easy`) it turns. In the first steps, which `trial` counts down,
+    `patience` (stiff steps) then grows. It ends below `shortest` of time t, or after `most` tries.
+    """
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)
@@ -260,7 +280,7 @@ def TURN_IMPLICIT(
 
 
 def choose_length(code):
-    """Choose the length of the next step in each lane."""
+    """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
     # An implicit step aside goes to each time, because a fast mode may decay within a step.
     second = inf if code.integrator.is_implicit else code.line.second[0]
     inputs = code.apply(NEAR) | code.goal()

@@ -12,15 +12,14 @@ smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
 estimates; therefore the estimate is multiplied by `tolerance.CAUTION`.
 
-No difference of two sequences shows false ends, so functions with thin layers have Gragg's columns
-(`partitioned`).
+No difference of two sequences shows false ends: if f has thin layers, columns are Gragg's.
 """
 
 from .gragg import OF_SETS, ExplicitColumns
 
 
 class StormerColumns(ExplicitColumns):
-    """Code of the function `columns` by Störmer's rule, for the two sets in `Integrator.sets`."""
+    """Writer of `columns`, see `ExplicitColumns`, by Störmer's rule for two sets of components."""
 
     names = OF_SETS
 
@@ -29,23 +28,20 @@ class StormerColumns(ExplicitColumns):
         self.rows = integrator.sets
 
     def work_of_pair(self):
-        """Return a third of Gragg's estimate, so that code three times as long is unrolled.
-
-        That saves 12 to 25 % of the time, and costs LLVM up to 50 ms.
-        """
-        return super().work_of_pair() / 3.0
+        """Return a third of Gragg's estimate, so that code three times as long is unrolled."""
+        return super().work_of_pair() / 3.0  # saves 12 to 25 % of the time, costs LLVM 50 ms
 
     def end(self, work, a, b, x, ends, apart, of_a, of_b):
-        """Write the end of a column, minus x, to `ends`; `apart` stays unused."""
+        """Write the end minus x to `ends`: a - x for i in `of_a`, b - x in `of_b`. Skip `apart`."""
         for i in of_a:
             ends[i] = a[i] - x[i]
         for i in of_b:
             ends[i] = b[i] - x[i]
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return {i: rate} in the set A, see the top, at the end of the last column.
+        """Return {i: rate} in the set A at the end of the last column, or {} if f is not inlined.
 
-        `a` gets the state in B (`of_b`) from b. If f is not inlined, `call` writes rates to rows.
+        `a`, the end in A, gets components `of_b` of `b`, the end in B. `call` writes rates to rows.
         """
         for i in of_b:
             a[i] = b[i]

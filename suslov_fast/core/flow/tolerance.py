@@ -34,7 +34,7 @@ def NO_SIZE():
 
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
-    """Update `moved`, the largest change of a clock, and `top` = max(moduli so far, `moved`)."""
+    """Update `moved`, the most that clocks (`counts` 0) change, and `top`, max |x_i| or `moved`."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -42,53 +42,60 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return the least allowed error, rtol * smallest * top, and `noisy`, the rounding of `top`."""
+    """Return `least` = rtol * smallest * top, with top = max |x_i|, and `noisy`, its rounding."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
 @scalar_kernel
 def ALLOWED(new, largest, least, moved, extra, rtol):
-    """Return `inverse`, 1 / allowed error of a component, from `LEAST_ALLOWED` and `LARGEST`."""
+    """Return 1 / allowed error: extra + rtol max(|new|, largest), or by `least` or `moved`."""
     allowed = extra + larger(rtol * larger(abs(new), largest), least)
     return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 
 
 @scalar_kernel
 def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
+    """Return `inverse` = 1 / allowed error, with atol `extra`; `noise` is a result of `_noise`."""
     allowed = larger(extra + rtol * larger(abs(x), abs(new)), OF_ROUNDING * noise)
     return {"inverse": 1.0 / larger(allowed, TINY)}
 
 
 @scalar_kernel
 def RATIO(error, inverse, f_new, ratio, total):
-    """Update `ratio` = max |error| / allowed error, and `total`, which shows NaN and inf."""
+    """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is."""
     own = abs(error) * inverse
     return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
 
 
 @scalar_kernel
 def LARGER_RATIO(error, inverse, ratio):
+    """Update `ratio` = max |error| * `inverse`, where `inverse` is 1 / allowed error."""
     return {"ratio": larger(abs(error) * inverse, ratio)}
 
 
 @scalar_kernel
 def LARGE(error, inverse, noisy, large):
-    """Return the largest |e_i| / allowed_i so far, from errors above `noisy` alone."""
+    """Update `large` = max |error| * `inverse` (1 / allowed error), from errors > `noisy` alone."""
     return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
 
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Update sums of squares of h (f_new - f_last), and new - y_N (`last`): they show h |mu|."""
+    """Update `rates`, the sum of (h (f_new - f_last))**2, and `states`, of (new - last)**2.
+
+    rates / states is (h |mu|)**2 with an eigenvalue mu of f', and h = `taken`. `last` is y_N of the
+    last column, and `f_last` f there. Terms are relative to allowed errors, 1 / `inverse`.
+    """
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
 def find_errors(code, own, sizes):
-    """Return results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES` over all components, by name.
+    """Return `ratio`, `total`, `apart`, `fallen` and other sums over all components, by name.
 
-    `apart` is max |d_i| / allowed_i. The row `error` gets inverse allowed errors. `own` are weights
-    of columns, and `sizes` is from `find_next_state`.
+    They are results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
+    sum d that shows false steps. The row `error` has errors, and gets 1 / allowed errors. `own` are
+    the weights of columns, and `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "fallen"] + (
@@ -120,7 +127,7 @@ def find_errors(code, own, sizes):
 
 
 def apart_in(code, own, i):
-    """Return component i of d, see `step`, large at a false end; `own` are the weights w_c."""
+    """Return component i of the sum that shows false ends; `own` are the weights of columns."""
     if code.integrator.is_implicit:
         return code.work.right[i]
     if code.integrator.sets:
@@ -129,15 +136,15 @@ def apart_in(code, own, i):
 
 
 def _noise(code, own, i):
-    """Return sum_c |w_c (y_c - x)|, with which rounding errors grow; `own` are the weights w_c."""
+    """Return sum_c |w_c (y_c - x)| of component i, for rounding errors; `own` are weights w_c."""
     ends = code.of_columns(code.work.ends, i)
     return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
 
 
 def differences_of_sets(code):
-    """Return `rates` and `states`, products of `DIFFERENCES` of both sets, and their `limit`.
+    """Return `rates` and `states`, each the product of `DIFFERENCES` of both sets, and `limit`.
 
-    The quotient rates / states does not depend on the allowed errors of either set.
+    rates / states is (h |mu|)**4 for any allowed errors; `limit` is the squared limit of h |mu|.
     """
     text, work, sums = code.text, code.work, []
     for components in code.integrator.sets:

@@ -1,11 +1,9 @@
 """The columns of an extrapolated step, and their weights.
 
 A column takes a step of length h in N equal sub-steps, and ends at y_N. The errors of the ends have
-an expansion in (h / N)**p. Weights that cancel its first terms give
+an expansion in (h / N)**p. Weights that cancel its first terms (Aitken and Neville) give
 
-x_next = x + sum_c w_c (y_c - x),     w_c = prod_b N_c**p / (N_c**p - N_b**p),
-
-where b runs over the other columns (Aitken and Neville).
+x_next = x + sum_c w_c (y_c - x),     w_c = prod_{b != c} N_c**p / (N_c**p - N_b**p).
 
 The explicit integrator has p = 2; its five columns have order 10 (`gragg`). The implicit integrator
 has p = 1; its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.9 degrees
@@ -22,14 +20,14 @@ EXPLICIT = 2, 4, 6, 8, 10
 
 
 def weights(columns, p):
-    """Return the weights w_c of the ends of columns with N_c in `columns`, each rounded once."""
-    return [
+    """Return weights w_c of columns with N_c in `columns`, for errors in powers of (h / N)**p."""
+    return [  # each is rounded once
         n ** (p * (len(columns) - 1)) / prod(n**p - m**p for m in columns if m != n)
         for n in columns
     ]
 
 
 def weights_of_errors(columns, p):
-    """Return the weights w_c - v_c of the error estimate; v_c are weights without column one."""
+    """Return error weights w_c - v_c; v_c are `weights` without the first of `columns`."""
     without = [0.0, *weights(columns[1:], p)]
     return [w - v for w, v in zip(weights(columns, p), without, strict=True)]

@@ -41,7 +41,7 @@ def rational(name: str, value: Any) -> Fraction:
 
 
 def rationals(name: str, value: Any, count: int) -> Point:
-    """Return the `count` coordinates of a point as fractions; `name` is for error messages."""
+    """Return `value`, `count` coordinates of a point, as fractions; `name` is for error texts."""
     given = np.asarray(value, object)
     if given.shape != (count,):
         how = ": pass one state at a time, as in [f(x) for x in states]" * (given.ndim > 1)
@@ -50,9 +50,9 @@ def rationals(name: str, value: Any, count: int) -> Point:
 
 
 def constant(name: str, value: Any) -> Fraction:
-    """Return a coefficient or a step size, a number or a string, as a fraction.
+    """Return `value`, a coefficient or a step size, as a fraction; `name` is for error messages.
 
-    A float stands for the number that was written, such as 1/10 for 0.1, see `as_written`.
+    A string may be "1/3". A float stands for the written number: 0.1 for 1/10, see `as_written`.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
@@ -60,7 +60,7 @@ def constant(name: str, value: Any) -> Fraction:
 
 
 def as_written(a: Any) -> Fraction:
-    """Return the number that a float was written as: a decimal, such as 0.1, or a ratio, as 8/3.
+    """Return the number that a float `a` was written as: a decimal, as 0.1, or a ratio, as 8/3.
 
     Decimals up to 12 digits, and ratios with denominators up to 1000, may differ from the float by
     rounding errors. Longer decimals, up to 15 digits, may not. Other floats keep binary values.
@@ -103,7 +103,7 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
 
 
 def prime_for(numbers: Iterable[Any]) -> int:
-    """Return a random prime of 62 bits, always the same one for the same integers.
+    """Return a random prime of 62 bits, always the same one for the same integers `numbers`.
 
     The integers seed the random generator. So the prime divides none of them, except by chance.
     """
@@ -117,7 +117,7 @@ def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
 
 
 def random_values(rng: random.Random, p: int) -> Values:
-    """Return 12 random numbers modulo p: the k-th one replaces the k-th letter of a map."""
+    """Return 12 random numbers modulo p; number k replaces letter (symbol) number k of a map."""
     first = rng.randrange(2, p)
     others = random.Random(first)
     return (first, *(others.randrange(2, p) for _ in EPS[1:]))
@@ -126,7 +126,7 @@ def random_values(rng: random.Random, p: int) -> Values:
 def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
     """Call ``compute(p, values)`` for random primes p until two results agree; return this result.
 
-    `values` are random numbers that replace letters. Equal results exclude an unlucky prime.
+    `values` are random numbers in place of letters such as eps. One prime may be unlucky.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
@@ -144,12 +144,12 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return what flint's matrices need after their entries: [p] for a number modulo p, else []."""
+    """Return [p] for a number `a` modulo p, else []: the last arguments of a matrix of flint."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
-    """Return a matrix of rational numbers, or of numbers modulo a prime."""
+    """Return the flint matrix of these rows of rational numbers, or of numbers modulo a prime."""
     modulus = moduli(rows[0][0])
     return flint.nmod_mat(rows, *modulus) if modulus else flint.fmpq_mat(rows)
 
@@ -161,7 +161,7 @@ def null_space(matrix: Any) -> Residues:
 
 
 def row_space(rows: Residues, p: int) -> Residues:
-    """Return the basis in reduced row echelon form of the span of rows modulo a prime."""
+    """Return the basis in reduced row echelon form of the span of rows modulo a prime p."""
     reduced, rank = flint.nmod_mat(rows, p).rref()
     return integer_rows(reduced, rank)
 

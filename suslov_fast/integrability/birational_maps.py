@@ -81,7 +81,7 @@ class RationalMap(WithLetters):
         return self._in_letters(self.forms)
 
     def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return F_i / F_0 for forms F_1, ..., F_D, F_0, with the names of the map's variables."""
+        """Return F_i / F_0 for `forms` F_1, ..., F_D, F_0, in the names of the map's variables."""
         *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
         return tuple(F / denominator for F in numerators)
 
@@ -107,7 +107,7 @@ class RationalMap(WithLetters):
         return RationalMap(coprime(forms), inverse, names=self.names)
 
     def at_eps(self, values: Values) -> RationalMap:
-        """Return the map for numbers in place of letters, or the map itself if it has none."""
+        """Return the map with the numbers `values` for its letters; itself if it has no letters."""
         if not self.is_symbolic:
             return self
         return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
@@ -132,7 +132,7 @@ class RationalMap(WithLetters):
     # Points are (x1, ..., xD, 1), of numbers of any kind.
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return [F_1, ..., F_D, F_0], up to a factor, at homogeneous numbers or polynomials x."""
+        """Return [F_1, ..., F_0], up to a factor, at [x1, ..., xD, 1] or D + 1 polynomials x."""
         if self.is_symbolic:
             return [self.pullback(F, self.degree, x) for F in self.forms]
         if isinstance(x[0], flint.nmod | flint.fmpq):
@@ -140,7 +140,7 @@ class RationalMap(WithLetters):
         return [value_at(F, x, self.degree) for F in self.forms]
 
     def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
-        """Return rows: the forms' values at x and, with `slopes`, the derivatives of each form."""
+        """Return rows: F_1, ..., F_D, F_0 at x; if `slopes`, then the derivatives of each form."""
         modulus = arithmetic.moduli(x[0])
         if self._latest[0] != modulus:
             forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
@@ -151,7 +151,7 @@ class RationalMap(WithLetters):
         return [[number(P(*x[:-1]), *modulus) for P in row] for row in rows]
 
     def coprime_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return `homogeneous_image` of polynomials, divided by its greatest common divisor."""
+        """Return [F_1, ..., F_0] at D + 1 polynomials x, divided by the greatest common divisor."""
         return coprime(self.homogeneous_image(x))
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -169,7 +169,7 @@ class RationalMap(WithLetters):
             yield x
 
     def variations(self, x: Sequence[Any], length: int) -> Iterator[tuple[Sequence[Any], Any]]:
-        """Yield `length` points of the orbit of x modulo a prime, with their derivatives by x."""
+        """Yield (y, matrix dy / dx) for `length` points y of the orbit of x modulo a prime."""
         p, identity = int(x[0].modulus()), np.eye(self.dimension, dtype=int)
         derivative = flint.nmod_mat(identity.tolist(), p)
         for y in self.orbit(x, length):
@@ -226,7 +226,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def is_invertible(self) -> bool:
-        """True if det DPhi is not 0 at a random point modulo a prime; False if there is no map."""
+        """True if det DPhi is not 0 at a random point modulo a prime; False if it has no value."""
         try:
             x = arithmetic.random_point(self.dimension, self.prime)
             return bool(self.at_eps(EPS).derivative(x).det() != 0)
@@ -235,7 +235,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def is_planar(self) -> bool:
-        """True for a birational map of the plane."""
+        """True for a map of two variables that is birational, with a known inverse."""
         return self.dimension == 2 and self.is_invertible and self.inverse is not None
 
     # Polynomials.
@@ -247,7 +247,7 @@ class RationalMap(WithLetters):
 
     @property
     def variables(self) -> list[Any]:
-        """The variables x1, ..., xD and 1."""
+        """The list [x1, ..., xD, 1] of polynomials of `ring`."""
         return [*self.ring.gens()[len(self.letters) :], self.ring.constant(1)]
 
     @cached_property
@@ -261,7 +261,7 @@ class RationalMap(WithLetters):
         return self.forms[-1]
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
-        """Return F_0^degree P(F / F_0) for the forms F of the map, or for other forms."""
+        """Return F_0^degree P(F / F_0), for `forms` F_1, ..., F_D, F_0, by default the map's."""
         return homogenized(P, degree, forms or self.forms, self.ring)
 
     def terms_of_degree(self, degree: int) -> int:
@@ -278,15 +278,14 @@ class RationalMap(WithLetters):
 
     @cached_property
     def length(self) -> float:
-        """The relative cost of an image on a line: 1 for a map of few monomials, else more."""
+        """The relative cost of the image of a line: 1 for a map of few monomials, else more."""
         monomials = {e for F in self.forms for e in exponents_in_x(F)}
         return max(1.0, len(monomials) * self.degree / FEW)
 
     def cost_of_pullback(self, P: Any, degree: int) -> float:
-        """Return an estimate of the seconds that the pullback of P and its factors take.
+        """Return the estimated seconds for the pullback F_0^degree P(F / F_0), and for its factors.
 
-        Each term of P adds a product of powers of forms. It has as many terms as monomials of its
-        degree, or fewer if the map is sparse.
+        Each term of P adds a product of powers of forms, with all monomials of its degree or fewer.
         """
         most = self.terms_of_degree(degree * self.degree) * self._fraction_of_monomials
         lengths = [len(F) for F in self.forms]
@@ -330,7 +329,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _on_random_line(self) -> tuple[Any, ...]:
-        """A random line in x1, and F_1, ..., F_D, F_0 and the `factors` on it, for `cofactor`."""
+        """A random line with the parameter x1, [F_1, ..., F_D, F_0] on it, and `factors` on it."""
         (t, *_, one), rng = self.variables, random.Random(0)
         ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
         line = [*(a * t + b for a, b in ends), one]
@@ -338,7 +337,7 @@ class RationalMap(WithLetters):
         return line, self.homogeneous_image(line), factors
 
     def cofactor(self, P: Any) -> RationalFunction | None:
-        """Return C with P(Phi) = C P, a product of powers of factors; None if there is none.
+        """Return C with P(Phi) = C P, a product of powers of the map's `factors`; or None.
 
         On a random line, all factors are divided out of P(Phi) and of P; constants must remain.
         """
@@ -366,7 +365,7 @@ def check_one_letter(map: RationalMap) -> None:
 
 
 def check_map(map: Any) -> None:
-    """Raise an error unless `map` is a map, and its equations define a map."""
+    """Raise an error unless `map` is a `RationalMap` that maps a random point, and its image."""
     if not isinstance(map, RationalMap):
         how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")

@@ -48,12 +48,12 @@ _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coeff
 
 
 class Passage(NamedTuple):
-    """The orders in t of the images of germs c + t v, with points c of a contracted curve.
+    """The orders in t of images of germs, series c + t v with points c of a contracted curve.
 
     After 1, ..., `steps` - 1 steps all images begin at one point; after `steps` steps, at a curve.
     `steps` is None if that takes too long. The image after k + 1 steps is divided by t to the power
     `common_orders[k - 1]`. `curve_orders[k - 1]` has the order of each curve's equation after k
-    steps. Both end at the last point without an image; `endless`: none is found to be the last.
+    steps. Both end at the last point without an image; if `endless` is True, no last one is found.
     """
 
     common_orders: tuple[int, ...]
@@ -113,7 +113,7 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor modulo p of the equation of the curve `number`, for `germ`; or None.
+        """Return a factor modulo p of the equation of curve `number`, with zeros modulo p; or None.
 
         Conjugate lines are listed as one curve, but are contracted to different points.
         """
@@ -126,7 +126,7 @@ class PlaneModulo:
         return None
 
     def germ(self, component: Any) -> list[Any] | None:
-        """Return a germ c + t v at a random point c of a component: three polynomials in t."""
+        """Return a germ: three polynomials c + t v, c a random zero of `component`; or None."""
         p = self.p
         for _ in range(_LINES):
             ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
@@ -141,7 +141,7 @@ class PlaneModulo:
         return None
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
-        """Return the `Step` by the first `terms` powers of t; None if they are 0 in the image."""
+        """Return the `Step` of a germ, by `terms` powers of t; None if these are 0 in its image."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -155,7 +155,7 @@ class PlaneModulo:
         return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
-        """Return the `Passage` of two germs, by up to `most` steps; None if their orders differ."""
+        """Return the `Passage` of germs at `component`, by `most` steps; None if two differ."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
@@ -166,7 +166,10 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage` by `most` steps; `endless` if `terms` powers of t are too few."""
+        """Return the `Passage` of two germs in up to `most` steps; None if their orders differ.
+
+        It is `endless` if the first `terms` powers of t are too few.
+        """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps whose orders of curves are less than the number of terms
@@ -203,15 +206,12 @@ class PlaneModulo:
 
 
 def _order(P: Any, terms: int) -> int:
-    """Return the lowest power of t in the first `terms` terms, or `terms` if they are all 0."""
+    """Return the lowest power of t among `terms` terms of a series P; `terms` if all are 0."""
     return next((k for k, c in enumerate(P.coeffs()[:terms]) if c), terms)
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the `Passage` across each contracted curve, computed modulo primes by `most` steps.
-
-    Two primes must agree on each passage; the result is None if they do not.
-    """
+    """Return the `Passage` across each curve, by `most` steps; None unless two primes agree."""
     rng, numbers = plane.map.generator(), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
@@ -312,7 +312,7 @@ class _Germs:
         return [self._reduced(_cut(P, terms)) for P in values]
 
     def _reduced(self, P: Any) -> Any:
-        """Return P with lower powers of r: the remainder by the polynomial with the root r."""
+        """Return the remainder of P by the polynomial with the root r; it has low powers of r."""
         n = int(self._modulus.degrees()[-3])
         while (k := int(P.degrees()[-3])) >= n:
             P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
@@ -321,7 +321,7 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Return the orders after each of `steps` steps, as in a `Passage`, and the last germ.
+        """Return pairs (common order, curve orders) of up to `steps` steps, and the last germ.
 
         Steps are fewer if `terms` powers of t are too few; None if coordinates become too large.
         """
@@ -340,7 +340,7 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if orders are the multiplicities of forms and curves at the orbit's points.
+        """Return True if orders in `passage` are multiplicities of forms and curves on the orbit.
 
         Such orders are exact. Derivatives below an order are 0; only the last point has no image.
         """
@@ -380,7 +380,7 @@ class _Germs:
         return without_common_factor([self._reduced(P * multiple) for P in x])
 
     def begin_at_point(self, germ: Sequence[Any]) -> bool:
-        """Return True if a germ begins at a point that does not depend on s."""
+        """Return True if a germ begins at one point for all s, the parameter along the curve."""
         x = [_cut(P, 1) for P in germ]
         for number in _NUMBERS:
             y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
@@ -406,7 +406,7 @@ def _divided(P: Any, order: int) -> Any:
 
 
 def without_common_factor(x: Sequence[Any]) -> list[Any]:
-    """Return polynomials divided by their common factor that does not contain the last variable."""
+    """Return polynomials x divided by their greatest common factor without the last variable."""
     ring = x[0].context()
     common = ring.constant(0)
     for P in x:
@@ -419,6 +419,6 @@ def without_common_factor(x: Sequence[Any]) -> list[Any]:
 
 
 def _is_large(x: Sequence[Any]) -> bool:
-    """Return True if coordinates have too many terms, or too large numbers, to continue."""
+    """Return True if coordinates x have too many terms, or too large numbers, to continue."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
     return bits > _LONGEST or sum(map(len, x)) > _MONOMIALS

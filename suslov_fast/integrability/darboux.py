@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of all P up to a degree with P(Phi) = sign C P; C = None means det DPhi."""
+    """Return a basis of all P to a degree with P(Phi) = sign * cofactor * P; None is det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -54,7 +54,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
-    """Return the number of polynomials of `space_of`, modulo one prime only, which is fast."""
+    """Return the number of independent P with P(Phi) = sign * cofactor * P, modulo one prime."""
     matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
@@ -113,7 +113,7 @@ def cofactors(
 
 
 def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
-    """Raise an error about `name` if polynomials in n variables have over `most` coefficients."""
+    """Raise an error on `name` if polynomials of `degree` in n variables have over `most` terms."""
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
         expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
@@ -131,9 +131,9 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors of polynomials of a degree that are 0 at the poles of the map.
+    """Yield the cofactors of F_0 and of the map's factors, if they have cofactors and this degree.
 
-    Such a polynomial need not divide its pullback, so `candidate_cofactors` may not find its C.
+    A factor of F_0 need not divide its pullback, so `candidate_cofactors` may not find its C.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
@@ -141,7 +141,10 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
-    """Return the matrix modulo p of P -> sign C(x) P(x) - P(Phi(x)), at random points x."""
+    """Return the matrix modulo p of the linear equations P(Phi) = sign * cofactor * P.
+
+    It has a row for each random point, and a column for each monomial up to a degree.
+    """
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, sign), p)
     return at_points - flint.nmod_mat(points.of_images, p)
@@ -175,7 +178,7 @@ class _Points(NamedTuple):
 
 @lru_cache(maxsize=32)
 def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Points:
-    """Return random points, more than monomials up to a degree; the same for all cofactors."""
+    """Return random points modulo p, more than monomials to a degree; equal for all cofactors."""
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
     x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
@@ -187,7 +190,7 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield products C of powers of the map's factors; c C may be a cofactor for a constant c.
 
-    Polynomials of the degree need not exist: `with_constants` finds c, if they do.
+    P(Phi) = c C P may have a solution P of this degree; then `with_constants` finds c.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
@@ -205,7 +208,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield c * candidate for each constant c such that polynomials have this cofactor.
+    """Yield c * candidate for all constants c that make it a cofactor of polynomials to a degree.
 
     The constants are eigenvalues of the pullback divided by the candidate.
     """
@@ -216,7 +219,7 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return the minimal polynomial of P -> P(Phi) / candidate, by points from `start`."""
+            """Return the minimal polynomial of P -> P(Phi) / candidate, at points[start:]."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
@@ -232,10 +235,10 @@ def with_constants(
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield the exponents of products of factors that divide the pullback of some polynomial.
+    """Yield the exponents of products of `factors` that divide the pullback of a polynomial.
 
     The test is modulo a prime, on random lines. The product has the degree `degree` * (map.degree -
-    1), so that the quotient has `degree`. `at_infinity` adds a factor, the hyperplane there.
+    1), so the quotient has `degree`. If `at_infinity`, the hyperplane at infinity is a factor.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -252,7 +255,7 @@ def _divisors(
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
-        """Return equations for P with f**power dividing its pullback; f has the degree `size`."""
+        """Return linear equations for P: f**power divides its pullback; f has the degree `size`."""
         divisor_degree = size * power
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree
@@ -273,9 +276,9 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Yield exponents that begin with `powers`; the other factors have the degree `left`.
+        """Yield exponents that begin with `powers`; the remaining factors have the degree `left`.
 
-        `system` has the linear equations for `powers`.
+        `system` has the linear equations for P that `powers` imply.
         """
         k = len(powers)
         if k == len(divisors):

@@ -79,7 +79,7 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
-    """Yield the degrees of iterates on a random line; end if the line has no image."""
+    """Yield the degrees of iterates on a random line modulo p; end if the line has no image."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
     while True:
         try:
@@ -166,7 +166,7 @@ def _kind(power: int) -> str:
 
 
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return the growth by the shortest recurrence that `_growth_of` accepts; None without one."""
+    """Return the growth of degrees d by the shortest recurrence of a (planar) map, or None."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
@@ -181,9 +181,9 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 
 
 def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
-    """Return the coefficients of a recurrence of terms, of this order but no lower order.
+    """Return the coefficients of a linear recurrence of `terms`, if its least order is `order`.
 
-    None without a recurrence, or if there are not `spare` more equations than unknowns.
+    None without a recurrence, or with fewer than `spare` more equations than unknowns.
     """
     steps = len(terms) - order
     if steps < order + spare:
@@ -197,13 +197,13 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
 
 
 def moduli_outside(factor: Any) -> list[float]:
-    """Return the moduli above 1 of the complex roots of an irreducible polynomial."""
+    """Return the moduli above 1 of the complex roots of `factor`, an irreducible polynomial."""
     roots = () if factor.is_cyclotomic() else factor.complex_roots()
     return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
 
 
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
-    """Return the kind and entropy of a recurrence; None if its roots are excluded, see `growth`."""
+    """Return (kind, entropy) by the roots of a recurrence; None if no (planar) map has them."""
     factors = flint.fmpz_poly(recurrence).factor()[1]
     # The power of n with which terms grow, if no root is outside the unit circle.
     power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
@@ -230,7 +230,7 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
 
 
 def _by_quotients(d: list[int]) -> Growth:
-    """Return the growth by the last quotients of degrees without a recurrence."""
+    """Return the growth by the last quotients d_(k+1) / d_k of degrees d without a recurrence."""
     last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
     if len(last) <= _LAST or min(last) == 0:
         return Growth("unclear", math.nan, text)

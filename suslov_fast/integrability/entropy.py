@@ -84,7 +84,7 @@ class PlanarEntropy:
         return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
-        """Return a text if degrees of the first iterates differ from the expected ones, else ""."""
+        """Return a text if `degrees` of first iterates differ from ``self.degrees``, else ""."""
         expected = [*self.degrees[: len(degrees)]]
         if [*degrees[: len(expected)]] == expected:
             return ""
@@ -157,7 +157,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
 
 def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
-    """Return the entropy for degrees with the generating function P / Q = `series`, not proved."""
+    """Return an unproved `PlanarEntropy`; `series` is (P, Q), where P / Q generates the degrees."""
     P, Q = series
     # A root 0 of the polynomial for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())
@@ -174,7 +174,7 @@ def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...])
 def proved_by_integral(
     found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
-    """Return the entropy 0 if a first integral is known by identity, else `found`.
+    """Return the entropy `found`, or 0 if it is unproved and one of `integrals` is proved.
 
     A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
     """
@@ -195,7 +195,7 @@ def _few_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
-    """Return the `Contraction` of curve `number` from its passage, with a proof if one is found."""
+    """Return the `Contraction` of curve `number` by its orders `passage`, with a proof if found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if length is not None:
@@ -218,7 +218,7 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
     """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates.
 
-    The coefficients of Q are those of a recurrence of degrees.
+    `passages` has a `Passage` for each contracted curve. Q gives the recurrence of the d_n.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]

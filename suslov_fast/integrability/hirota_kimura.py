@@ -176,7 +176,7 @@ def hk_bases(
 
 
 def _exponents_of(monomials: Any, n: int) -> Exponents:
-    """Return the exponents that a user passed, checked; for a degree, all exponents up to it."""
+    """Return checked exponents of `monomials` in n variables; for a degree, all up to it."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)
         check_unknowns("monomials", degree, n, _MOST)
@@ -193,7 +193,7 @@ def _exponents_of(monomials: Any, n: int) -> Exponents:
 
 
 def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
-    """Search for `enough` integrals; return their numerators and common denominator, sorted."""
+    """Search for `enough` integrals to a degree; return numerators and a common denominator."""
     search = Search(map, degree, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:

@@ -90,7 +90,10 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
 
 
 def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
-    """Return the matrix `found` by a search modulo p, with pairs (N, D) in `count` letters."""
+    """Return the matrix of functions of `count` letters that has the values ``search(p, x)``.
+
+    Entries are pairs (N, D) modulo p, for N / D; the matrix `found` is one of these values.
+    """
     if not count:
         return [[({(): c}, {(): 1}) for c in row] for row in found]
     shape, done = [*map(len, found)], itertools.count()
@@ -109,7 +112,10 @@ def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return rows with the exponents in `shape`, and fractions for the `residues` modulo primes."""
+    """Return a matrix of pairs (N, D) of polynomials with rational coefficients.
+
+    `shape` has the exponents in N and D; `residues` are pairs (coefficients modulo p, p).
+    """
     total, modulus = np.zeros((), object), 1
     for found, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
@@ -135,7 +141,7 @@ def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> boo
 
 
 def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
-    """Return the value modulo p, at a point x, of the polynomial with these coefficients."""
+    """Return the value modulo p at x of a polynomial; `terms` are coefficients by exponents."""
     products = (
         c * math.prod(pow(a, k, p) for a, k in zip(x, e, strict=True) if k)
         for e, c in terms.items()
@@ -159,7 +165,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         return [rng.randrange(1, p) for _ in range(count)]
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
-        """Return, for each entry that is not constant, its values at s + z t for all z."""
+        """Return, for each entry of `box` that varies, its values at s + c t for all c in z."""
         rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 
@@ -266,13 +272,13 @@ class _Entry:
         )
 
     def solve(self, points: Sequence[Sequence[int]]) -> None:
-        """Set `parts`, the terms of N and D, if lines s + z t for `points` t are enough."""
+        """Set `parts`, the terms of N and D, if the lines s + z t with t in `points` are enough."""
         if not self.parts:
             parts = [self._part(number, points) for number in (0, 1)]
             self.parts = None if None in parts else parts  # type: ignore[assignment]
 
     def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N (number 0) or D (1), high degrees first; None if lines are few."""
+        """Return the terms of N (number 0) or D (1), by lines s + z t for `points` t, if enough."""
         lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
         for k in range(self.degrees[number], -1, -1):
             top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)
@@ -286,7 +292,7 @@ class _Entry:
 
 
 def _on_line(terms: Terms, s: Sequence[int], t: Sequence[int], p: int) -> list[int]:
-    """Return the coefficients in z, lowest first, of a polynomial at s + z t."""
+    """Return the coefficients in z, lowest first, of a polynomial with `terms` at s + z t."""
     factors = [flint.nmod_poly([*pair], p) for pair in zip(s, t, strict=True)]
     products = (math.prod((f**k for f, k in zip(factors, e, strict=True) if k), start=c)
                 for e, c in terms.items())  # fmt: skip
@@ -329,14 +335,11 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
 
 
 def _recurrence(values: Sequence[int], p: int) -> Any:
-    """Return the characteristic polynomial of the shortest linear recurrence of values.
-
-    Euclid's algorithm for z^n and the polynomial with the coefficients `values` finds it.
-    """
+    """Return the characteristic polynomial of the shortest linear recurrence of values modulo p."""
     n = len(values)
     last, R = flint.nmod_poly([0] * n + [1], p), flint.nmod_poly([*values[::-1]], p)
     last_C, C = flint.nmod_poly([], p), flint.nmod_poly([1], p)
-    while 2 * R.degree() >= n:
+    while 2 * R.degree() >= n:  # Euclid's algorithm for z^n and the polynomial of `values`
         q = last // R
         last, R, last_C, C = R, last - q * R, C, last_C - q * C
     return C

@@ -114,7 +114,7 @@ class Invariants:
         return added
 
     def is_known(self, P: Any, cofactor: Any) -> bool:
-        """Return True if P is constant, or combines products of generators with this cofactor."""
+        """Return True if P is constant, or a combination of known products with this cofactor."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
         elements = self.elements(self.value(cofactor), degree)
@@ -183,7 +183,7 @@ class Invariants:
         return {str(g) for g in self.generators if self.value(g.cofactor) == value}
 
     def elements(self, value: int, degree: int) -> list[RationalFunction]:
-        """Return independent products up to a degree with this cofactor value, shortest first."""
+        """Return independent products up to a degree with this cofactor value, short ones first."""
         products = [product for product in self.products.get(value, ()) if product.degree <= degree]
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
@@ -191,7 +191,7 @@ class Invariants:
         return [f for f, _ in selected(pairs, of=itemgetter(1))]
 
     def polynomial(self, f: RationalFunction) -> Any:
-        """Return a product of generators as one polynomial."""
+        """Return f, a product of generators, as one polynomial."""
         return f.as_quotient(self.map.ring)[0]
 
     def power_product(self, powers: Sequence[int]) -> RationalFunction:
@@ -229,7 +229,7 @@ class Invariants:
             yield from self._quotients_by_one(functions)
 
     def _quotients_by_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
-        """Yield f / g for all other f: g has the least degree, and g(0) is not 0 if possible."""
+        """Yield f / g for other `functions` f; g is of least degree, with g(0) != 0 if possible."""
         lowest = [f for f in functions if f.degree == functions[0].degree]
         denominator = next(
             (f for f in lowest if has_constant_term(f.as_quotient()[0])), functions[0]
@@ -273,7 +273,7 @@ class Invariants:
 
 
 def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the sort key of functions, which puts short ones first, as `sort_key` does."""
+    """Return the sort key of a function f: low degrees, then few terms."""
     keys = [(sort_key(P), e) for P, e in f.factors]
     return f.degree, sum(count for (_, count, *_), _ in keys), keys
 
@@ -284,7 +284,7 @@ def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
 
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the numerator has the higher degree, or the denominator is not 0 at 0."""
+    """Return f or 1 / f: the numerator has the higher degree; if equal, denominator(0) != 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -303,7 +303,7 @@ def _with_varying_limit(f: RationalFunction) -> RationalFunction:
 
 
 def _without_constant_term(f: RationalFunction) -> RationalFunction:
-    """Return a polynomial without its constant term; powers and quotients are unchanged."""
+    """Return a polynomial f without its constant term; powers and quotients are unchanged."""
     if any(e != 1 for P, e in f.factors if degree_of(P)):
         return f
     P = f.as_quotient()[0]
@@ -313,7 +313,7 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return short basis vectors e of the lattice of relations ``C_1**e_1 ... C_n**e_n = 1``.
+    """Return short basis vectors e of the lattice ``C_1**e_1 ... C_n**e_n = 1`` of `cofactors` C_i.
 
     The vector of a cofactor contains the exponents of its polynomials, of coprime factors of its
     constant, and of -1. For -1 only the parity of the exponent counts.
@@ -404,10 +404,10 @@ def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
 
 
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[Any]:
-    """Return a basis [Q, P_1, P_2, ...] of a space of one cofactor, for simple integrals P_i / Q.
+    """Return a basis [Q, P_1, P_2, ...] of the span of `space`, for simple integrals P_i / Q.
 
-    Q has the least degree in the limit for eps to 0. The limits of all are independent. The P_i
-    come by degree. Among equal degrees `preferred` ones come first, then ones with many factors.
+    Polynomials in `space` share a cofactor. Q has the least degree in the limit for eps to 0. All
+    limits are independent. The P_i come by degree, then `preferred` ones, then by many factors.
     """
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
@@ -431,7 +431,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
 
 
 def _order_of_denominator(P: Any) -> tuple[Any, ...]:
-    """Return the sort key of denominators: low degrees, then P(0) != 0, then a definite P."""
+    """Return the sort key of denominators P: low degrees, then P(0) != 0, then P of one sign."""
     in_limit = limit(P)
     return degree_of(in_limit), degree_of(P), not has_constant_term(in_limit), not is_definite(P)
 
@@ -449,9 +449,9 @@ def is_definite(P: Any) -> bool:
 
 
 def in_echelon_form(space: Sequence[Any]) -> list[Any]:
-    """Return a basis of the span, with different first monomials, of high degree before low.
+    """Return a basis of the span of `space`, with different leading monomials, highest first.
 
-    No polynomial contains the last monomial of a later one: constants are in the last.
+    The lowest monomial of each polynomial has the coefficient 0 in the polynomials before it.
     """
     monomials = {e for P in space for e in exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)
@@ -469,7 +469,7 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
 
 
 def _without(P: Any, pivot: Any, monomial: tuple[int, ...]) -> Any:
-    """Return the combination of P and `pivot` that does not contain a monomial of `pivot`."""
+    """Return the combination of polynomials P and `pivot` that does not contain `monomial`."""
     if (c := coefficient_of(P, monomial)) == 0:
         return P
     return without_content(coefficient_of(pivot, monomial) * P - c * pivot)

@@ -38,7 +38,7 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """Coefficients in letters: `rates[i, j, k]` of x_j x_k in x_i'; `energy` in the Hamiltonian."""
+    """Coefficients in `letters`: `rates[i, j, k]` of x_j x_k in x_i'; `energy[i, j, k]` in H."""
 
     letters: tuple[str, ...]
     rates: dict[tuple[int, ...], RationalFunction]
@@ -219,7 +219,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def length(self) -> float:
-        """The relative cost of an image on a line, from the 2 D^3 / 3 products of elimination."""
+        """The relative cost of the image of a line, from the 2 D^3 / 3 products of elimination."""
         return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW)
 
     @property
@@ -242,7 +242,7 @@ class KahanMap(RationalMap):
         return sum(products, 0 * self.variables[-1])
 
     def _found_hamiltonian(self) -> Any:
-        """Return H with grad H = L f for a constant antisymmetric regular L; None without one."""
+        """Return H with grad H = L f for a constant antisymmetric regular matrix L, or None."""
         D, x, zero = self.dimension, self.variables, 0 * self.variables[-1]
         if D % 2 or D > _LARGEST:
             return None
@@ -290,7 +290,7 @@ def _slope(P: Any, i: int) -> Any:
 
 
 def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return the rows of scale * (A | b), with entries as in `KahanMap._equations`.
+    """Return rows of scale * (A | b) for A x~ = b; entries are lists of (j, c, d): (c + d eps) x_j.
 
     A term ((i, j, k), v) adds v (x_j x~_k + x_k x~_j) / scale to (x~_i - x_i) / eps; half if j = k.
     """

@@ -30,7 +30,7 @@ def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
 
 
 def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
-    """Return a `Map` as a rational map, or a system's Kahan map; `letters` stay symbols."""
+    """Return a `Map` as a rational map, or a system's Kahan map; `letters` name the symbols."""
     if isinstance(system, Map):
         return rational_map(system, letters=letters)
     if letters is None:
@@ -48,7 +48,7 @@ def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return coefficients of f, and of its Hamiltonian or None, with `symbols` for parameters."""
+    """Return {indices: coefficient} of a field, and of H or None; `symbols` replace parameters."""
     if not isinstance(system, Field):
         parts = {**exact_body(system)._parts, **symbols}
         terms = system._of(parts)._field._own_terms

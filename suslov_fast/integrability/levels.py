@@ -121,7 +121,7 @@ def on_level(
 
 
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
-    """Return the level of integrals through a point, or the generic level; see `on_level`."""
+    """Return the level of integrals through a point, or the generic level, by `letter`."""
     D = map.dimension
     if D < 3 or not map.inverse or not map.is_invertible:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
@@ -139,7 +139,7 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
 
 
 class _Solved(NamedTuple):
-    """The equations of a level: `steps` give eliminated variables, `left` remain in `variables`."""
+    """Equations of a level: `steps` give eliminated variables; `left` are for the `variables`."""
 
     steps: list[tuple[int, Any, Any]]  # a variable, and numerator and denominator of its value
     left: list[Any]  # equations
@@ -264,7 +264,7 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, places: list[int], x: list[Any]) -> list[Any]:
-        """Return the point of a quadric in x[places] on the line x + s (x1, x2, 1)."""
+        """Return the second point of a quadric on the line x[places] + s (x1, x2, 1) through x."""
         u, v = self.plane.gens()[1:]
         start = [self.plane.from_dict({(e[0], 0, 0): c for e, c in x[k].terms()}) for k in places]
         d = [u, v, self.plane.constant(1), self.plane.constant(0)]
@@ -305,7 +305,7 @@ class _Equations:
         return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
 
     def _check(self, found: RationalMap, embedding: list[Any], how: str) -> None:
-        """Raise an error unless `found`, the map of a level, agrees with the map modulo a prime."""
+        """Raise an error on level `how` unless embedding(found(x)) = map(embedding(x)) modulo p."""
         p, at_number, whole = found.prime, found.at_eps(EPS), self.map.at_eps(EPS)
         point = arithmetic.random_point(2, p)
 
@@ -326,7 +326,7 @@ class _Equations:
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
     """Return the equations of a level after as many as possible are solved for variables.
 
-    If the remaining level has several components, the component through the point x counts.
+    `variables` are their numbers. Of several components, the one through the point x counts.
     """
     best = _Solved([], equations, variables)
     candidates = []
@@ -362,7 +362,7 @@ def _at(P: Any, x: list[Any]) -> Any:
 
 
 def _component(P: Any, x: list[Any]) -> Any:
-    """Return the irreducible factor of a polynomial that vanishes at a point."""
+    """Return the irreducible factor of a polynomial P that vanishes at a point x."""
     factors = [f for f, _ in irreducible_factors(P) if degree_of(f)] if P != 0 else []
     through = [f for f in factors if _at(f, x) == 0]
     if len(through) != 1:

@@ -46,7 +46,7 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
 
 
 def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list[Any]) -> Residues:
-    """Return rows c with ``sum_i c_i m_i = 0`` along the orbit of x modulo p, see `null_space`."""
+    """Return rows c: ``sum_i c_i m_i = 0`` for monomials m_i on the orbit of x modulo a prime."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
@@ -81,7 +81,7 @@ class Counted(NamedTuple):
 
 @lru_cache(maxsize=32)
 def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
-    """Count relations along a random orbit, and the integrals they show; two primes must agree."""
+    """Count relations of monomials along a random orbit, and integrals by them, by two primes."""
     rng = map.generator()
 
     def count_modulo(p: int, eps: Values) -> Counted:
@@ -98,7 +98,7 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return polynomials that span the relations of all orbits; () if quotients are no integrals.
+    """Return polynomials that span the relations of all orbits, if quotients are integrals; or ().
 
     Quotients are integrals if relations of one orbit span d dimensions, and of all orbits d + 1.
     """
@@ -210,10 +210,9 @@ def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
-    """Return circuits, minimal sets of monomials with a relation; the smallest come first.
+    """Return circuits, minimal sets of `monomials` with a relation on orbits, small ones first.
 
-    For any order of the monomials, each row of the reduced echelon form of the relations belongs to
-    a circuit.
+    In any order of monomials, a row of the reduced echelon form of the relations gives a circuit.
     """
     p = map.prime
     relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))
@@ -234,7 +233,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _RelationsOnLine:
-    """The relations between few monomials along a random line, to find the degrees of integrals."""
+    """Relations along orbits of points of a random line, to find the degrees of integrals."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
@@ -260,7 +259,10 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of a circuit's c_numerator / c_denominator; None if points are few."""
+        """Return the degree of c[numerator] / c[denominator]; None if points are too few.
+
+        The list c has the coefficients of relation number `circuit` between few monomials.
+        """
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
         pair = self._quotients.quotient(values, lowest=(len(values) - 1) // 2)
@@ -271,7 +273,7 @@ class _RelationsOnLine:
 def _gradients_of_logarithms(
     map: RationalMap, circuit: Exponents, p: int
 ) -> dict[tuple[int, ...], Any]:
-    """Return {monomial: grad log(coefficient)} at `random_point` modulo p; 0 for the last one."""
+    """Return {monomial: grad log(coefficient)} in the relation of a `circuit`, modulo p."""
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
     (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)
@@ -280,10 +282,7 @@ def _gradients_of_logarithms(
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
-    """Yield integrals from relations between few of the monomials, by ascending degree.
-
-    Most of them depend on earlier ones: `independent_of` selects independent integrals.
-    """
+    """Yield (mostly dependent) integrals by relations of few of the `monomials`, by degree."""
     rng = random.Random(0)
     with_relation = circuits(map, monomials, rng)
     if not with_relation:

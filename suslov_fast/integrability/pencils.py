@@ -33,7 +33,7 @@ _HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
 
 
 class _Equations:
-    """Equations d/dv (g / f) = d/du (h / f) on a random plane: solutions count factors of f."""
+    """Equations d/dv (g / f) = d/du (h / f) on a random plane: one solution per factor of f."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)
@@ -60,7 +60,7 @@ class _Equations:
 
 
 def count_factors(P: Any) -> int:
-    """Return the number of irreducible factors over the complex numbers, if none is repeated."""
+    """Return the number of irreducible factors of P over complex numbers, if none is repeated."""
     degree, n = degree_of(P), variables_of(P)
     if degree < 1 or n < 2:
         return degree
@@ -100,10 +100,9 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
-    """Return the polynomial with the roots t at which first + t second loses rank.
+    """Return the polynomial with the roots t at which the matrix first + t second loses rank.
 
-    The matrices have more rows than columns; random combinations of rows make them square. Roots
-    that depend on the combinations are left out.
+    Random combinations of rows make the matrices square; roots that depend on them are left out.
     """
     columns, rows = first.ncols(), first.nrows()
     common = flint.nmod_poly([0], p)

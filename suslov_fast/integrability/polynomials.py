@@ -102,7 +102,7 @@ def letters_of(ring: Any) -> tuple[str, ...]:
 
 
 def variables_of(P: Any) -> int:
-    """Return the number of variables x."""
+    """Return the number of variables x of P."""
     return int(P.context().nvars()) - letters_in(P)
 
 
@@ -160,8 +160,7 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 def primitive(P: Any) -> Any:
     """Return the multiple of P with coprime integer coefficients, the first of which is positive.
 
-    If eps is symbolic, the first coefficient is taken from the terms of lowest order in eps. So the
-    limit for eps to 0 decides the sign.
+    If eps is symbolic, the first coefficient of lowest order in eps decides the sign.
     """
     P = P.primitive()[1]
     return -P if _first_coefficient(P) < 0 else P
@@ -264,7 +263,7 @@ def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
 
 
 def with_values(P: Any, values: Mapping[str, Any]) -> Any:
-    """Return a polynomial over the rationals, with numbers in place of letters."""
+    """Return P over the rationals, with the numbers `values[letter]` in place of letters."""
     names = P.context().names()
     given = {
         name: values[decoded(name)] for name in names[: letters_in(P)] if decoded(name) in values
@@ -311,7 +310,7 @@ def rank(polynomials: Sequence[Any]) -> int:
 def selected(
     candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
 ) -> Iterator[A]:
-    """Yield each candidate c if ``of(c)`` is linearly independent of known and of earlier ones."""
+    """Yield candidates c with polynomials ``of(c)`` independent of `known` and of earlier ones."""
     basis = [*map(of, known)]
     for each in candidates:
         if rank([*basis, of(each)]) > len(basis):
@@ -345,9 +344,9 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
-    """Return primitive polynomials that span the same space as rows of their coefficients.
+    """Return primitive polynomials that span the same space as `rows` of their coefficients.
 
-    Rows, of `over_rationals`, have an entry for each exponent. Without letters, LLL shortens them.
+    A row has a pair (N, D) for each exponent, for N / D. Without letters, LLL shortens rows.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:
@@ -363,7 +362,7 @@ def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = 
 
 
 def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
-    """Return the polynomial with coefficients N / D in letters, times a common denominator."""
+    """Return the polynomial with coefficients N / D, pairs in `row`, times a common denominator."""
     over_q = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
     zeros = (0,) * len(exponents[0])
 
@@ -391,7 +390,7 @@ def limit(P: Any) -> Any:
 
 
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
-    """Return a basis of the same space with linearly independent limits for eps to 0.
+    """Return a basis of the span of `space` with linearly independent limits for eps to 0.
 
     While a combination of the basis has the limit 0, it is divided by eps, and replaces a member.
     """
@@ -413,7 +412,7 @@ def with_independent_limits(space: Sequence[Any]) -> list[Any]:
 
 
 def coefficient_of(P: Any, monomial: tuple[int, ...]) -> Any:
-    """Return the coefficient of a monomial in x, a polynomial in the letters."""
+    """Return the coefficient, a polynomial in letters, of the monomial with these exponents."""
     count, zeros = letters_in(P), [0] * len(monomial)
     terms = {(*e[:count], *zeros): c for e, c in P.to_dict().items() if e[count:] == monomial}
     return P.context().from_dict(terms)

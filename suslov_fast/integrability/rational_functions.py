@@ -90,7 +90,7 @@ class WithLetters:
         return self._with(self._numbers_for(values, unnamed))
 
     def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
-        """Return the numbers that a user passed by name, checked, as fractions by letter."""
+        """Return the numbers `values`, by letter, as fractions; an `unnamed` number is an error."""
         if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
         if unnamed or (self.letters and (not values or {*values} - {*self.letters})):
@@ -139,7 +139,7 @@ class RationalFunction(WithLetters):
         return math.prod(powers, start=self.constant)
 
     def _in_floats(self, x: FloatArray, letters: list[float]) -> FloatArray:
-        """Return floats (...) at states (..., D), with numbers in place of the letters."""
+        """Return floats (...) at states x (..., D), with the numbers `letters` for the letters."""
         product = np.full(x.shape[:-1], float(self.constant))
         for P, e in self.factors:
             if x.shape[-1] != (D := variables_of(P)):
@@ -169,16 +169,13 @@ class RationalFunction(WithLetters):
         return self.constant != 0
 
     def _sympy_(self) -> Any:
-        """Return the formula in SymPy, which calls this, with symbols for all names in it.
-
-        Without symbols SymPy reads names such as S, I, E, N and beta as its own objects.
-        """
+        """Return the formula for SymPy, with symbols also for names such as S, I, E, N and beta."""
         sympy, names = extra("sympy", "test"), self._ring.names() if self.factors else ()
         symbols = {name: sympy.Symbol(name) for name in map(decoded, names)}
         return sympy.sympify(str(self), symbols)
 
     def renamed(self, names: Sequence[str] | None, letter: str = "") -> RationalFunction:
-        """Return the function with other names of its variables, and of its letter."""
+        """Return the function with new `names` of variables and `letter`; None and "" keep them."""
         factors = tuple((renamed(P, names, letter), e) for P, e in self.factors)
         cofactor = self.cofactor and self.cofactor.renamed(names, letter)
         return replace(self, factors=factors, cofactor=cofactor)
@@ -233,7 +230,7 @@ class RationalFunction(WithLetters):
         return with_plain_letters(self.as_quotient()[1])
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
-        """Return numerator and denominator as polynomials; for a constant, pass `ring`."""
+        """Return numerator and denominator as polynomials; a constant needs their `ring`."""
         ring = ring or self._ring or polynomial_ring(0, False)
         numerator = ring.constant(self.constant.numerator)
         denominator = ring.constant(self.constant.denominator)
@@ -246,7 +243,7 @@ class RationalFunction(WithLetters):
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
-        """Return pairs (P, e) for factors P**e of the numerator, or for -1 of the denominator."""
+        """Return pairs (P, e), e > 0, of the numerator, or of the denominator if `sign` is -1."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property
@@ -278,7 +275,7 @@ class RationalFunction(WithLetters):
         return self.text()
 
     def text(self, longest: int | None = None) -> str:
-        """Return the formula, with degree and size for polynomials over `longest` characters."""
+        """Return the formula; polynomials over `longest` characters appear as degree and size."""
         is_one_polynomial = self.constant == 1 and [e for _, e in self.factors] == [1]
 
         def texts(number: int, sign: int) -> list[str]:
@@ -413,7 +410,7 @@ def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[Rationa
 
 
 def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> Iterator[Any]:
-    """Yield the candidates that are independent, modulo p, of known and of earlier ones."""
+    """Yield candidates that are independent, modulo p, of `known` functions and of earlier ones."""
     gradients = [f.gradient_of_logarithm(p) for f in known]
     for f in candidates:
         more = [*gradients, f.gradient_of_logarithm(p)]

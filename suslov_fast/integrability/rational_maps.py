@@ -84,7 +84,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
-    """Return names of parameters that stay symbols, checked; True stands for all of a system."""
+    """Return `letters`, parameters that stay symbols, as checked names; True stands for all."""
     if not isinstance(system, Body):
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:

@@ -64,10 +64,7 @@ class Report:
 
     @property
     def growth(self) -> Growth:
-        """The `Growth` of the degrees.
-
-        Its kind is "unclear" if `planar` has another entropy: the recurrence is accidental.
-        """
+        """The `Growth` of the degrees; "unclear" if, by `planar`, the recurrence is accidental."""
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
         if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):
             return by_degrees
@@ -187,14 +184,14 @@ class Report:
         return lines
 
 
-def _listed(title: str, functions: Functions, most: int, none: str, known: int = 0) -> str:
-    """Return a line: a title, up to `most` formulas of `known` functions, or the text `none`."""
+def _listed(title: str, functions: Functions, most: int, none: str, total: int = 0) -> str:
+    """Return a line: `title`, up to `most` formulas of `total` functions, or the text `none`."""
     if not functions:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
     more = f"; {len(functions) - most} more" if len(functions) > most else ""
     how = " and ".join(_PROOF[basis] for basis in sorted({f.basis for f in functions}))
-    count = f"{len(functions)}" + f" of {known}" * (known > len(functions))
+    count = f"{len(functions)}" + f" of {total}" * (total > len(functions))
     return f"{title} ({count}, {how}): {formulas}{more}"
 
 
@@ -345,7 +342,7 @@ class _Stopped(BaseException):
 
 
 def _special_values(system: Any, facts: Search) -> list[str]:
-    """Return [a note] if the system's own parameters give more integrals than letters, else []."""
+    """Return [a note] if the system's own parameters give more integrals than `facts`, else []."""
     degree = facts.queue.finished().get("relations", 0)
     exponents = exponents_up_to(degree, facts.map.dimension)
     try:
@@ -363,7 +360,7 @@ def _special_values(system: Any, facts: Search) -> list[str]:
 
 
 def _map_of(field: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:
-    """Return the map of the arguments of a report, and notes on them."""
+    """Return the exact map of a field, body or map with symbols `letters`, and notes on it."""
     if isinstance(field, RationalMap | Map) and eps is not None:
         raise wrong("eps", "left out, because a map has its own", eps)
     if letters is None and isinstance(field, RationalMap):

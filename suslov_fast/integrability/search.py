@@ -328,7 +328,7 @@ class Search:
             yield Task(partial(self.quotients_of_relations, k), "quotients", k)
 
     def quotients_of_relations(self, k: int) -> Tasks:
-        """Add the `integrals_of_relations` of monomials up to degree k, if formulas are missing."""
+        """Add integrals by relations of all monomials to degree k, if formulas are missing."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
@@ -383,7 +383,10 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return a task for P(Phi) = sign C P up to degree k; tasks up to degree `last` follow."""
+        """Return a task, `kind`, that finds P with P(Phi) = sign * cofactor * P up to degree k.
+
+        Tasks to degree `last`, by default of the search, follow. The cofactor None is det DPhi.
+        """
 
         def run() -> Tasks:
             yield from self._find_polynomials(cofactor, sign, k)
@@ -393,7 +396,7 @@ class Search:
         return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
-        """Find and add P up to degree k with P(Phi) = sign C P; the cofactor None is det DPhi."""
+        """Find and add P to degree k with P(Phi) = sign * cofactor * P; None is det DPhi."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
         known: list[Any] = []
@@ -422,7 +425,7 @@ class Search:
     # Polynomials that were found.
 
     def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add polynomials that share a cofactor, by default unknown; return tasks that follow."""
+        """Add `space`, polynomials with one cofactor (None: unknown); return tasks that follow."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=sort_key))
@@ -498,7 +501,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield a task to prove that quotients of a space are integrals, in `longest` seconds."""
+        """Yield a task to prove quotients in `space` as integrals, in up to `longest` seconds."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 

@@ -15,7 +15,7 @@ _TRIES = 3  # points and numbers in place of eps for each of these
 
 
 def why_never(plane: Plane, number: int, passage: Passage) -> str:
-    """Return why the orbit of the curve `number` never ends, a proof in words; "" if unproved."""
+    """Return why the orbit of curve `number`, with orders `passage`, never ends; "" if unproved."""
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
         for _ in range(_TRIES):
@@ -28,10 +28,10 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
 
 
 def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
-    """Return True if the orbit modulo a prime is periodic, and all its points have images.
+    """Return True if the orbit of curve `number` modulo a prime is periodic, and has all images.
 
     A smooth point of the curve modulo p is the residue of a point over the p-adic numbers. If
-    images do not vanish modulo p, they are residues of the true orbit.
+    images do not vanish modulo p, they are residues of the true orbit. `passage` has its orders.
     """
     if any(P == 0 for P in (*residues.forms, residues.curves[number])):
         return False

@@ -103,7 +103,7 @@ def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
 
 
 def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
-    """Return the equations of reversing symmetries in the ring `unknowns` of entries of S and b."""
+    """Return equations in the ring `unknowns` for S and b: S x + b reverses a field of `terms`."""
     n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
@@ -117,7 +117,7 @@ def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
 
 
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
-    """Return isolated solutions of equations modulo a prime, by products up to degree `most`."""
+    """Return isolated solutions of equations in a ring `unknowns`, by products to degree `most`."""
     for degree in range(2, most + 1):
         if (solutions := _solutions(equations, unknowns, degree)) is not None:
             return [*solutions]
@@ -125,7 +125,7 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[
 
 
 def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
-    """Return a matrix: a row of coefficients for each equation times a monomial, up to a degree."""
+    """Return a matrix with a row for each equation times a monomial in `unknowns`, to a degree."""
     n, rows, entries = unknowns.nvars(), 0, list[int]()
     column = {e: k for k, e in enumerate(exponents_up_to(degree, n))}
     zeros = [0] * len(column)
@@ -141,7 +141,7 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
 
 
 def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
-    """Return solutions of equations modulo a prime; None if products of higher degree are needed.
+    """Return solutions modulo a prime by products of equations up to `degree`; None if too low.
 
     Vectors in the null space of all products are combinations of the values of all monomials at the
     solutions. Multiplication by a variable acts on the values of monomials of lower degree.
@@ -165,8 +165,8 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
 def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
     """Yield the solutions; columns of `values` combine the values of monomials at the solutions.
 
-    Multiplication by a random linear form acts on the first `low` monomials; solutions are its
-    eigenvectors.
+    Monomials are in n variables up to a degree. Solutions are eigenvectors of the multiplication
+    of the first `low` monomials by a random linear form.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}

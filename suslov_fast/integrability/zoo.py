@@ -17,12 +17,12 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return ``make(F, n)``, F(x) = f(x1, ..., xn), by default a field; n = 0 is found from f."""
+    """Return ``make(F, n)``, by default a field, F(x) = f(x1, ..., xn); n = 0: count them in f."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 
 def _chain(*x: Any) -> Any:
-    """Return the Volterra chain: each species eats the next, and the last eats the first."""
+    """Return rates of the Volterra chain: species k eats k + 1, and the last eats the first."""
     return [x[k] * (x[(k + 1) % len(x)] - x[k - 1]) for k in range(len(x))]
 
 
@@ -32,7 +32,7 @@ def _rotors(*beta: int) -> Any:
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> Field:
-    """Return a body with m' = m x (w m) + p x v(p), p' = p x (w m).
+    """Return a body (m, p) with m' = m x (w m) + p x v(p), p' = p x (w m).
 
     With v(p) = b p these are Kirchhoff's equations for 2 H = sum w_i m_i^2 + b_i p_i^2.
     """

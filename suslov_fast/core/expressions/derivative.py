@@ -6,11 +6,11 @@ from .tables import is_table
 
 
 def gradients(values, operations, results, D, by=()):
-    """Return the derivatives of each result as a dict {component of the state: operand}.
+    """Return a dict {j: operand of the derivative by j} for each operand in `results`.
 
-    `results` are values that `operations` compute from D components. The dict also has derivatives
-    by the parameters with the numbers `by`. A derivative that is missing is 0. The operations that
-    compute derivatives are added to `values`.
+    `operations` compute `results` from the components 0 to D - 1 of the state. j is a component, or
+    the number of a parameter in `by`. A derivative that is missing is 0. The operations that
+    compute derivatives are added to the `Expressions` `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -20,7 +20,11 @@ def gradients(values, operations, results, D, by=()):
 
 
 def _row_of(values, instruction, number, operands, rows):
-    """Return the row of value `number` by `_row`; of a**c that a user wrote, c a**(c - 1) a'."""
+    """Return the row {component: operand of its derivative} of value `number`.
+
+    The value is `instruction` on `operands`; `rows` is {number of a value: its row}. If a user
+    wrote it as a**c with a constant c, the derivative is c a**(c - 1) a'.
+    """
     name, of, *_ = values.written.get(number, ("", ()))
     if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
         base, exponent = of
@@ -32,7 +36,10 @@ def _row_of(values, instruction, number, operands, rows):
 
 
 def _row(emit, instruction, number, operands, rows):
-    """Return the row {component: derivative} of value `number`; `rows` has the rows of operands."""
+    """Return the row {component: operand of its derivative} of value `number`, by the chain rule.
+
+    The value is `instruction` on `operands`; `rows` is {number of a value: its row}.
+    """
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
         truth = operands[0]
@@ -74,10 +81,10 @@ def _negative(emit, a):
     return emit("fmul", -1.0, a)
 
 
-def _sum(emit, parts):
-    """Return the row {component: derivative} that is the sum of factor * row over pairs `parts`."""
+def _sum(emit, pairs):
+    """Return the sum of factor * row over `pairs` (factor, row) of rows {component: operand}."""
     total = {}
-    for factor, row in parts:
+    for factor, row in pairs:
         sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None
         if sign == 0.0 or not row:
             continue

@@ -20,7 +20,10 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class _Pair(NamedTuple):
-    """A value p + q, see the top. `whole` is one operand for it if that keeps more digits."""
+    """A value p + q of f: p is 0 at the start of the motion, and q is constant along a step.
+
+    `whole` is one operand for p + q if that keeps more digits, else None.
+    """
 
     p: object
     q: object
@@ -28,11 +31,15 @@ class _Pair(NamedTuple):
 
 
 class ElapsedTime:
-    """A right-hand side rewritten for clocks that count from 0; see the top.
+    """A right-hand side rewritten for clocks that count from 0, so that late dates cost no digits.
 
-    values, results, P, actions  after rewriting; no action sets a clock that counts from 0
-    offsets  {clock: number of the parameter that is its start}
-    shifts   {number of the value of a table: (p, q)} for tables with an argument p + q
+    A clock is a component of constant rate; its start becomes a parameter.
+
+    values, results  the `Expressions` after rewriting, and the rates, which are operands in it
+    P, actions       the number of parameters, and the `EventAction`s, after rewriting; no action
+                     sets a clock that counts from 0
+    offsets          {clock: number of the parameter that is its start}
+    shifts           {number of a value: (p, q)} for values of tables at arguments p + q (`_Pair`)
     """
 
     def __init__(self, values, results, P, actions=()):
@@ -52,7 +59,10 @@ class ElapsedTime:
             self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return an action for the new clocks; `results` are old operands of surface and state."""
+        """Return the `EventAction` `action`, rewritten for clocks that count from 0.
+
+        `results` is a pair: operands before rewriting of its surface, and of its new state.
+        """
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
@@ -60,7 +70,7 @@ class ElapsedTime:
         return action._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
-        """Rewrite the operations so that `clocks`, numbers of components, count from 0."""
+        """Rewrite `operations` into new `values`, in which the components `clocks` count from 0."""
         D = len(self.results)
         first, old = D + self.P, self.values
         self.P += len(clocks)
@@ -85,16 +95,19 @@ class ElapsedTime:
     def _is_rigid(self, a):
         return isinstance(a, float) or a in self.rigid
 
-    def _pair(self, a):
-        """Return the `_Pair` of an old operand, or None if it is no sum p + q and not constant."""
-        found = None if isinstance(a, float) else self.known[a]
+    def _pair(self, old):
+        """Rewrite the operand `old` as a `_Pair` p + q; return None if it is no such sum.
+
+        p is 0 at the start, and keeps digits that the sum loses; q is constant along a step.
+        """
+        found = None if isinstance(old, float) else self.known[old]
         if isinstance(found, _Pair):
             return found
-        return _Pair(0.0, self._whole(a)) if self._is_rigid(a) else None
+        return _Pair(0.0, self._whole(old)) if self._is_rigid(old) else None
 
-    def _whole(self, a):
-        """Return the new operand of an old operand, as one value and not as a pair."""
-        found = a if isinstance(a, float) else self.known[a]
+    def _whole(self, old):
+        """Rewrite operand `old`; return one operand, for a pair p + q the operand of its sum."""
+        found = old if isinstance(old, float) else self.known[old]
         if not isinstance(found, _Pair):
             return found
         if found.whole is not None:
@@ -102,7 +115,7 @@ class ElapsedTime:
         return self.values.emit("fadd", found.q, found.p)
 
     def _value(self, name, operands):
-        """Return the new operand, or the `_Pair`, of the operation `name` on old operands."""
+        """Rewrite the operation `name`; return its operand, or a `_Pair`: clock plus constant."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -132,12 +145,12 @@ class ElapsedTime:
         return number
 
     def _scales(self, name, operands):
-        """Return True if a factor, or the divisor, is constant in a step: then pairs stay pairs."""
+        """Return True if (p + q) a or (p + q) / a is a `_Pair` p + q: a is constant in a step."""
         rigid = [self._is_rigid(a) for a in operands]
         return rigid[1] if name == "fdiv" else any(rigid)
 
     def _without_turns(self, q):
-        """Return the operand of a phase q, without whole turns if q is large."""
+        """Return the operand of a phase: the operand q, less whole turns of 2 pi if it is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number
@@ -148,7 +161,7 @@ def _is_0(a):
 
 
 def _joined(emit, name, a, b):
-    """Return the operand of a + b ("fadd") or a - b ("fsub"); a constant 0 takes no operation."""
+    """Return the operand of a + b (`name` "fadd") or a - b ("fsub"); a constant 0 is left out."""
     if _is_0(b):
         return a
     if _is_0(a):

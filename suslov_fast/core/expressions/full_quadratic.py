@@ -7,7 +7,7 @@ class DenseRightHandSide:
     """The right-hand side f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k), with symmetric q.
 
     It has D components, and the attributes of a `RightHandSide` that steps of the motion read. Its
-    table is its parameters: for each component c_i, l_ij for all j, and q_ijk for all j and k.
+    parameters, and its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     is_dense, events, offsets, columns = True, None, {}, 0
@@ -22,24 +22,27 @@ class DenseRightHandSide:
         self.key, self.work = f"dense {D}", D * D * D
 
     def table_of(self, parameters):
-        """Return the table (P, ...) for parameters (P, ...)."""
+        """Return the table (P, ...) of all coefficients: a copy of the parameters (P, ...)."""
         return np.array(parameters, np.float64)
 
     @np.errstate(all="ignore")
     def value(self, x, table):
-        """Return f (D, ...) at states (D, ...)."""
+        """Return f (D, ...) at states x (D, ...), with coefficients `table` (P, ...)."""
         x, constant, linear, totals = self._parts(x, table)
         terms = np.concatenate([constant[:, np.newaxis], (linear + totals) * x], axis=1)
         return np.add.accumulate(terms, axis=1)[:, -1]
 
     @np.errstate(all="ignore")
     def jacobian(self, x, table):
-        """Return f' (D, D, ...) at states (D, ...)."""
+        """Return f' (D, D, ...) at states x (D, ...), with coefficients `table` (P, ...)."""
         _, _, linear, totals = self._parts(x, table)
         return linear + (totals + totals)
 
     def _parts(self, x, table):
-        """Return x_i, c_i, l_ij and sum_k q_ijk x_k; machine code adds terms in the same order."""
+        """Return arrays of x_i, c_i, l_ij and sum_k q_ijk x_k, for states x (D, ...).
+
+        `table` (P, ...) contains the coefficients. Machine code adds terms in the same order.
+        """
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
         x, own = (np.reshape(a, (D, -1, *(np.shape(a)[1:] or [1] * axes))) for a in (x, table))
         products = own[:, 1 + D :].reshape(D, D, D, *own.shape[2:]) * x[:, 0]

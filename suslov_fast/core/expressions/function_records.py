@@ -35,19 +35,22 @@ class Function(NamedTuple):
     sign: str = ""
 
     def rule(self, values, *operands):
-        """Add the function of these operands to `values`; return the operand of its value."""
+        """Add this function of `operands` to the program `values`; return the result's operand."""
         if self.instruction:
             return values.emit(self.instruction, *operands)
         return operand_of(self.formula(*map(values.number, operands)))
 
     def partials(self, emit, *operands_and_value):
-        """Return the operands of the partial derivatives; arguments: operands, then the value."""
+        """Add partial derivatives by `emit`; return their operands. Arguments: operands, value."""
         found = self.derivative(*[Number(emit, a) for a in operands_and_value])
         return [*map(operand_of, found if isinstance(found, tuple) else (found,))]
 
 
 def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
-    """Return the `Function` of an instruction of programs: `instruction` if given, else `name`."""
+    """Return the `Function` of one instruction of programs: `instruction`, or `name` if it is "".
+
+    It has `operands` operands. `derivative` takes them and the value. It is 0 at 0 if `is_0_at_0`.
+    """
     return Function(name, operands, instruction or name, None, derivative, is_0_at_0)
 
 
@@ -74,7 +77,7 @@ def _of_hypot(a, b, y):
 
 
 def _of_logaddexp(a, b, y):
-    """Return the derivatives exp(a) / s and exp(b) / s of log(s), s = exp(a) + exp(b)."""
+    """Return the derivatives exp(a) / s and exp(b) / s of y = log(s), s = exp(a) + exp(b)."""
     way = a.equals(b).select(0.0, a - b)
     return way.then("expit"), (-way).then("expit")
 
@@ -115,7 +118,7 @@ RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 # ------------------------------------------------------------------ functions made of others
 def _power(a, exponent):
-    """Return a**exponent, by products and a root if 2 exponent is an integer from -128 to 128."""
+    """Return a**exponent, by products and a root if it is a constant n / 2 with abs(n) <= 128."""
     number = exponent.number
     if not (isinstance(number, float) and 2.0 * number in range(-128, 129)):
         return a.then("pow", exponent)
@@ -133,7 +136,7 @@ def _power(a, exponent):
 
 
 def _extreme(name):
-    """Return the formula of "min" or "max" (`name`), which is NaN if an operand is NaN."""
+    """Return a function of two `Number`s: their "min" or "max" (`name`), or NaN if one is NaN."""
 
     def formula(a, b):
         if isinstance(b.number, float):
@@ -162,7 +165,7 @@ def _ceil(a):
 
 
 def interp(values, x, knots, heights, left, right):
-    """Add np.interp(x, knots, heights, left, right) to `values`, same bits; return its operand."""
+    """Add np.interp at operand x to the program `values`, same bits; return its operand."""
     emit = values.emit
     result = emit(of_line(knots, heights), x)
     for truth, knot, end, beyond in (

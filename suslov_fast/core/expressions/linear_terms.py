@@ -13,7 +13,7 @@ _ROUNDING = 1e-14  # of coefficients, relative to the sum of the moduli that the
 
 
 def coefficients(f, table):
-    """Return C (members, D, terms) of a `RightHandSide` f = C m(x).
+    """Return C (members, D, terms) of a `RightHandSide` f = C m(x), with functions m of the state.
 
     `table` (members, n) has the table of f for each set of parameters. Left null vectors of C are
     linear integrals. Each column of C is divided by its largest entry. Values that depend on

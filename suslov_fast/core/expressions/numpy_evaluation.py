@@ -9,7 +9,7 @@ from .elementary import ELEMENTARY, LARGE_ANGLE, OF_ANGLES, list_of
 
 
 def _of_library(function):
-    """Return a function of Python's `math`, that is of the C library, vectorised over arrays."""
+    """Return `function` of Python's `math`, for arrays; NaN or infinite where it raises."""
 
     def of_number(*numbers):
         try:
@@ -28,7 +28,7 @@ def _of_library(function):
 
 
 def _of_bits(function):
-    """Return a function of doubles that applies `function` to their bits, unsigned integers."""
+    """Return a function of arrays of doubles: `function` of their bits as unsigned integers."""
 
     def of_arrays(*arrays):
         integers = (np.atleast_1d(np.asarray(array, float)).view(np.uint64) for array in arrays)
@@ -39,14 +39,14 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return a b + c d + ..., or s + a b + c d + ... for an odd number of operands, in order."""
+    """Return s + a b + c d + ... in order, for s, a, b, c, d, ...; an even number has no s."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))
 
 
 def _of_list(name):
-    """Return the elementary function `name` for arrays; it evaluates its expression program."""
+    """Return the elementary function `name`, as "exp", for arrays, by its expression program."""
 
     def of_arrays(*arrays):
         operations, result = list_of(name)
@@ -113,7 +113,7 @@ FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
 
 
 def evaluate(operations, values):
-    """Evaluate operations; `values` is {number: number or array}, and gets the results, too."""
+    """Evaluate `operations`; their values are added to `values`, {number: float or array}."""
     for instruction, number, operands in operations:
         numbers = [a if isinstance(a, float) else values[a] for a in operands]
         values[number] = FUNCTIONS[instruction](*numbers)

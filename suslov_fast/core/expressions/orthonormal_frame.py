@@ -20,9 +20,10 @@ SHIFT = 2.0
 
 
 def _with_frame(f, moving):
-    """Return the `RightHandSide` of x, the frame Q + SHIFT by rows, and its growth l (top).
+    """Return the `RightHandSide` of x' = f(x), of Q + SHIFT by rows, and of l.
 
-    f has no branches. `moving` are the components of x that tangent vectors have. The parameters
+    The columns of Q are orthonormal tangent vectors, and l has the logarithms of their growth.
+    Tangent vectors have entries for the components `moving` of x. f has no branches. The parameters
     are the numbers in the table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
@@ -55,7 +56,7 @@ def _with_frame(f, moving):
 
 
 def _product(emit, a, b, n):
-    """Return the product of two n by n matrices, both dicts of the operands that are not 0."""
+    """Return the product of n by n matrices a and b, dicts {(i, j): operand} of entries not 0."""
     found = {}
     for i, j in itertools.product(range(n), repeat=2):
         pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]

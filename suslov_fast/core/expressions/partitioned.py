@@ -22,14 +22,14 @@ _FUNCTION = 40  # operations that take the time of an elementary function
 
 
 class ComponentSets(NamedTuple):
-    """Components in two sets A and B: rates in A read B alone, rates in B read A alone."""
+    """Two sets A and B of components: rates of A depend on B alone, and rates of B on A alone."""
 
     A: list
     B: list
 
 
 def sets_of(f):
-    """Return the `ComponentSets` of a `RightHandSide`, or None if `flow.stormer` cannot use any."""
+    """Return the `ComponentSets` of a `RightHandSide`, or None if Störmer's rule cannot use any."""
     if f.is_dense or f.branches is not None:  # if f jumps, ends have to be smoothed
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
@@ -50,14 +50,17 @@ def sets_of(f):
 
 
 def part_of(program, numbers):
-    """Return the part of a `Program` for results at places `numbers`; other results are None."""
+    """Return the `Program` of the results at places `numbers` alone; other results are None."""
     of = {*numbers}
     own = [a if k in of else None for k, a in enumerate(program.results)]
     return Program(needed_for(program.operations, own), own)
 
 
 def _colours(reads):
-    """Return {i: colour (bool)} so that reads[i] has no components of the colour of i, or None."""
+    """Return {component: colour}, where colours are bools, or None if such colours do not exist.
+
+    `reads` is {component: others that its rate depends on}; these have the other colour.
+    """
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:
@@ -76,13 +79,13 @@ def _colours(reads):
 
 
 def _work(f, components):
-    """Return an estimate of the number of operations in the rates of these components."""
+    """Return about how many operations the rates of `components` of a `RightHandSide` f take."""
     operations = needed_for(f.f.operations, [f.f.results[i] for i in components])
     return sum(_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
 
 
 class _Kind(NamedTuple):
-    """How a value depends on the state: it tells if f may change unseen between points (top)."""
+    """How a value of f depends on the state, to find if it may change unseen between points."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
@@ -95,7 +98,7 @@ _ROOTS = "sqrt", "log", "pow", "hypot"
 
 
 def _kinds(f):
-    """Return {number: `_Kind`} of values of f, or None if f may change unseen, see the top."""
+    """Return {number: `_Kind`} of values of f, or None if f may change unseen between points."""
     kinds = {i: _Kind(1) for i in range(f.D)}
     for name, number, operands in f.f.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
@@ -107,7 +110,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of operation `name` on values of kinds `of`, or None, see `_kinds`."""
+    """Return the kind of `name` on kinds `of`, or None: it may change unseen between points."""
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("select", "fabs"):

@@ -12,7 +12,7 @@ from .values import Number
 
 
 def length_of(operations):
-    """Return the number of instructions of operations; a "sum" of n operands takes n - 1."""
+    """Return how many machine instructions `operations` take; a "sum" of n operands takes n - 1."""
     return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
 
 
@@ -27,7 +27,7 @@ class Values:
         self.count, self.fixed, self.operations = count, set(fixed), []
 
     def emit(self, instruction, *operands):
-        """Add an operation; return the number of its value."""
+        """Add the operation `instruction` on `operands`; return the number of its value."""
         number = self.count
         self.count += 1
         self.operations.append((instruction, number, operands))
@@ -36,7 +36,7 @@ class Values:
         return number
 
     def is_fixed(self, operand):
-        """Return True if an operand depends on parameters alone."""
+        """Return True if an operand is a constant, or depends on parameters alone."""
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
@@ -48,7 +48,7 @@ class Values:
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return `total` for all pairs (a, c) in one list `factors`: a, c, a, c, ..."""
+        """Return the operand of start + a c + ..., for `factors` [a, c, ...], as in `total`."""
         own, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)
@@ -80,7 +80,7 @@ def dot(emit, pairs, total=None):
 
 
 class Program(NamedTuple):
-    """Operations, and the operands that are their results: numbers of values, or constants."""
+    """Operations (instruction, number of value, operands), and results: numbers, or constants."""
 
     operations: list
     results: list
@@ -90,8 +90,8 @@ class Expressions(Values):
     """Values without repetition: equal operations share one, operations on constants give none.
 
     `of` contains the instruction and operands of each value. `fixed_truths` contains the numbers of
-    truth values that depend on parameters alone. `written` records, by number, functions that a
-    user wrote and that several operations compute, such as powers.
+    truth values that depend on parameters alone. `written` is {number of a value: (name, operands,
+    ...)} of functions that a user wrote, such as powers, which may take several operations.
     """
 
     def __init__(self, count, fixed=()):
@@ -109,12 +109,15 @@ class Expressions(Values):
         return self._known[key]
 
     def given(self):
-        """Return the number of a new value that needs no operation."""
+        """Add a value that needs no operation, such as an input; return its number."""
         self.count += 1
         return self.count - 1
 
     def take_written(self, others, new):
-        """Copy `written` of other `Expressions`; `new` maps their numbers to operands here."""
+        """Copy `written`, the functions that a user wrote, from other `Expressions`, `others`.
+
+        `new` is {number in `others`: operand here}; functions of operands not in it are left out.
+        """
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
             place = new.get(number)
@@ -141,7 +144,7 @@ class Expressions(Values):
         return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
 
     def _simpler(self, instruction, operands):
-        """Return an operand with the same value by fewer operations, or None."""
+        """Return an operand equal to `instruction` on `operands` by cheaper operations, or None."""
         if instruction == "fdiv" and _is_power_of_2(operands[1]):
             return self.emit("fmul", 1.0 / operands[1], operands[0])
         if instruction == "fmul":
@@ -167,7 +170,7 @@ class Expressions(Values):
 
 
 def _is_power_of_2(operand):
-    """Return True if an operand is a constant 2**n or -2**n, which multiplies without rounding."""
+    """Return True for a constant +-2**n, n from -100 to 98, which multiplies without rounding."""
     if not isinstance(operand, float):
         return False
     fraction, exponent = math.frexp(operand)
@@ -177,7 +180,8 @@ def _is_power_of_2(operand):
 def in_order(values, results, more=0):
     """Return a copy of `Expressions` without needless operations, and the results in the copy.
 
-    The results determine the order of operations. `more` new parameters follow the given values.
+    `results` are operands in `values`, and determine the order of operations. `more` is how many
+    new parameters follow the given values.
     """
     given = values.count - len(values.operations)
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
@@ -189,7 +193,7 @@ def in_order(values, results, more=0):
 
 
 def _depth_first(values, results):
-    """Yield the operations on which results depend, each after the operations of its operands."""
+    """Yield the operations that `results` depend on, each after the operations of its operands."""
     done, stack = set(), [(a, False) for a in reversed(results)]
     while stack:
         number, is_ready = stack.pop()
@@ -241,7 +245,7 @@ def emitted(values, program, new=None):
 
 
 def renumbered(program, given):
-    """Return a renumbered `Program`; `given` is {old: new number} of values without operations."""
+    """Return a `Program` with new numbers of values; `given` is {old: new number} of its inputs."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

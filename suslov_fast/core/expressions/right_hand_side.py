@@ -44,7 +44,7 @@ class RightHandSide:
     """
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
-        """Plan f from `Expressions`; the operands `results` in `values` are the D rates.
+        """Plan f, with P parameters, from `Expressions`; the operands `results` are the D rates.
 
         `by` are numbers of parameters to differentiate by. `surfaces` are other operands to
         evaluate; the first `jumps` of them are differentiated, too. `kept` are parameters that the
@@ -103,7 +103,7 @@ class RightHandSide:
         return repr((self.D, self.table, kinds, *lists, self.events))
 
     def _find_properties(self, values):
-        """Find clocks, components that keep their sign, and denominators that depend on clocks."""
+        """Find clocks and components of one sign; add denominators of clocks to `values`."""
         is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
         # The components that each value depends on, as bits.
         of = {i: 1 << i for i in range(self.D)}
@@ -127,21 +127,21 @@ class RightHandSide:
         self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []
 
     def table_of(self, parameters):
-        """Return the values of the table (n, ...) for parameters (P, ...)."""
+        """Return the table (n, ...), the numbers that f and f' read, for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
         given = dict(enumerate(parameters, self.D))
         return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return the table for other parameters; `Variational` keeps scales of the old `table`."""
+        """Return `table_of(parameters)`; `Variational` keeps scales of the old `table`, too."""
         return self.table_of(parameters)
 
     def value(self, x, table):
-        """Return f (D, ...) at states (D, ...)."""
+        """Return f (D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
         return self._at("f", x, table)
 
     def jacobian(self, x, table):
-        """Return f' (D, D, ...) at states (D, ...)."""
+        """Return f' (D, D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
         entries = self._at("derivative", x, table)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
@@ -149,14 +149,14 @@ class RightHandSide:
         return matrix
 
     def _at(self, name, x, table):
-        """Return the results of a program, "f" or "derivative", at states and for a table."""
+        """Return results of the program `name`, "f" or "derivative", at states x for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
         return _carried_out(getattr(self, name), given, shape)
 
 
 def _carried_out(program, values, shape):
-    """Return the results (R, *shape) of a program; `values` is {number: given value}."""
+    """Evaluate a program; return its R results (R, *shape). `values` is {number: given value}."""
     with np.errstate(all="ignore"):
         evaluate(program.operations, values)
     results = np.empty((len(program.results), *shape))
@@ -169,7 +169,8 @@ def _signs_of_poles(values, f, quotients):
     """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
 
     Each quotient has two: the divisor if the dividend is positive, else 0; and the divisor if the
-    dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f does not use the quotient.
+    dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f, a `Program`, does not use
+    the quotient. They are added to the `Expressions` `values`.
     """
     found = {}
     is_taken = _taken(values, f)
@@ -190,9 +191,11 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return {number of a value: the truth value that f depends on it, or 1.0 if f always does}.
+    """Return {number of a value: operand of the truth value that results of f depend on it}.
 
-    f does not depend on values that `select` leaves out, or a parameter or branch 0 multiplies.
+    f is a `Program` in the `Expressions` `values`. The operand is 1.0 if results always depend on
+    the value. They do not where `select` chooses another one, or where the other factor of a
+    product is 0; such a factor is a `select`, or depends on parameters alone.
     """
     emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):
@@ -217,7 +220,7 @@ def _taken(values, f):
 
 
 def _both(emit, *truths):
-    """Return the operand of "and" of truth values; constants 0.0 and 1.0 are false and true."""
+    """Return the operand of "and" of operands `truths`; constants 0.0, 1.0 are false and true."""
     others = [a for a in truths if a != 1.0]
     if 0.0 in others or not others:
         return 0.0 if others else 1.0
@@ -225,7 +228,10 @@ def _both(emit, *truths):
 
 
 def _common_factors(instruction, operands, factors, D):
-    """Return, as bits, components that make a value 0 if they are 0; `factors`: of its operands."""
+    """Return, as bits, the components that make `instruction` on `operands` 0 if they are 0.
+
+    `factors` is {number of a value: such bits of it}; components are 0 to D - 1.
+    """
     everything = (1 << D) - 1
     of = [
         (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)

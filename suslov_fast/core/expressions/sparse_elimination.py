@@ -22,7 +22,7 @@ NEAR = 4
 
 
 class ColumnOffsets(NamedTuple):
-    """Where the parts of a column of `Sparse` begin; they end where the next column begins."""
+    """Where a column begins in the arrays of `Sparse`; it ends where the next column begins."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`
@@ -36,9 +36,10 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 
 
 class Sparse:
-    """The plan of elimination in A = 1 - s J, with entries of J at `places`; `fill`: see `filled`.
+    """The plan of elimination in A = 1 - s J = L D U, with entries of J at `places` (i, j).
 
-    Columns and rows are places in the order of pivots, except in `lower` and `upper`.
+    `fill` is the pattern after elimination, from `filled`. Columns and rows are places in the order
+    of pivots, except in `lower` and `upper`. A span is a run of consecutive rows in a column.
 
     order        (D,) the unknowns in the order of pivots
     offsets      (D + 1, 6) `ColumnOffsets` of each column
@@ -74,7 +75,7 @@ class Sparse:
         self.offsets = np.stack(offsets, axis=1).astype(np.int64)
 
     def _in_full(self, spans):
-        """Return (-, 2) unknowns of row and column of each place in `spans` (from `_spans`)."""
+        """Return unknowns (row, column) of all places in `spans` (column, first row, count)."""
         column, first, count = spans
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return self.order[[np.repeat(first, count) + within, np.repeat(column, count)]].T.copy()
@@ -83,7 +84,10 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return (columns, rows) of places below the diagonal, and above; sets[k]: rows as bits."""
+    """Return (columns, rows) of places below the diagonal, and above it, as two pairs of arrays.
+
+    sets[k] contains the rows with entries in column k, as bits.
+    """
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
         own = [*bits_of(rows_of_column)]
@@ -94,7 +98,7 @@ def _below_and_above(sets):
 
 
 def _spans(columns, rows):
-    """Return (3, -) column, first row and number of rows of each span of places (row, column)."""
+    """Return (3, -) column, first row, row count of each run of places; small gaps are filled."""
     is_first = np.ones(len(rows), bool)
     is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
     begin = np.flatnonzero(is_first)

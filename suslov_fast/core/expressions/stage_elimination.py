@@ -17,7 +17,7 @@ class Elimination:
     solution  `Program` that reads these results and g (D); its results are v (D)
 
     `pattern` are the places (i, j) of J, `order` are the unknowns in the order of pivots, and
-    `fill` is the result of `filled` for this order.
+    `fill` is the pattern of A after elimination in this order, from `filled`.
     """
 
     def __init__(self, pattern, order, fill):
@@ -39,7 +39,7 @@ class Elimination:
 
 
 class _Products(Values):
-    """Values with a separate operation for each product in a sum, so that code can be divided."""
+    """Values with an operation for each product in a sum, so that long code can be divided."""
 
     def total_of(self, start, factors):
         return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
@@ -52,13 +52,13 @@ class _Scaled:
         self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
 
     def entry(self, i, j):
-        """Return (s J_ij, None), as `Matrix` without right sides; None for an s J_ij that is 0."""
+        """Return the operand of s J_ij, None if it is 0; and None, as there is no right side."""
         k, s = self.numbers.get((i, j)), len(self.numbers)
         return (None if k is None else self.values.emit("fmul", s, k)), None
 
 
 def operations_of(fill):
-    """Return about how many operations `Elimination.factors` has; `fill`: see `filled`."""
+    """Return about how many operations factorisation takes; `fill`: the pattern with fill-in."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

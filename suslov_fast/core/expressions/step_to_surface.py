@@ -18,11 +18,12 @@ def aim_of(f, kinds, choices, is_implicit):
     """Return the `Program` that finds when surfaces of f and of its events are crossed.
 
     It reads the state, f there with the sign of time, sides and levels of the surfaces of events
-    (see `TrajectoryRows`), and the table. `kinds` are the kinds of `Branches`, and `choices` the
-    numbers of the parameters that hold their branches. `is_implicit` is True for ends of implicit
-    steps, see the top. The first result is the least time to a surface, negative if the state is
-    just beyond it. The second is the longest time since a crossing: 0 without one, infinity if the
-    rate leads back.
+    (see `TrajectoryRows`), and the table of f. `kinds` are the conditions at which f has branches,
+    as in `Branches.kinds`; `choices` are the numbers of the parameters that hold these branches.
+    `is_implicit` is True for ends of implicit steps: fast modes spoil rates there, so only surfaces
+    of events and of clocks are used. The first result is the least time to a surface, negative if
+    the state is just beyond it. The second is the longest time since a crossing: 0 without one,
+    infinity if the rate leads back or does not tell it.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)

@@ -37,7 +37,7 @@ class Table(str):
         return Table, (low[1:], heights, slopes, self.is_continuous)
 
     def __call__(self, x):
-        """Return the values at arguments (...)."""
+        """Return the values of the table at arguments x (...)."""
         x = np.clip(x, -LARGEST, LARGEST)
         low, _, height, slope = self.rows[:, np.searchsorted(self.rows[0, 1:], x, "right")]
         return slope * (x - low) + height
@@ -50,15 +50,15 @@ class Table(str):
 
 
 def is_table(instruction):
-    """Return True if an instruction, or one of `Branches.kinds`, is a table."""
+    """Return True if an instruction, or the condition of a branch, is a `Table`."""
     return isinstance(instruction, Table)
 
 
 def interval(kind, number, choice, places):
-    """Return the ends low and high of the interval in which a table or "floor" keeps its branch.
+    """Return `Number`s low and high, between which a table or "floor" (`kind`) keeps its branch.
 
-    `choice` is the number of the first parameter of the branch; `places` gives its operand, of
-    which `number` makes a `Number`.
+    `choice` is the number of the first parameter of the branch. `places` is {number of a parameter:
+    its operand}; the function `number` makes a `Number` of an operand.
     """
     low = number(places[choice])
     return low, number(places[choice + 1]) if is_table(kind) else low + 1.0

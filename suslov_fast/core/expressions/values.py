@@ -13,7 +13,7 @@ class Number:
         self.emit, self.number = emit, number
 
     def then(self, instruction, *others):
-        """Return the value of an instruction with this operand and others."""
+        """Return the value of `instruction` on this value and `others`, as a `Number`."""
         return self._of(instruction, self, *others)
 
     def _of(self, instruction, *operands):
@@ -70,7 +70,7 @@ for _name, _instruction in (
 
 
 def operand_of(a):
-    """Return the operand of a `Number`, or the constant itself."""
+    """Return the operand of a `Number`: the number of its value; or the constant a itself."""
     return a.number if isinstance(a, Number) else a
 
 
@@ -85,7 +85,7 @@ def smaller(a, b):
 
 
 def joined(instruction, numbers):
-    """Return the sum of numbers by "fadd", their maximum by "max", or similar.
+    """Return the sum of `Number`s by "fadd", their maximum by "max", or similar (`instruction`).
 
     Neighbours are joined in pairs, then the results in pairs, and so on, without long chains.
     """

@@ -60,12 +60,12 @@ class Variational(RightHandSide):
         self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])
 
     def table_of(self, table, scales=()):
-        """Return the table (n, ...) for the table of f and scales (q, ...)."""
+        """Return the table (n, ...): first the table of f, then the scales (q, ...)."""
         rows = [np.broadcast_to(a, table.shape[1:]) for a in scales]
         return np.concatenate([table, np.reshape(rows, (len(rows), *table.shape[1:]))])
 
     def table_with(self, parameters, table):
-        """Return the table (n, ...) for other parameters of f, with the scales in `table`."""
+        """Return the table (n, ...) for new parameters of f; scales are from the old `table`."""
         return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
 
 

@@ -33,11 +33,11 @@ class Branches:
                    where f jumps come first, then kinks, where f only bends
     jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
     P              how many other parameters f has; they come before the branches
-    shifts         places in `kinds` of tables with an argument p + q, see `ElapsedTime`
+    shifts         places in `kinds` of tables of p + q, where q is constant along a step
     """
 
     def __init__(self, kinds, jumps, P, shifts):
-        """Count the parameters; `jumps` is how many surfaces of `kinds` are jumps of f."""
+        """Set attributes; f has P other parameters, and jumps at the first `jumps` of `kinds`."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
@@ -45,19 +45,19 @@ class Branches:
 
 
 def branch_count(kind):
-    """Return how many parameters hold a branch of a surface of this kind: 4 for a table, else 1."""
+    """Return how many parameters hold the branch of a condition `kind`: 4 for a `Table`, else 1."""
     return Table.ROWS if is_table(kind) else 1
 
 
 def watch_of(f, kinds, jumps):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
-    f jumps at the first `jumps` of its surfaces, which have the conditions `kinds` (see
-    `Branches`). The program reads the values of all surfaces at x and at y, sides and levels of the
+    `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
+    of them. The program reads the values of all surfaces at x and at y, sides and levels of the
     surfaces of events (see `TrajectoryRows`), and the table of f. The first result is the fraction
-    of the line before a crossing, or 1 without one. The second is 1 if a surface is crossed, else
-    0. The third is 1 if f jumps at a crossed surface, else 0. The others are the branches of kinks
-    at y; for a table, its argument.
+    of the line before the first crossing, or 1 without a crossing. The second is 1 if a surface is
+    crossed, else 0. The third is 1 if f jumps at a crossed surface, else 0. The others are, for
+    each kink, the branch at y, 1 or 0; for a table, its argument.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -113,10 +113,11 @@ def watch_of(f, kinds, jumps):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    `results` are operands in the `Expressions` `values`. Branches follow the P other parameters;
-    `f.branches` is None if f has no branches. `by` are numbers of parameters to differentiate by.
-    `twice` is True if columns of derivatives are added to f later (`variational`). `actions` are
-    the `EventAction`s of events, in the order of `EventSet`.
+    `results` are operands in the `Expressions` `values`, functions of the state and of P
+    parameters. Starts of clocks and branches are further parameters. `f.branches` is None if f has
+    no branches. `by` are the numbers of parameters to differentiate f by. `twice` is True if
+    columns of derivatives are added to f later (`variational`). `actions` are the `EventAction`s of
+    events: events on surfaces first, then events at times.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -167,10 +168,12 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    Values below `first` are given. `chosen` is three dicts by the number of a condition: kinds of
-    all conditions, kinds of kinks, and the number of the parameter of each branch. Return four
-    results: {old: new operand} and surfaces, in `fixed`; branches at a state, in `tests`; and
-    shifts q of tables by number, from the pairs (p, q) in `shifted` (`ElapsedTime.shifts`).
+    Both are `Expressions`. Values below number `first` are the state and the other parameters.
+    `chosen` is three dicts by the number of a condition: kinds of all conditions, kinds of kinks,
+    and the numbers of the parameters that hold branches. `shifted` is {number of a value of a
+    table: (p, q)} for arguments p + q, where q is constant along a step. Return four results: {old:
+    new operand in `fixed`}; surfaces, operands in `fixed`; branches at a state, operands in
+    `tests`; and {number of a value of a table: operand of q in `fixed`}.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -211,8 +214,9 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
 def _choosing(values, operations, of_clocks):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
-    Kinds are as in `Branches`. `of_clocks` are the values that depend on clocks alone. A table of
-    these that jumps counts as a kink, because no motion slides along its knots.
+    A kind is a comparison, "floor" or a `Table`, as in `Branches.kinds`. `operations` are all that
+    f needs of the `Expressions` `values`. `of_clocks` are the values that depend on clocks alone. A
+    table of these that jumps counts as a kink, because no motion slides along its knots.
     """
     varying = [
         each
@@ -239,7 +243,11 @@ def _choosing(values, operations, of_clocks):
 
 
 def _watch(f, kinds, jumps, choices):
-    """Set watched, watch, double_crossings and aim of f; arguments as in `double_crossings_of`."""
+    """Set the programs of f that find crossings: watched, watch, double_crossings and aim.
+
+    `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
+    of them. `choices` are the numbers of the parameters that hold their branches.
+    """
     results = f.surfaces.results[: len(kinds) + (f.events.surfaces if f.events else 0)]
     f.watched = Program(needed_for(f.surfaces.operations, results), results)
     f.watch = watch_of(f, kinds, jumps)
@@ -248,25 +256,25 @@ def _watch(f, kinds, jumps, choices):
 
 
 def _derived(f, choices):
-    """Return the `Program` of numbers in the table of f that the parameters `choices` change."""
+    """Return the `Program` that computes f's table where it depends on the parameters `choices`."""
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
     return Program(needed_for(f.fixed, results), results)
 
 
-def _choices(tests, kinds, jumps, found, first):
+def _choices(tests, kinds, jumps, branches, first):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    Parameters from number `first` on hold the known branches of `kinds`, jumps of f in the first
-    `jumps` places. `found` are the branches at the state, operands in the program `tests` so far.
-    The first result is the place of the first jump of f with a new branch, else -1. The second is 1
-    if any branch is new, else 0. The others are the branches at the state: 1 or 0, the value of
-    `floor`, or a table's argument.
+    `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
+    of them. Parameters from number `first` on hold the old branches. `branches` are the branches at
+    the state, operands in the `Expressions` `tests`. The first result is the place of the first
+    jump of f with a new branch, else -1. The second is 1 if any branch is new, else 0. The others
+    are the branches at the state: 1 or 0, the value of `floor`, or the argument of a table.
     """
     results, surface, some = [], -1.0, 0.0
     places = [first, *(first + n for n in itertools.accumulate(map(branch_count, kinds)))]
     for k, kind in reversed([*enumerate(kinds)]):
-        now, a = tests.number(places[k]), found[k]
+        now, a = tests.number(places[k]), branches[k]
         if is_table(kind):
             x, high = tests.number(a), tests.number(places[k] + 1)
             differs = (x < now) | (x >= high)
@@ -282,13 +290,13 @@ def _choices(tests, kinds, jumps, found, first):
 
 
 def _finite(values, argument):
-    """Return the argument of a table, clipped to finite numbers; NaN stays NaN."""
+    """Clip a table's `argument` to finite numbers, in `values`; return the operand. NaN stays."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
 
 
-def _of_clocks(operations, fixed, clocks):
-    """Return the numbers of values that depend on the values `clocks` and `fixed` alone."""
-    found = {*clocks, *fixed}
+def _of_clocks(operations, of_parameters, clocks):
+    """Return the numbers of values that depend on the values `clocks` and `of_parameters` alone."""
+    found = {*clocks, *of_parameters}
     for _, number, operands in operations:
         if all(isinstance(a, float) or a in found for a in operands):
             found.add(number)
@@ -296,6 +304,6 @@ def _of_clocks(operations, fixed, clocks):
 
 
 def _is_0_times(values, operand):
-    """Return True if an operand is a product with the constant 0: then it is 0 or NaN."""
+    """Return True if `operand` in `values` is a product with the constant 0: it is 0 or NaN."""
     name, of = values.of.get(operand, ("", ()))
     return name == "fmul" and isinstance(of[0], float) and of[0] == 0.0

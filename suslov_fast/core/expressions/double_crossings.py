@@ -50,19 +50,19 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 
 
 class DoubleCrossings(NamedTuple):
-    """Expression programs that decide whether a step hides crossings.
+    """Expression programs that decide whether a step crosses a surface twice, unseen at its end.
 
     told         the `Program` that decides, see below; None if no surface may be crossed twice
     phases       the `Program` of the arguments of sin, cos and tan at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
     of_clocks    True if some surfaces depend on clocks alone
-    of_states    True if some surfaces depend on states
+    of_states    True if some surfaces depend on other components
 
-    `told` reads values of the surfaces at five points, phases and rates there, the state at the
-    middle point, rtol, and the table. The first result is the largest e / |m|, where e is an error
-    of interpolation and m the least value of the surface (top). It is MOST if the quartic or rates
-    alone show two crossings. The second is 1 if points show two crossings, else 0. The third is the
-    step length divided by the length that waves allow.
+    `told` reads values of the surfaces at five points of a step, phases and rates there, the state
+    at the middle point, rtol, and the table of f. The first result is the largest e / |m|, where e
+    is an error of interpolation between points, and m the least value of the surface. It is MOST if
+    interpolation or rates alone show two crossings. The second is 1 if values at points show two
+    crossings, else 0. The third is the largest change of a phase between two points, over pi / 2.
     """
 
     told: Program | None = None
@@ -73,15 +73,16 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """How many results `phases` has, and how many `rates` has, at each point of a step."""
+        """How many results `phases` has, and how many `rates` has; 0 without the program."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
 def double_crossings_of(f, kinds, jumps, choices):
-    """Return the `DoubleCrossings` of f.
+    """Return the `DoubleCrossings` of a right-hand side f and of its events.
 
-    f jumps at the first `jumps` of `kinds` (`Branches.kinds`); parameters with the numbers
-    `choices` hold their branches. Surfaces linear in clocks are left out: crossed once at most.
+    `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
+    of them. `choices` are the numbers of the parameters that hold their branches. Surfaces linear
+    in clocks are left out, because a step crosses them once at most.
     """
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
@@ -104,7 +105,10 @@ def double_crossings_of(f, kinds, jumps, choices):
 
 
 def _humps(f, operations):
-    """Return the values that may have humps (top): all except polynomials in states and waves."""
+    """Return the set of numbers of values that may have humps: extrema between points of a step.
+
+    `operations` compute the values. Piecewise polynomials in states, sin, cos and tan have none.
+    """
     found, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
@@ -116,10 +120,10 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` that gives, for each of `humps`, its rate, and a size that counts as 0.
+    """Return the `Program` of the rates of surfaces s that may have humps, or None without them.
 
-    `humps` are the numbers of surfaces that may have humps. The program reads the state, its change
-    in a step at the present rate, rtol, and the table.
+    `humps` are numbers of the values s. For each it gives ds/du, where u is the fraction of a step,
+    and a size: smaller rates count as 0. It reads the state x, dx/du, rtol, and the table of f.
     """
     if not humps:
         return None
@@ -138,12 +142,13 @@ def _rates_of(f, humps):
     return Program(needed_for(values.operations, results), results)
 
 
-def _list_of(f, own, by_states, kinks, humps, inside):
-    """Return the program `told` of `DoubleCrossings`: it decides if a step hides crossings.
+def _list_of(f, tested, by_states, kinks, humps, inside):
+    """Return the program `told` of `DoubleCrossings`: it decides if a step crosses surfaces twice.
 
-    `own` has (place, operand, kind, number of its branch) for each surface. `by_states`, `kinks`
-    and `humps` are numbers of values: the values that depend on states, the surfaces where f bends,
-    and the surfaces that may have humps. `inside` is `DoubleCrossings.inside`.
+    `tested` has (place, operand, kind, number of the parameter of its branch) for each surface.
+    `by_states`, `kinks` and `humps` are numbers of values: values that depend on more than clocks,
+    surfaces where f bends, and surfaces that may have humps. `inside` is how many phases and how
+    many rates a point has.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
@@ -157,14 +162,14 @@ def _list_of(f, own, by_states, kinks, humps, inside):
     def at_points(first, count, k):
         return [values.number(first + n * count + k) for n in range(len(_ENDS))]
 
-    operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
+    operations = needed_for(f.watched.operations, [a for _, a, *_ in tested])
     turns = [at_points(first_phase, of_phases, k) for k in range(of_phases)]
     turns = _turns(operations, turns)
-    waves = [each for _, a, *_ in own for each in turns.get(a, ())]
+    waves = [each for _, a, *_ in tested for each in turns.get(a, ())]
     waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
     emitted(values, f.watched, state)
     sizes, largest, some = sizes_of(values, f.watched.operations, state), 0.0, 0.0
-    for k, a, kind, choice in own:
+    for k, a, kind, choice in tested:
         points, rates = at_points(0, count, k), None
         if a in humps:
             rates = [at_points(first_rate, of_rates, 2 * humps.index(a) + n) for n in (0, 1)]
@@ -189,7 +194,7 @@ def _list_of(f, own, by_states, kinks, humps, inside):
 def _turns(operations, arguments):
     """Return {number of a value: changes of its phase between neighbouring points of a step}.
 
-    For each sin, cos or tan in `operations`, `arguments` has the argument at all points.
+    `arguments` has the phase a at five points for each sin(a), cos(a) or tan(a) in `operations`.
     """
     found, arguments = {}, iter(arguments)
     for name, number, operands in operations:
@@ -206,12 +211,14 @@ def _turns(operations, arguments):
     return found
 
 
-def _told(points, rates, rounding, tells_nothing):
-    """Return e / |m| of one surface (see the top), and 1 if points show two crossings, else 0.
+def _told(points, rates, rounding, tolerance):
+    """Return e / |m| of a surface s, and 1 if its values show two crossings in a step, else 0.
 
-    `points` are its values at five points of a step. `rates` is None, or its rates there and the
-    sizes that count as 0. Distances below `rounding` are no crossings, and an |m| below
-    `tells_nothing` counts as `tells_nothing`.
+    `points` are the values of s at five points of the step. e is an error of interpolation between
+    them, and m the least value, negative beyond the surface. e / |m| is MOST if interpolation or
+    rates alone show two crossings. `rates` is None, or has the rates of s at the points, and sizes
+    within which they count as 0. Distances from s = 0 below `rounding` are no crossings. An |m|
+    below `tolerance` counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
@@ -227,7 +234,7 @@ def _told(points, rates, rounding, tells_nothing):
     error = larger(OF_FOURTH * abs(coefficients[4]), OF_THIRD * abs(coefficients[3]))
     error = (error < inf).select(error, 0.0)
     below = -(error + rounding)
-    ratio = smaller(error / larger(larger(abs(least), tells_nothing), TINY), MOST)
+    ratio = smaller(error / larger(larger(abs(least), tolerance), TINY), MOST)
     ratio = (inside < below).select(0.0, (least < below).select(MOST, ratio))
     twice = (inside < below).select(1.0, 0.0)
     if rates:
@@ -236,7 +243,7 @@ def _told(points, rates, rounding, tells_nothing):
 
 
 def _divided(points):
-    """Return the coefficients of Newton's polynomial through five values at 0 and POINTS."""
+    """Return the coefficients of Newton's polynomial through `points`, values at 0 and POINTS."""
     found = []
     while points:
         found.append(points[0])
@@ -246,7 +253,7 @@ def _divided(points):
 
 
 def _least_near(coefficients, place):
-    """Return the minimum near `place` of a quartic (see `_divided`), or infinity without one."""
+    """Return the minimum near `place` of the quartic with Newton's `coefficients`, or infinity."""
     _, slope, bend = _of_quartic(coefficients, place)
     least = place - (slope / (bend + bend)).within(-0.25, 0.25)
     is_inside = (bend > 0.0) & (least > 0.0) & (least < 1.0)
@@ -254,7 +261,7 @@ def _least_near(coefficients, place):
 
 
 def _of_quartic(coefficients, u):
-    """Return value, slope and half the second derivative at u of a quartic (see `_divided`)."""
+    """Return P, P' and P'' / 2 at u, where P is the quartic with Newton's `coefficients`."""
     value, slope, bend = coefficients[-1], 0.0, 0.0
     for end, c in zip(reversed(_ENDS[:-1]), reversed(coefficients[:-1]), strict=True):
         x = u - end
@@ -263,7 +270,11 @@ def _of_quartic(coefficients, u):
 
 
 def _is_steep(rates, zeros):
-    """Return the truth value: s has a minimum where `rates`, 0 within `zeros`, fit no line."""
+    """Return the truth value that the rates of a surface s show a sharp minimum of s in a step.
+
+    `rates` are ds/du at five points; within the sizes `zeros` they count as 0. The minimum is where
+    the rates rise through 0, if the straight line through both misses a rate beside them.
+    """
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
         change = rates[k + 1] - rates[k]
@@ -278,10 +289,11 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return {number of a value: its size}, the scale of its rounding error.
+    """Return {number of a value in `operations`: its size}, the scale of its rounding error.
 
-    The size of a sum or difference is the sum of the sizes of its operands, other sizes are about
-    the modulus. `state` is {number of a value in `operations`: its operand in `values`}.
+    The size of a sum or difference is the sum of the sizes of both operands, other sizes are about
+    the modulus. `state` is {number of a value that is given or in `operations`: its operand in
+    `values`}. Sizes are `Number`s in `values`.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -300,7 +312,7 @@ def sizes_of(values, operations, state):
 
 
 def _degrees(f):
-    """Return {number of a value: its degree in clocks}, if that is 0 or 1: crossed at most once."""
+    """Return {number of a value: 0 or 1}, its degree in clocks; other values of f are left out."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
     for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]

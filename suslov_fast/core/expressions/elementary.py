@@ -16,12 +16,12 @@ from .values import Number
 
 
 def from_bits(bits):
-    """Return the double with these bits, the form of constants in instructions on bits."""
+    """Return the double with the 64 bits of the integer `bits`, for instructions on bits."""
     return struct.unpack("<d", struct.pack("<Q", bits))[0]
 
 
 def _polynomial(coefficients, x):
-    """Return c_0 + c_1 x + ...: first pairs c_0 + c_1 x, then pairs of pairs by x**2, and so on."""
+    """Return c_0 + c_1 x + c_2 x**2 + ... by Estrin's scheme; the c_k are `coefficients`."""
     terms = [*coefficients]
     while len(terms) > 1:
         left = terms[len(terms) & ~1 :]
@@ -43,13 +43,13 @@ def _sum(a, b):
 
 
 def _difference(a, b):
-    """Return a - b as (high, low), under the conditions of `_sum`."""
+    """Return a - b as (high, low), where abs(a) >= abs(b), a = 0 or the difference is exact."""
     high = a - b
     return high, (a - high) - b
 
 
 def _split(a):
-    """Return two numbers with the sum a: the first has 26 bits, the second 27."""
+    """Return (upper, lower) with the exact sum a: upper has 26 bits, and lower at most 27."""
     if isinstance(a, float):
         upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
         return from_bits(upper), a - from_bits(upper)
@@ -58,13 +58,13 @@ def _split(a):
 
 
 def _product(a, b):
-    """Return (high, low); the exact sum of both is a b."""
+    """Return (high, low): high is a b rounded; low is a b - high, up to 2**-103 abs(a b)."""
     (a1, a2), (b1, b2), high = _split(a), _split(b), a * b
     return high, ((a1 * b1 - high) + a1 * b2 + a2 * b1) + a2 * b2
 
 
 def _square(a):
-    """Return (high, low); the exact sum of both is a**2."""
+    """Return (high, low): high is a**2 rounded; low is a**2 - high, up to 2**-103 a**2."""
     (a1, a2), high = _split(a), a * a
     return high, ((a1 * a1 - high) + (a1 + a1) * a2) + a2 * a2
 
@@ -77,17 +77,17 @@ _TO_EXPONENT = from_bits(52)
 
 
 def _nearest(x):
-    """Return the integer nearest to x, abs(x) < 2**51; NaN and infinite x stay."""
+    """Return x rounded to an integer, for abs(x) < 2**51; NaN and infinity stay."""
     return (x + _SHIFT) - _SHIFT
 
 
 def _power_of_two(n):
-    """Return 2**n, n from -1022 to 1023."""
+    """Return 2**n for an integer n from -1022 to 1023."""
     return (n + _BIASED).then("bits_shl", _TO_EXPONENT)
 
 
 def _scaled(x, n):
-    """Return x 2**n, rounded once, even if the result is subnormal or 2**n overflows."""
+    """Return x 2**n, rounded once, for an integer n; 2**n alone may overflow or underflow."""
     half = _nearest(n * 0.5)
     return (x * _power_of_two(half)) * _power_of_two(n - half)
 
@@ -112,7 +112,7 @@ _SINH = tuple(map(float.fromhex, (
 
 
 def _less_log_2(x, low=None):
-    """Return the integer n nearest x / log 2, and x + low - n log 2 in two parts; None means 0."""
+    """Return n = round(x / log(2)), high and rest; high + rest is x + (low or 0) - n log(2)."""
     n = _nearest(x * _PER_LN2)
     first, second = x - n * _LN2[0], n * _LN2[1]
     if low is not None:
@@ -121,7 +121,7 @@ def _less_log_2(x, low=None):
 
 
 def _exp_of(r, low):
-    """Return exp(r + low) as (high, low), for abs(r) up to log(2) / 2 and a small `low`."""
+    """Return exp(r + low) as a sum (high, rest), for abs(r) <= log(2) / 2 and a tiny `low`."""
     high, rest = _sum(1.0, r)
     return high, rest + (low + (r * r) * _polynomial(_EXP, r))
 
@@ -133,7 +133,7 @@ def exp(x):
 
 
 def expm1(x):
-    """Return exp(x) - 1: with u = exp(x) rounded, (u - 1) x / log(u)."""
+    """Return exp(x) - 1 as (u - 1) x / log(u), where u is exp(x) rounded."""
     u = exp(x)
     less = u - 1.0
     result = less * (x / log(u))
@@ -147,7 +147,7 @@ def expit(x):
 
 
 def _hyperbolic(x):
-    """Return n, sinh(x) / 2**(n - 1) and cosh(x) / 2**(n - 1), for x >= 0."""
+    """Return n = round(x / log(2)), sinh(x) / 2**(n - 1) and cosh(x) / 2**(n - 1), for x >= 0."""
     n, r, low = _less_log_2(x)
     high, rest = _exp_of(r, low)
     e = high + rest
@@ -201,7 +201,7 @@ _PER_LN10 = float.fromhex("0x1.bcb7b1526e50ep-2")
 
 
 def _exponent(x):
-    """Return k and f with x = 2**k (1 + f), for positive x; 1 + f is from 2**-0.5 to 2**0.5."""
+    """Return an integer k and f with x = 2**k (1 + f) > 0; 1 + f is from 2**-0.5 to 2**0.5."""
     is_small = x < _LEAST_NORMAL
     x = is_small.select(x * 2.0**54, x)
     parts = x.then("bits_sub", from_bits(_ROOT_HALF))
@@ -213,13 +213,13 @@ def _exponent(x):
 
 
 def _with_special_values(x, zero, result):
-    """Return `result`, a logarithm of x - zero, with -inf at x = zero, NaN below it, inf at inf."""
+    """Return `result` = log(x - zero), with -inf at x = zero, NaN below it, and inf at infinity."""
     ends = x.equals(zero).select(-_INFINITY, float("nan"))
     return (x > zero).select((x < _INFINITY).select(result, x), ends)
 
 
 def _log(k, f, rest=None):
-    """Return log(x) + rest for x = 2**k (1 + f), see `_exponent`; a `rest` of None is 0."""
+    """Return k log(2) + log(1 + f) + (rest or 0), for k and f of `_exponent` and a small `rest`."""
     s = f / (2.0 + f)
     z, half = s * s, 0.5 * (f * f)
     low = k * _LN2[1] if rest is None else k * _LN2[1] + rest
@@ -232,7 +232,7 @@ def log(x):
 
 
 def log1p(x):
-    """Return log(1 + x), by log(u + rest) = log(u) + rest / u, u = 1 + x rounded."""
+    """Return log(1 + x) = log(u) + rest / u, where u is 1 + x rounded, and rest is 1 + x - u."""
     u = 1.0 + x
     rest = (x > 1.0).select(1.0 - (u - x), x - (u - 1.0))
     result = _log(*_exponent(u), rest / u)
@@ -252,7 +252,7 @@ def logaddexp(x, y):
 
 
 def _log_in_parts(f):
-    """Return log(1 + f) as (high, low), with a relative error below 2**-62."""
+    """Return log(1 + f) as a sum (high, low), with a relative error below 2**-62."""
     below, rest = _sum(2.0, f)
     inverse = 1.0 / below
     s = f * inverse
@@ -270,7 +270,7 @@ def _log_in_parts(f):
 
 
 def log2(x):
-    """Return the logarithm with base 2, exact for powers of 2."""
+    """Return the logarithm of x with base 2, exact for powers of 2."""
     k, f = _exponent(x)
     return _with_special_values(x, 0.0, k + _PER_LN2 * _log(0.0, f))
 
@@ -281,7 +281,7 @@ def log10(x):
 
 # -------------------------------------------------------------------------------------- powers
 def pow(x, y):
-    """Return x**y = exp(y log(x)), where log(x) is in two parts."""
+    """Return x**y = exp(y log(x)), where log(x) is a sum high + low of two doubles."""
     size = abs(x)
     k, f = _exponent(size)
     high, low = _log_in_parts(f)
@@ -308,7 +308,7 @@ def pow(x, y):
 
 
 def cbrt(x):
-    """Return the cube root: 2**k m**(1/3), m from 1/2 to 4.
+    """Return the cube root of x: its modulus is 2**k m**(1/3), if abs(x) = 8**k m, m from 1/2 to 4.
 
     A polynomial starts Halley's method; the result of its step is rounded to 26 bits, so that its
     square is exact. Another step follows.
@@ -367,9 +367,9 @@ _COS = tuple(map(float.fromhex, (
 
 
 def _less_quarters(x):
-    """Return n + _SHIFT, and the high and low part of r = x - n pi / 2, for x >= 0.
+    """Return n + _SHIFT, high and low, with high + low = x - n pi / 2, for x >= 0.
 
-    n is the integer nearest to 2 x / pi. If the high part is tiny, the low part may be larger.
+    n is round(2 x / pi), in the last bits of n + _SHIFT. If high is tiny, low may be larger.
     """
     n = _nearest(x * _PER_QUARTER)
     r = (x - n * _QUARTER[0]) - n * _QUARTER[1]  # exact
@@ -379,7 +379,7 @@ def _less_quarters(x):
 
 
 def _sine_and_cosine(x):
-    """Return n + _SHIFT, and sin(r) and cos(r) in two parts; x >= 0 is reduced to r + n pi / 2."""
+    """Return n + _SHIFT, and sin(r) and cos(r) as sums (high, low), for x = r + n pi / 2 >= 0."""
     n, r, low = _less_quarters(x)
     z = r * r
     cosine, rest = _difference(1.0, 0.5 * z)
@@ -388,16 +388,16 @@ def _sine_and_cosine(x):
     return n, sine, (cosine, (rest - r * low) + (z * z) * _polynomial(_COS, z))
 
 
-def _is_odd(n):
-    """Return the truth value that n is odd; the argument is n + _SHIFT, see `_less_quarters`."""
-    return n.then("bits_shl", from_bits(63)).then("bits_or", 1.0) < 0.0
+def _is_odd(shifted):
+    """Return the truth value that n is odd, where `shifted` is n + _SHIFT = n + 1.5 * 2**52."""
+    return shifted.then("bits_shl", from_bits(63)).then("bits_or", 1.0) < 0.0
 
 
-def _signed(x, n, *others):
-    """Return x times the signs of `others`, and times -1 if m mod 4 is 2 or 3; n is m + _SHIFT."""
-    x = x.then("bits_xor", n.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
-    for other in others:
-        x = x.then("bits_xor", other.then("bits_and", -0.0))
+def _signed(x, shifted, *signs):
+    """Return x, negated for each negative of `signs` and if n mod 4 > 1; `shifted` = n + _SHIFT."""
+    x = x.then("bits_xor", shifted.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
+    for sign in signs:
+        x = x.then("bits_xor", sign.then("bits_and", -0.0))
     return x
 
 
@@ -429,7 +429,7 @@ ELEMENTARY = {
 
 @functools.cache
 def list_of(name):
-    """Return the operations of a function, with operands 0, 1, ..., and its result's number."""
+    """Return the operations of function `name` on values 0, 1, ..., and the result's number."""
     function, count = ELEMENTARY[name]
     operations = []
 

@@ -35,7 +35,7 @@ _PLAIN = 0.0, 1.0, -1.0
 
 
 class KeyedProgram(Program):
-    """A `Program` that is a key of caches, by its text.
+    """A `Program` that can be a key of caches: programs with the same text are equal.
 
     Its operations cannot be the key: 1 is the number of a value and 1.0 a constant, but 1 == 1.0;
     and 0.0 == -0.0.
@@ -53,7 +53,7 @@ class KeyedProgram(Program):
 
 
 class EventAction(NamedTuple):
-    """An event and its action; the programs read x (D) and the parameters (P), in this order.
+    """An event and its action; the programs read the state (D), then the parameters (P).
 
     surface    `KeyedProgram` of the function that is 0 at the event, or None if it has times
     to         `KeyedProgram` of the new state, or None if the state stays
@@ -67,7 +67,7 @@ class EventAction(NamedTuple):
     most: float
 
     def read(self):
-        """Return the numbers of components and parameters that surface and new state depend on."""
+        """Return the numbers of all values that `surface` and `to` read, among them components."""
         found = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
@@ -76,12 +76,12 @@ class EventAction(NamedTuple):
 
     @staticmethod
     def list_of(values, results):
-        """Return the `KeyedProgram` that computes the operands `results` of `Expressions`."""
+        """Return the `KeyedProgram` of the operands `results` in the `Expressions` `values`."""
         return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def with_parameters(actions, first):
-    """Return `EventAction`s with parameters in place of constants, and a tuple of the constants.
+    """Return the `EventAction`s `actions` with parameters for constants, and these constants.
 
     The parameters have numbers from `first` on. So events that differ only by constants share code.
     """
@@ -109,19 +109,23 @@ def with_parameters(actions, first):
 
 
 def _constants(program):
-    """Return the constants of a program that may become parameters."""
+    """Return the constants in a program that may become parameters: operands and results."""
     of = [a for name, _, operands in program.operations if name in _OF_PARAMETERS for a in operands]
     return [a for a in (*of, *program.results) if type(a) is float]
 
 
 def read_by(program, results):
-    """Return the numbers of all values that a program reads, and of `results`."""
+    """Return the set of numbers of values that a `Program` reads or that are in `results`."""
     read = [a for each in program.operations for a in each[2]]
     return {a for a in (*read, *results) if type(a) is int}
 
 
 class EventProgram(NamedTuple):
-    """A `Program` that reads `rows` rows of a motion, parameters, and scales (`Variational`)."""
+    """A `Program` of events. Its inputs are numbers of rows, then parameters, then scales.
+
+    `rows` is how many rows it reads, such as the state and f there. Scales belong to columns of
+    derivatives by parameters (`Variational`).
+    """
 
     program: Program
     rows: int
@@ -140,10 +144,10 @@ class EventSet(NamedTuple):
 
     The part `to{k}` reads the state, and returns the components that event k sets. `toward` reads
     the state and f there, and returns `OF_SURFACE` numbers of each surface. `tau{k}` reads the
-    state, a column v of derivatives and f before the event, and returns tau (see the top).
-    `column{k}` reads also f after it and tau, and returns the new column. `tau{k}_{q}` and
-    `column{k}_{q}`, for a column by parameter q, also read its scale. Without columns, parts for
-    columns are missing.
+    state, a column v of derivatives and f before the event. It returns tau: a solution that starts
+    dx away reaches the surface a time tau dx earlier. `column{k}` reads also f after the event and
+    tau, and returns the new column. `tau{k}_{q}` and `column{k}_{q}`, for a column by parameter q,
+    also read its scale. Without columns, parts for columns are missing.
     """
 
     directions: tuple
@@ -165,12 +169,12 @@ class EventSet(NamedTuple):
 
 
 def in_order_of_code(actions):
-    """Return the order of `EventSet`, as places in `actions`: surfaces first, then times."""
+    """Return places in `actions` in the order of `EventSet`: on surfaces first, then at times."""
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
 def components_of(action):
-    """Return the numbers of the components that an action may set."""
+    """Return the numbers of the components of the state that an `EventAction` may set."""
     results = () if action.to is None else action.to.results
     return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
 
@@ -206,7 +210,11 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return the part `toward` of `EventSet`: s, ds/dt and three sizes of each surface s."""
+    """Return the `EventProgram` `toward`, which finds s, ds/dt and three sizes of each surface s.
+
+    `actions` are the `EventAction`s on surfaces. The sizes are sums of moduli: of the terms of s,
+    of the terms of ds/dt, and of the slopes ds/dx_j.
+    """
     values = Expressions(D + P, range(D, D + P))
     known = [{i: i for i in range(D + P)} for _ in actions]
     of_surfaces = [
@@ -231,9 +239,10 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return the parts `tau` and `column` of event k (`EventSet`), which change a column.
+    """Return the parts `tau` and `column` of `EventSet`, {name: `EventProgram`}, for event k.
 
-    The column has the derivatives by the initial state if q is None, else by the parameter by[q].
+    They change a column of derivatives of the state: by the initial state if q is None, else by the
+    parameter with number by[q]. `action` is the `EventAction` of event k.
     """
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)
@@ -263,6 +272,6 @@ def _of_columns(k, action, D, P, by, q):
 
 
 def _product(emit, row, vector):
-    """Return the scalar product of a row and a vector, dicts {component: operand that is not 0}."""
+    """Emit the scalar product of two dicts {component: operand}; return its operand, or 0.0."""
     total = dot(emit, [(slope, vector[j]) for j, slope in row.items() if j in vector])
     return 0.0 if total is None else total

@@ -17,7 +17,7 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return two sets of places (i, j): all entries of N, and entries that depend on the state.
+    """Return two sets of places (i, j) in N = h f'(x): all entries, and entries that depend on x.
 
     `indices` (3, n) has i, j, k of the terms v x_j x_k of f_i, where x_D = 1.
     """
@@ -33,7 +33,11 @@ def places_of(indices, D):
 
 
 class Matrix:
-    """N(x) = h f'(x) and right sides h f(x), for terms v x_j x_k of f_i; `halves` are their h v."""
+    """Operands of the matrix N = h f'(x) and of h f(x), for terms v x_j x_k of f_i, where x_D = 1.
+
+    `indices` (3, n) has i, j, k of the terms, `halves` the operands of h v, and `x` of the state.
+    Operations are added to `values`.
+    """
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -64,7 +68,7 @@ class Matrix:
             self.columns[i].add(j)
 
     def entry(self, i, j):
-        """Return N_ij, and the part of it that `right_side` multiplies by x_j, or None."""
+        """Return operands of N_ij and its part that `right_side` multiplies by x_j; None is 0."""
         if (i, j) not in self.entries:
             early = self.values.total(None, self.early.get((i, j), []))
             others, linear = self.products.get((i, j), []), self.linear.get((i, j))
@@ -75,7 +79,7 @@ class Matrix:
         return self.entries[i, j]
 
     def right_side(self, i):
-        """Return the operand of h f_i."""
+        """Return the operand of h f_i(x); None is 0."""
         products = []
         for j in sorted(self.columns[i]):
             early = self.entry(i, j)[1]
@@ -86,7 +90,7 @@ class Matrix:
         return self.values.total(self.constant.get(i), products)
 
     def linear_part(self, i):
-        """Return pairs (a, b); the sum of a b is h (l x + 2 c)_i, see `core.maps.kahan_step`."""
+        """Return operand pairs (a, b) with sum a b = h (l x + 2 c)_i, for f = q(x) + l x + c."""
         products = [
             (self.linear[i, j], self.x[j]) for j in sorted(self.columns[i]) if (i, j) in self.linear
         ]
@@ -98,8 +102,9 @@ class Matrix:
 class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
-    `fill` is the result of `filled`. If `right` is given, it is an empty dict: elimination fills it
-    with the right sides g_k after elimination.
+    `matrix` is a `Matrix`, or has its methods. `order` has the unknowns in the order of pivots, and
+    `fill` is the result of `filled`: the places of entries. If `right` is given, it is an empty
+    dict: elimination fills it with the right sides g_k after elimination.
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0
@@ -144,12 +149,16 @@ class Factors:
                     row[j] += (lower, upper)
 
     def forward(self, k, start, right):
-        """Return g_k = start + sum_i m_ki g_i over earlier pivots i; `right` contains the g_i."""
+        """Return the operand of g_k = start + sum_i m_ki g_i, the right side k after elimination.
+
+        The sum is over earlier pivots i. `start` is the right side at first, and `right` is {i:
+        g_i}.
+        """
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)
 
     def backward(self, k, right):
-        """Return the unknown v_k; `right` contains g_k, and v_j of later pivots j."""
+        """Return v_k = (g_k + sum_j N_kj v_j) / pivot_k; `right` has g_k, and v_j for later j."""
         products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
         value = self.values.total(right[k], products)
         if value is None or k not in self.inverse:
@@ -171,7 +180,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *sizes]) > limit
 
     def is_good(self):
-        """Return a cheaper truth value that implies `is_accurate` and that pivots are positive."""
+        """Return a truth value with fewer operations; it implies `is_accurate` and pivots > 0."""
         pivots, largest = [*map(self.values.number, self.pivot.values())], [0.0]
         for k in self.pivot:
             if self.original[k] not in (None, self.diagonal[k]):
@@ -180,7 +189,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
-        """Return the "min" or "max" of numbers; numbers fixed by parameters alone come first."""
+        """Return the "min" or "max" (`instruction`) of numbers, functions of parameters first."""
         fixed, others = [], []
         for a in numbers:
             a = self.values.number(a) if isinstance(a, float) else a
@@ -188,15 +197,17 @@ class Factors:
         return joined(instruction, [joined(instruction, fixed), *others])
 
     def _least_constant(self):
-        """Return the least pivot that is constant: 1 if a pivot is always 1, else infinity."""
+        """Return the least pivot that is always 1: 1, or infinity if there is no such pivot."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
 def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
-    Among equal degrees it has the shortest chain of pivots that it depends on, because processors
-    evaluate independent operations in parallel. `pattern` contains places (i, j) of entries.
+    The degree of an unknown is the number of other unknowns that are left in its row or column.
+    Among equal degrees the next pivot has the shortest chain of pivots that it depends on, because
+    processors evaluate independent operations in parallel. `pattern` contains places (i, j) of
+    entries.
     """
     neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
     for i, j in pattern:
@@ -222,7 +233,7 @@ def elimination_order(pattern, D):
 
 
 def bits_of(number):
-    """Return the places of the bits of an integer, in order."""
+    """Yield the places of the bits that are 1 in an integer, from the lowest on."""
     while number:
         least = number & -number
         yield least.bit_length() - 1
@@ -230,9 +241,10 @@ def bits_of(number):
 
 
 def filled(pattern, order):
-    """Return the pattern after elimination: sets of columns by row, and sets of rows by column.
+    """Return two lists: a set of columns for each row, and a set of rows for each column.
 
-    Rows and columns are places in the order of pivots; a set is the bits of an integer.
+    They have the entries after elimination: `pattern`, places (i, j), and fill-in. Rows and columns
+    are places in `order`, the unknowns in the order of pivots. A set is the bits of an integer.
     """
     place, D = {k: n for n, k in enumerate(order)}, len(order)
     rows, columns = [0] * D, [0] * D
@@ -249,7 +261,10 @@ def filled(pattern, order):
 
 
 def before_and_after(order, fill):
-    """Return {row: columns of earlier pivots}, and of later ones; `fill`: see `filled`."""
+    """Return two dicts {row: its columns with entries}: columns of earlier, and of later pivots.
+
+    `order` has the unknowns in the order of pivots, and `fill` is the result of `filled` for it.
+    """
     before, after = {}, {}
     for k, columns in enumerate(fill[0]):
         places = [*bits_of(columns)]
@@ -261,7 +276,8 @@ def before_and_after(order, fill):
 def work_of(order, fill, varying):
     """Return the number of products in elimination, and of products that depend on the state.
 
-    `fill` is the result of `filled`; `varying` are the places of entries that depend on the state.
+    `order` has the unknowns in the order of pivots, and `fill` is the result of `filled` for it.
+    `varying` are the places (i, j) of entries that depend on the state.
     """
     place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
     rows = [0] * len(order)

@@ -37,7 +37,7 @@ class Settings(NamedTuple):
 
 
 class SolverRequest(NamedTuple):
-    """The data of a call that all trajectories share, except f and its table."""
+    """Data of a call, except f: times, settings, and limits: `most` crossings after `since`."""
 
     times: Any  # (n,), moduli, ascending; `flow` also has them in any order
     sign: int  # -1 backwards in time, else 1
@@ -51,7 +51,7 @@ class SolverRequest(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, atol):
-    """Return `ComponentNumbers` of f, an array (5, D); `atol` is a number, D numbers, or None."""
+    """Return the array (5, D) `ComponentNumbers` for f; `atol`: a number, D numbers, or None."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
@@ -65,7 +65,7 @@ def components_of(f, atol):
 
 @functools.lru_cache(256)
 def numbers_of(settings, sign):
-    """Return `SharedNumbers` as an array for a `sign` of time, 1 or -1; see also `set_times`."""
+    """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
     return array("d", SharedNumbers(
         settings.rtol,
         inf,
@@ -87,7 +87,7 @@ def set_times(numbers, integrator, settings, times):
 
 
 def set_limits(numbers, request):
-    """Copy the limits on crossings, `most` and `since` of a `SolverRequest`, to `SharedNumbers`."""
+    """Copy the limits on crossings, `most` and `since` of a `SolverRequest`, to `numbers`."""
     numbers[NUMBER.enough], numbers[NUMBER.since] = request.most, request.since
 
 
@@ -119,7 +119,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """The pairs (time, which), shape (rows, n + 1, 2), and how many times are equal at most."""
+        """The pairs (time, event), shape (rows, n + 1, 2), and how many times are equal at most."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -156,7 +156,7 @@ def counted_from_start(f, table, x0):
 
 
 def add_starts(f, starts, states, records):
-    """Add the starts of clocks, see `counted_from_start`, to states (count, B, D) and records."""
+    """Add start values (B, clocks) of clocks to states (count, B, D), also to states in records."""
     clocks = np.array([*f.offsets])
     states[..., clocks] += starts
     for rows in records:
@@ -203,7 +203,7 @@ class BatchSolver:
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
 
     def run(self, threads=1, begun=None):
-        """Take all steps of all trajectories, or continue with `begun` of `solve_small_batch`.
+        """Take all steps, or go on with `begun`, (rows, table, records) of `solve_small_batch`.
 
         `report` is called in this thread from time to time; if it returns False, the steps end.
         """
@@ -225,7 +225,7 @@ class BatchSolver:
             add_starts(self.f, self.starts, self.states, self.records)
 
     def _rows(self, block):
-        """Return the `TrajectoryRows` of a block (a slice) before the first step."""
+        """Return the `TrajectoryRows` of a block (slice) before the first step, an array (K, -)."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
@@ -257,7 +257,7 @@ class BatchSolver:
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
     def _table(self, which):
-        """Return the table of all trajectories (n,), or tables (K, n) of the numbers `which`."""
+        """Return f's table (n,), or tables (K, n) for the trajectories with the numbers `which`."""
         if self.table.ndim == 1:
             return self.table.copy()
         return np.ascontiguousarray(self.table[which])
@@ -317,7 +317,7 @@ class StepRunner:
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, event_times, equal, records):
-        """Set addresses for events, from `EventTimes.array`; `take` appends to list `records`."""
+        """Set addresses of event times, at most `equal` equal; `take` appends to `records`."""
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W

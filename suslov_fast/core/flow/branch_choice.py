@@ -37,7 +37,11 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
-    """Return rows after a change of branches: how many came at once in a row; SLIDING if many."""
+    """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
+
+    `chosen_often` counts changes at once after `chosen_at`, the last change, if no event `acted`.
+    After BACK_AND_FORTH, a lane in the state `mode` is SLIDING. `wanted` is the next length.
+    """
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
@@ -52,7 +56,7 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return how long to look ahead for a surface: part * time; `signed` has the sign of time."""
+    """Return `ahead`, how long to look for a surface: part * (t, or last at t = 0); `signed`."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
@@ -68,7 +72,11 @@ def SEEK(wanted, ahead):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
-    """Return the rows of a trajectory that goes on a time `ahead` later, beyond a surface."""
+    """Return the rows of a trajectory that goes on at the time t + ahead, beyond a surface.
+
+    `chosen_often` counts changes within AGAIN t after `chosen_at`. After BACK_AND_FORTH of them the
+    state is SLIDING; else it is `first_state`, running, or DONE at the time `last`.
+    """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, t + ahead
     state = slides.select(float(LaneState.SLIDING), first_state)
@@ -86,22 +94,25 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return u log|after / before| of grad s . f, the jump of the integral of u trace f', or 0."""
+    """Return `change`, the jump of the integral of u trace f' where f `jumps` at a surface s = 0.
+
+    It is u log|after / before|, of grad s . f before and after the jump, or 0 without a jump.
+    """
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return `low`, see `growing_components.LOW`; 0 if the jump of f now feeds the component."""
+    """Return `low`, how many steps a component is tiny; 0 if the jump of f to f_new feeds it."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
 
 def add_branches(text, integrator, name, for_each):
-    """Add the function void choose(arguments), which chooses all branches.
+    """Add the function void choose(arguments) to `text`: it chooses branches at the state `new`.
 
-    It uses the rows `new` and `chooses` of `WorkRows`: branches at `new`, where `chooses` is 1.
+    It does so where `chooses` is 1. `name` begins all names; `for_each`: each lane has a table.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -116,15 +127,13 @@ def update_branches(code, truth):
 
 
 def choose(code):
-    """After a step to a surface, choose branches of kinks, see `Branches`; evaluate f with them.
-
-    f may change much even if it is continuous, for example along a steep line of a table.
-    """
+    """Choose branches at kinks, where f bends, after a step to a surface; evaluate f with them."""
     work, branches = code.work, code.f.branches
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
     with code.text.when(ends.any(), likely=False):
         place = branches.P + branches.jumps
         _put_choices(code, ends, code.integrator.kinks, work.seen.after(3), place)
+        # f may change much even if it is continuous, as along a steep line of a table.
         code.call("f", work.new, code.table, work.f_new)
 
 
@@ -171,7 +180,7 @@ def _put_ahead(code, x, f, signed):
 
 
 def _choose(code, truth, acted):
-    """Choose branches in lanes `truth`; update f, `low` and, where no event `acted`, columns."""
+    """Choose branches in lanes `truth`; update f, and derivative columns if no event `acted`."""
     text, line, work, f = code.text, code.line, code.work, code.f
     has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
@@ -191,7 +200,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Update columns of a `Variational` in lanes `truth`, where f jumps, as at the top."""
+    """Update columns of derivatives in lanes `truth`, where f jumps, by the formula at the top."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -229,10 +238,7 @@ def _change_columns(code, truth):
 
 
 def _go_on(code, ended):
-    """Continue solutions in the lanes `ended`, which end just before a surface.
-
-    Their next state lies beyond the surface. States at requested times in between are saved.
-    """
+    """Continue solutions that end just before a surface, in lanes `ended`, at states beyond it."""
     text, line, work = code.text, code.line, code.work
     accepted, none = work.accepted[0] > 0.0, text.value(0.0)
     for i in text.each(code.D):
@@ -280,30 +286,30 @@ def _put_all(code, truth):
             table.choose(truth, places[k], work.derived[k])
 
 
-def _put_choices(code, truth, kinds, found, place):
+def _put_choices(code, truth, kinds, rows, place):
     """Write branches of surfaces of these `kinds` to f's table, in lanes where `truth` is true.
 
-    The rows `found` have the branches; places of the table from `place` on receive them. For a
-    `Table` the row is its argument, and the places receive the interval that holds it.
+    Kinds are comparisons, "floor" and `Table`s. The `rows` of branches go to the table from `place`
+    on. For a `Table` the row is its argument, and the interval that holds it goes there.
     """
     text, f = code.text, code.f.of
     first = len(f.branches.kinds) - len(kinds)
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]
         if not are_tables:
-            numbers, chosen = found.after(group[0][0]), text.array(code.table, place)
+            numbers, chosen = rows.after(group[0][0]), text.array(code.table, place)
             for n in text.each(len(group)):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
         for k, kind in group:
             shift = shift_of(f, first + k)
-            _put_interval(code, kind, truth.bits(), found.after(k), place, shift)
+            _put_interval(code, kind, truth.bits(), rows.after(k), place, shift)
             place += Table.ROWS
 
 
 def shift_of(f, number):
-    """Return where f's table has the shift of surface `number`, see `_put_interval`, or None."""
+    """Return the place of q in f's table if surface `number` is of a `Table` at p + q, or None."""
     branches = f.branches
     if number not in branches.shifts:
         return None
@@ -314,7 +320,8 @@ def shift_of(f, number):
 def _put_interval(code, table, bits, argument, place, shift):
     """Write the interval of a `Table` that holds argument + shift, less the shift, to f's table.
 
-    `argument` is a row, `place` and `shift` are places in f's table, and `bits` marks the lanes.
+    `argument` is a row, and `shift` the place of the shift in f's table, or None. The interval goes
+    to `place` and the three places after it, in lanes with bit 1 in `bits`.
     """
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)

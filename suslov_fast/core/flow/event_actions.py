@@ -31,11 +31,12 @@ FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the
 
 
 def _side(value, rate, size, rate_size, near, sign):
-    """Return `side` (1 above, 0 below, STAYS, GAP) and `level`, the value that separates sides.
+    """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
-    A state with |value| <= `near` + rounding is on the surface. Its side is where the rate leads,
-    and the level moves, so that the value lies on this side. If the rate is rounding, it STAYS.
-    `value` is s, and `rate` ds/dt; `size` and `rate_size` are sums of the moduli of their terms.
+    `side` is 1 above, 0 below, GAP where s is NaN. `value` is s, and `rate` is ds/dt; `size` and
+    `rate_size` are the sums of the moduli of their terms. A state with |s| <= `near` + rounding is
+    on the surface. Its side is where the rate leads, and the level moves, so that s lies on this
+    side. If the rate is rounding, the side is STAYS. `sign` is the sign of time.
     """
     rounding = ROUNDING * size + TINY
     is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
@@ -49,23 +50,24 @@ def _side(value, rate, size, rate_size, near, sign):
     }
 
 
-SIDE = scalar_kernel(_side)
+SIDE = scalar_kernel(_side)  # `_side` as a kernel, with the same inputs and results
 
 
 @scalar_kernel
-def FLAT_SIDE(side, level, value, slopes, slopes_later, may):
-    """Return side and level; a state in a region where s = 0, as for min(x, 0), counts as above.
+def FLAT_SIDE(side, level, value, slopes, slopes_later, has_branches):
+    """Return `side` and `level` as given, but 1 and 0 (above) where s = 0 all around the state.
 
-    `may` is 1 if s has branches. Without them slopes of 0 show no region: cos(x) - 1 touches 0.
+    `has_branches` is 1 for s such as min(x, 0); other s, such as cos(x) - 1, only touch 0. `value`
+    is s, and `slopes` is sum |ds/dx_j|; `slopes_later` is the same sum a moment later.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
-    is_flat = is_flat & (may > 0.5)
+    is_flat = is_flat & (has_branches > 0.5)
     return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
 
 
-def _is_on(value, rate, last, jumps):
-    """Return whether a state may be on s = 0: if s jumps, only for |s| <= SOON last |rate|."""
-    return (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
+def _is_on(value, rate, last_time, jumps):
+    """Return whether s = `value` counts as 0: if s jumps, only for |s| <= SOON last_time |rate|."""
+    return (abs(value) <= SOON * last_time * abs(rate)) | (jumps < 0.5)
 
 
 @scalar_kernel
@@ -73,15 +75,16 @@ def CROSSED(
     value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
     at_surface,
 ):  # fmt: skip
-    """Return whether a state has crossed a surface, `up` or `down`; also side, level and `near`.
+    """Return whether a state has crossed a surface: `up`, `down`; new `side`, `level`; `near`.
 
-    A crossing is a change of side. A step that arrives just before a surface crosses it, too, see
-    `event_location.CUT`. It is no crossing if a state leaves a surface on which it has stayed, or
-    if a gap without values begins or ends. It is none if the motion changes the side, but the rate
-    leads back: an action had left the state beyond the surface by rounding. Then the level moves to
-    the state. `near` is twice the distance of a crossing by the motion. After the action a state so
-    near is on the surface. `is_here` is 1 where events may act, and `by_motion` where the motion
-    led there. `value`, `rate`, `size` and `rate_size`: see `_side`. `jumps` is 1 if s jumps.
+    A crossing is a change of `side`: 1 where s >= `level`, 0 below. It is none if the state has
+    stayed on the surface (STAYS), or if s has no value (GAP) before or after. It is none if the
+    step led there (`by_motion` is 1), but the rate leads back: an action had left the state beyond
+    by rounding. Then the level moves to the state. A step that ends just before a surface
+    (`at_surface` is 2) crosses it, too. `near` is 2 |s| after a step, 0 after an action; a state so
+    near is on the surface. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the sums
+    of the moduli of their terms. `is_here` is 1 where events may act, and `jumps` is 1 if s jumps.
+    `last` is the last time of the run.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -111,13 +114,16 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Return `more`, the weight of an action that comes again at once, and their `limit` in time.
+    """Return whether an action comes again at once: its weight `more`, and its `limit` in time.
 
-    A state that an action turns back returns along a parabola: it is away for 2 |r / a| with the
-    rate r and its derivative a, and rises by r**2 / (2 |a|). If it returns at once, or stays LOW,
-    and the action has reduced r by the factor q, it is at rest after 2 |r / a| / (1 - q). For other
-    states the time since the last action counts, and the limit is Aitken's. `fired`, `near` and
-    `rate_before` are in the rows `WorkRows.fired`; `later` is the rate a MOMENT later.
+    A state that an action turns back is away for 2 |r / a|, with r = ds/dt and a = dr/dt. It rises
+    by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at once, or
+    stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the last
+    action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a crossing
+    up or down, else 0. A state with |s| <= `near` is on the surface. `rate_before` is ds/dt before
+    the action, `later` is a MOMENT later; see `_side` for `value` to `rate_size`. `taken` is the
+    length, `wanted` the next one. `acted` is the time of the last action, `pause` the gap before
+    it; both are updated.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -148,11 +154,13 @@ def AFTER_EVENT(
 ):  # fmt: skip
     """Return the next length, and the state of a lane, after actions (if their `number` is not 0).
 
-    The length becomes the length of a first step, if this is longer. If the rate is FASTER times
-    the rate at the beginning of the last step, as after a dose, the length is at most the length of
-    a first step for a state as large as the largest so far.
-
-    Events accumulate if one acts again at once, see `AGAIN`, ACTIONS_AT_ONCE times in a row.
+    The length `wanted` becomes a first length, if this is longer. Let `rate`, max |f_i|, be FASTER
+    times `rate_before`, at the beginning of the step, as after a dose. Then `wanted` is at most a
+    first length for a state as large as the `largest` so far. `size` is max |x_i|, `total` is sum
+    |x_i| + |f_i|. Actions accumulate if they are `endless` at one instant, or at once
+    ACTIONS_AT_ONCE times in a row: `often` + `more`. They end at the time `limit`. `at` is this
+    time, or t. `longer` bounds the ratio of two lengths. `stiff` and `easy` count steps, `tries`
+    and `actions` since the last requested time, up to `most`. `part` is the change in a first step.
     """
     is_changed = number > 0.0
     guess = first_length(size, rate, part, last)
@@ -179,9 +187,9 @@ def AFTER_EVENT(
 
 
 def add_actions(text, integrator, name, for_each):
-    """Add the function void change(arguments), which writes `new` and `f_new` after actions.
+    """Add the function void change(arguments) to `text`, in which events act on the state `new`.
 
-    Events act in lanes in which `accepted` is 1, at their given times and on surfaces.
+    They act where `accepted` is 1. `name` begins all names; `for_each`: each lane has a table.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -189,7 +197,7 @@ def add_actions(text, integrator, name, for_each):
 
 
 def act(code):
-    """Let events act on the next states of lanes whose step is taken."""
+    """Add code that lets events act on the next states, in lanes in which the step is taken."""
     if code.integrator.events:
         is_there = _is_there(code)
         if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
@@ -199,7 +207,7 @@ def act(code):
 
 
 def find_sides(code, begins):
-    """Find on which sides of surfaces the trajectories begin, in lanes where `begins` is true."""
+    """Add code that finds on which side of each surface trajectories begin, in lanes `begins`."""
     if not code.integrator.events.surfaces:
         return
     side, resting = code.line.side, Carried(resting=0.0)
@@ -216,13 +224,13 @@ def find_sides(code, begins):
 
 
 def _is_at_stop(code):
-    """Return which lanes have reached the next given time of an event."""
+    """Return in which lanes the step has reached the next given time of an event."""
     accepted = code.work.accepted[0] > 0.0
     return accepted & (code.line.t[0] >= code.line.stop[0])
 
 
 def _is_there(code):
-    """Return in which lanes events may act."""
+    """Return in which lanes events may act: the step ends at a given time or on a surface."""
     is_at_stop = _is_at_stop(code)
     if not code.integrator.events.surfaces:
         return is_at_stop
@@ -231,7 +239,7 @@ def _is_there(code):
 
 
 def _look(code):
-    """Write `OF_SURFACE` numbers of each surface (value, rate, ...), for `new`, to `toward`."""
+    """Write s, ds/dt and sizes of their terms, of each surface, at the next state, to `toward`."""
     _look_at(code, code.work.new, code.work.f_new, code.work.toward)
 
 
@@ -243,7 +251,7 @@ def _look_at(code, x, f, to):
 
 
 def _at_surface(code, k):
-    """Return `value`, `rate`, `size` and `rate_size` of surface k, which `_look` has found."""
+    """Return a dict of s, ds/dt and the sizes of their terms at surface k, written by `_look`."""
     names = enumerate(("value", "rate", "size", "rate_size"))
     return {name: code.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
 
@@ -267,7 +275,7 @@ def _act_of_lanes(code):
 
 
 def _act_at_times(code):
-    """Let events act at their given times, in the order of the list."""
+    """Add code that lets events act at their given times, in the order of the list."""
     text, events = code.text, code.integrator.events
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
@@ -280,15 +288,15 @@ def _act_at_times(code):
 
 
 def _most(events):
-    """Return how many events on surfaces may act at one instant."""
+    """Return how many events of an `EventSet` may act on surfaces at one instant."""
     return MOST_AT_ONCE + events.surfaces
 
 
 def _act_at_surfaces(code, is_there, by_motion, again):
-    """Let events act on the surfaces that a state has crossed, until no event acts.
+    """Add code that lets events act on the surfaces that a state has crossed, until no event acts.
 
-    `by_motion` marks lanes whose step has crossed a surface; other crossings are due to actions.
-    `again` receives the results of `AGAIN`.
+    `is_there` marks lanes in which events may act, and `by_motion` lanes in which the step, not an
+    action, led there. `again` gets results of `AGAIN`: whether actions come again at once.
     """
     text, work, events = code.text, code.work, code.integrator.events
     for k in text.each(events.surfaces):
@@ -322,16 +330,16 @@ def _act_at_surfaces(code, is_there, by_motion, again):
 
 
 def _with_flat_side(code, k, side, level):
-    """Return the side and the level of surface k after `FLAT_SIDE`."""
+    """Return the given `side` and `level` of surface k, or 1 and 0 where s = 0 all around."""
     value, slopes = (code.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
     later = code.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
-    may = code.text.constants([*map(float, code.integrator.events.flats)])[k]
-    own = {"value": value, "slopes": slopes, "slopes_later": later, "may": may}
+    has_branches = code.text.constants([*map(float, code.integrator.events.flats)])[k]
+    own = {"value": value, "slopes": slopes, "slopes_later": later, "has_branches": has_branches}
     return code.apply(FLAT_SIDE, side=side, level=level, **own)
 
 
 def _look_a_moment_later(code):
-    """Write the numbers of `_look`, for a state a MOMENT after the new state, to `ahead`."""
+    """Write s, ds/dt and sizes of surfaces to `ahead`, at MOMENT * step length after the step."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -341,7 +349,7 @@ def _look_a_moment_later(code):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let the event on surface k act in lanes of `is_there` in which the state has crossed it."""
+    """Let event k act in lanes `is_there` that crossed surface k, `by_motion` or by an action."""
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
@@ -369,16 +377,16 @@ def _cross(code, k, is_there, by_motion):
             line.side.choose(fires, place + 1, found["level"])
 
 
-def _note(code, k, truth, crosses, by_motion):
-    """Record crossings of surface k without an action; a trajectory with enough crossings stops.
+def _note(code, k, fires, crosses, by_motion):
+    """Add code that records crossings of surface k by an event that leaves the state as it is.
 
-    `crosses` marks lanes that cross, `truth` lanes that cross in the direction of the event.
-    `by_motion` marks lanes that no action at this instant has moved.
+    `crosses` marks lanes that cross, `fires` lanes that do so in the event's direction, `by_motion`
+    lanes that a step led there, not an action. Enough crossings end a trajectory.
     """
     line, work = code.line, code.work
     t, acted = line.t[0], line.acted[2 * k]
     slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
-    counts = truth & (t > code.number("since")) & ~slides
+    counts = fires & (t > code.number("since")) & ~slides
     line.acted.choose(crosses, 2 * k, t)
     with code.text.when(counts.any()):
         _take_columns(code, k, counts, by_motion, work.new, work.f_new, False)
@@ -389,7 +397,7 @@ def _note(code, k, truth, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let event k act in lanes `truth`; `by_motion` marks lanes that the motion brought to it."""
+    """Let event k act in lanes `truth`; `by_motion` marks lanes that the step led to a surface."""
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
@@ -419,7 +427,10 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _of_columns(code, f_before):
-    """Return the parts of a record for a `Variational`: tau of each column, f before and after."""
+    """Return parts of an action's record for columns of derivatives, as pairs (rows, how many).
+
+    They are tau, how much earlier a displaced solution acts, and f before (`f_before`) and after.
+    """
     if not code.f.columns:
         return ()
     work, D = code.work, code.f.of.D
@@ -427,7 +438,12 @@ def _of_columns(code, f_before):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
-    """Find tau of each column, see `event_formulas`; update columns if the state `is_changed`."""
+    """Add code that finds tau of each column of derivatives, and changes columns in lanes `truth`.
+
+    tau is how much earlier a solution displaced by the column reaches event k. It is new in lanes
+    `by_motion`, which the step led to a surface; None at given times. Columns change if the action,
+    from the state `before` with f = `f_before`, changes the state (`is_changed`).
+    """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     if not f.columns:
         return
@@ -447,7 +463,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
 
 
 def _next_stop(code, bits):
-    """Go to the next given time of an event in lanes with these bits."""
+    """Add code that reads the next given time of an event, in lanes with bit 1 in `bits`."""
     text, of = code.text, code.of
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
@@ -461,7 +477,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Update largest moduli before an action in lanes `truth`; forget low components, see `LOW`."""
+    """Update largest moduli before an action in lanes `truth`; forget which components are low."""
     for i in code.text.each(code.f.of.D):
         low = code.line.low[i]
         code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
@@ -469,15 +485,15 @@ def _keep_largest(code, truth):
         code.keep_largest(truth, i, code.work.new[i])
 
 
-def _go_on(code, is_at_stop, again):
-    """Set the next length and the state of lanes with actions; `again` has results of `AGAIN`."""
+def _go_on(code, at_given_time, again):
+    """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
     work, branches = code.work, code.f.branches
     zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
     sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)
     # The largest states, and f where the step began.
     before = code.reduce(BEGIN_COMPONENT, lambda i: {"x": code.line.largest[i]}, **zeros)
     endless = (work.noted[0] >= _most(code.integrator.events)).select(1.0, 0.0)
-    inputs = {"number": is_at_stop.select(1.0, work.noted[0]), "endless": endless} | vars(again)
+    inputs = {"number": at_given_time.select(1.0, work.noted[0]), "endless": endless} | vars(again)
     inputs |= {"largest": before.size, "rate_before": before.rate}
     if branches and branches.jumps:
         is_changed = (inputs["number"] > 0.0) & code.line.state[0].equals(code.mode)

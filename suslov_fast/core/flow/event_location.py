@@ -44,27 +44,32 @@ BESIDE = 2.0**-12  # part of a step, over which a difference of states gives the
 ON = 2.0**-8  # part of a step in which a straight line crosses the surface on which it begins
 
 
-def _bend(change, f, f_new, signed, u):
-    """Return (1 - 2 u) d + (u - 1) h f + u h f_new, d = `change`, of the formula at the top."""
-    return (1.0 - 2.0 * u) * change + (u - 1.0) * (signed * f) + u * (signed * f_new)
+def _bend(d, f, f_new, h, u):
+    """Return (1 - 2 u) d + (u - 1) h f + u h f_new, for a step of length h from x to x + d."""
+    return (1.0 - 2.0 * u) * d + (u - 1.0) * (h * f) + u * (h * f_new)
 
 
 def _point(x, new, f, f_new, signed, u, quartic=0.0):
-    """Return a component at the fraction u of an explicit step, by the formula at the top.
+    """Return `point`, a component at the fraction u of an explicit step, from both its ends.
 
-    `quartic`, a result of `QUARTIC`, makes it a polynomial of degree 4.
+    They are x with the rate f, and `new` with `f_new`; `signed` is the step length with its sign.
+    The curve is a cubic, or of degree 4 with `quartic`, a result of `QUARTIC`.
     """
     change, product = new - x, u * (u - 1.0)
     bend = _bend(change, f, f_new, signed, u)
     return {"point": x + u * change + (bend + product * quartic) * product}
 
 
+# `_point` as kernels: without and with the input `quartic`.
 POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quartic")
 
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return the factor of u**2 (1 - u)**2 with the rate `f_point` at POINTS[0], or 0 for NaN."""
+    """Return `quartic`, the factor of u**2 (1 - u)**2 that `_point` adds to the cubic, 0 for NaN.
+
+    With it the rate at POINTS[0] is `f_point`; a step `signed` leads from x, f to `new`, `f_new`.
+    """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
@@ -77,9 +82,9 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """Return a component at the fraction u of an implicit step, from its quarters minus x.
+    """Return `point`, a component at the fraction u of an implicit step, from its quarters minus x.
 
-    The polynomial of degree 4 through them does not use rates, because these contain fast modes.
+    The polynomial of degree 4 through x, these and `new` uses no rates: they contain fast modes.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
@@ -90,9 +95,11 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Return the first crossing so far: its fraction `place` of the step, and `end` of its part.
+    """Return the first crossing in a step: `crossed` (0 if none), its fraction `place`, and `end`.
 
-    If `crosses` is 1, the part of length `width` that ends at u has one at its fraction `part`.
+    The inputs of these names are from parts of the step so far. The next part has the width `width`
+    and ends at the fraction u. If `crosses` is 1, it has a crossing at its fraction `part`, and
+    `end` becomes u. The step length is `taken`. Parts within the length `inner` do not count.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
@@ -103,12 +110,13 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     }
 
 
-def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
-    """Return the next length to try between `lengths`, and the Illinois weights of both.
+def _guess(cut, part, weight, rounds, lengths, aim, accuracy, is_rough):
+    """Return the next length to try in a search, and the Illinois weights of both `lengths`.
 
-    A straight line between the states at both crosses the surface at the fraction `part`. `cut` is
-    true if the last step has crossed it, `aim` is the length by Newton's method, and `sought` the
-    accuracy. If `is_rough`, the next length is the longer one.
+    `lengths` are (without a crossing of the surface, with a crossing). A straight line between the
+    states at both crosses the surface at the fraction `part`. `cut` is true if the last step
+    crossed it. `weight` is the last weight, `rounds` is the number of tries, and `aim` is the
+    length by Newton's method. If `is_rough`, the next length is the longer one.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
     starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
@@ -118,9 +126,9 @@ def _guess(cut, part, weight, rounds, lengths, aim, sought, is_rough):
     a, b = cut.select(1.0, of_outer) * part, cut.select(of_inner, 1.0) * (1.0 - part)
     guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
     has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
-    guess = has_aim.select(aim + 0.5 * sought, guess)
-    guess = smaller(larger(guess, inner + 0.75 * sought), outer - 0.75 * sought)
-    guess = is_rough.select(outer, (width > sought).select(guess, outer))
+    guess = has_aim.select(aim + 0.5 * accuracy, guess)
+    guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
+    guess = is_rough.select(outer, (width > accuracy).select(guess, outer))
     return guess, of_inner, of_outer
 
 
@@ -133,11 +141,16 @@ def CUT(
     """Return whether a step that crosses a surface is accepted, and the next length, see the top.
 
     A search for a surface starts if `starts` is 1. In a search a step aside is an ordinary step.
+    The results, and inputs that are not explained here, are rows of a lane (`memory`).
 
-    hidden, twice, waves  results of `DoubleCrossings.told`: the step may be taken again, shorter
+    before, total     time at the beginning of the step; finite if f at its end is
+    crossed to end    results of `LOOK`: the first crossing between points of the step
+    crosses, jumps    1 if a line from x to x_next crosses a surface, and if f jumps there
+    hidden to waves   results of `DoubleCrossings.told`: the step may be taken again, shorter
     known             bound of the step after a search, if this step exceeds HIDDEN_FROM of the time
     whole_part, part  fractions at which straight lines cross the surface: from x to the end of this
                       step, and from there to the state at `outer`
+    inner, outer      lengths without and with a crossing; 0 and infinity without a search
     aim               length of the step that ends on the surface, see `step_to_surface`
     since             the longest time since a surface was crossed
     left              time to a surface of an event; if it is NEARLY 0, the step ends there
@@ -202,13 +215,20 @@ def CUT(
 
 @scalar_kernel
 def BACK(found, taken, end):
-    """Return where a step crosses again the surface of its start: 1 + found / taken, or end / 2."""
+    """Return `place`, the fraction of a step at which it returns to the surface of its start.
+
+    It is 1 + `found` / `taken`: `found` is the time from the end of the step, `taken` its length.
+    If it is not between 0 and `end`, the end of the part with a crossing, it is `end` / 2.
+    """
     place = 1.0 + found / taken
     return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
 
 
 def cut(code, before, total):
-    """Repeat a step, begun at `before`, that crosses or seeks a surface, with a better length."""
+    """Repeat a step that crosses a surface, or seeks one, with a better length (`CUT`).
+
+    `before` is the time at which the step begins; `total` is finite if f at its end is.
+    """
     text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
     taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
     far = line.far
@@ -246,8 +266,11 @@ def cut(code, before, total):
     code.keep(line, found)
 
 
-def _look_at_points(code, taken, from_start):
-    """Evaluate surfaces at POINTS; return the results of `LOOK`, and rows of the middle state."""
+def _look_at_points(code, length, from_start):
+    """Look for the first crossing at POINTS of a step; return it (`LOOK`) and the middle state.
+
+    `from_start` marks lanes with `inner` = 0: there the state beyond the crossing becomes `far`.
+    """
     text, line, work, of = code.text, code.line, code.work, code.integrator.double_crossings
     count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
@@ -270,26 +293,26 @@ def _look_at_points(code, taken, from_start):
             text.copy(point, middle, code.integrator.watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = _watch(code, "part", "crosses") | parts | {"u": end, "width": end - begin}
-        parts = code.apply(LOOK, taken=taken, **inputs)
+        parts = code.apply(LOOK, taken=length, **inputs)
         _keep_far(code, (parts.pop("is_first") > 0.0) & from_start, state)
     return parts, middle
 
 
 def _watch(code, *names):
-    """Return the first results of `watch`, by name, for the pair of points in `between`."""
+    """Return where and whether surfaces are crossed between two points, under these `names`."""
     code.call("watch", code.work.between, code.table, code.work.seen)
     return {name: code.work.seen[k] for k, name in enumerate(names)}
 
 
 def _keep_far(code, truth, state):
-    """Copy a state beyond a surface to `line.far`, in lanes where `truth` is true."""
+    """Copy a state beyond a surface to the row `far`, in lanes where `truth` is true."""
     far = code.line.far
     for i in _read(code):
         far.put_chosen(i, truth.select(state[i], far[i]))
 
 
 def _look_inside(code, u, x, phases, rates, quartic):
-    """Find phases of waves, rates of surfaces, at the state x at the fraction u of the step."""
+    """Write `phases` of waves and `rates` of surfaces at x, the state at a fraction u of a step."""
     work, moving, D = code.work, code.work.moving, code.integrator.watched
     if code.integrator.double_crossings.phases:
         code.call("phases", x, code.table, phases)
@@ -303,11 +326,11 @@ def _look_inside(code, u, x, phases, rates, quartic):
         code.call("rates", moving, code.table, rates)
 
 
-def _aim(code, inputs, is_far, from_start):
-    """Return inputs of `CUT`: `aim`, `since`, `left`, and `place`, which `BACK` may replace.
+def _aim(code, inputs, has_no_search, from_start):
+    """Return the inputs of `CUT` that Newton's method finds: `aim`, `since`, `left` and `place`.
 
-    `is_far` marks lanes that were not searching for a surface before this step. `from_start` marks
-    lanes with `inner` = 0.
+    `inputs` are the others, by name; `BACK` may change `place`. `has_no_search` marks lanes without
+    a search before this step, `from_start` marks lanes with `inner` = 0.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)
@@ -315,7 +338,7 @@ def _aim(code, inputs, is_far, from_start):
         work.aim.put_chosen(k, value)
     comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
     comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
-    looks = ~is_far | comes_back
+    looks = ~has_no_search | comes_back
     if events and events.surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
@@ -329,8 +352,8 @@ def _aim(code, inputs, is_far, from_start):
         if events and events.surfaces:
             text.copy(line.side, work.end.after(2 * D), 2 * events.surfaces)
         code.call("aim", work.end, code.table, found)
-        work.aim.choose(~is_far, 0, inputs["taken"] + found[0])
-        work.aim.choose(~is_far, 1, found[1])
+        work.aim.choose(~has_no_search, 0, inputs["taken"] + found[0])
+        work.aim.choose(~has_no_search, 1, found[1])
         own = {name: inputs[name] for name in ("taken", "end")}
         place = code.apply(BACK, found=found[0], **own)["place"]
         work.aim.choose(comes_back, 2, place)
@@ -342,7 +365,7 @@ def _aim(code, inputs, is_far, from_start):
 def put_point(code, u, to, quartic=None):
     """Write the components that surfaces read, at a fraction u of the step, to the state `to`.
 
-    `quartic`, if given, are the results of `find_quartic`.
+    `quartic`, if given, has results of `find_quartic`: then components are of degree 4 in u.
     """
     of_point = POINT if quartic is None else POINT_WITH_QUARTIC
     is_implicit, inputs = code.integrator.is_implicit, {}
@@ -356,12 +379,12 @@ def put_point(code, u, to, quartic=None):
 
 
 def _read(code):
-    """Add a loop over the components that surfaces read, see `Integrator.read`."""
+    """Add a loop over the components that surfaces read, with the body of `for`."""
     return code.text.listed(code.integrator.read)()
 
 
 def find_quartic(code):
-    """Write the results of `QUARTIC`, for components that surfaces read, to the row `quartic`."""
+    """Write `QUARTIC`, factors of u**2 (1 - u)**2 in components inside a step, to `quartic`."""
     text, work = code.text, code.work
     u = text.value(POINTS[0])
     for i in text.each(code.D):

@@ -5,7 +5,7 @@ from .code_arguments import SLOT
 
 
 def size_of(f):
-    """Return how many numbers a record has, see `record`."""
+    """Return how many numbers `record` writes for f: 3, two states, and more if f has columns."""
     of_columns = f.columns and f.columns + 2 * f.of.D
     return 3 + 2 * f.D + of_columns
 
@@ -13,7 +13,7 @@ def size_of(f):
 def record(code, truth, k, time, before, after, *of_columns):
     """Write a record in lanes `truth`: trajectory, number k of the event, time, and both states.
 
-    `time`, `before` and `after` are rows; `of_columns` are pairs (row, how many rows).
+    `time` is a row, `before` and `after` are D rows; `of_columns` are pairs (rows, how many).
     """
     text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)

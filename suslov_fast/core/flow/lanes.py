@@ -12,7 +12,7 @@ from .next_state import move
 
 
 def take_next(code, free):
-    """Write back trajectories of lanes with bit 1 in `free`; give the lanes the next ones."""
+    """Write back trajectories of lanes with bit 1 in `free`; begin the next trajectories there."""
     text, of = code.text, code.of
     for offset in code.lanes_with(free):
         line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
@@ -33,14 +33,14 @@ def take_next(code, free):
         _begin(code, begins)
 
 
-def _write_back(code, offset, own):
-    """Write rows and table of the lane at `offset` bytes to trajectory `own` - 1, if own > 0."""
+def _write_back(code, offset, number_plus_1):
+    """Write rows, table of a lane at `offset` bytes to trajectory `number_plus_1` - 1, if >= 0."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.branches:  # whose branches stand in the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
-    with text.when(own.differs(0)):
-        number = own - 1
+    with text.when(number_plus_1.differs(0)):
+        number = number_plus_1 - 1
         for source, target, size, count in parts:
             at = target + number * size
             text.copy_numbers(source + offset, text.size, at, 8, count)
@@ -83,7 +83,7 @@ def _begin(code, begins):
 
 
 def _begin_with_events(code, begins):
-    """Let events at time 0 act, and save the states at that time."""
+    """Let events at time 0 act in lanes `begins`, and save the states at that time."""
     text, line, work = code.text, code.line, code.work
     running = begins & line.state[0].equals(code.mode)
     work.accepted[0] = running.select(1.0, 0.0)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 
 class CodeArguments(NamedTuple):
-    """Entries of the integer array that an integrator's machine code gets: addresses and counts."""
+    """The integers that are the arguments of an integrator's code: addresses and counts."""
 
     rows: int  # address of the rows of trajectories (count, rows)
     count: int
@@ -27,7 +27,7 @@ class CodeArguments(NamedTuple):
 
 
 class ComponentNumbers(NamedTuple):
-    """Numbers of one component, for its allowed error and its sign, that all lanes share."""
+    """Numbers of a component that all lanes share: for its allowed error, its sign, its rate."""
 
     extra: float  # added to the allowed error: atol, infinity for clocks
     counts: float  # 1, for clocks 0

@@ -10,9 +10,10 @@ from .memory import LaneState
 
 
 class FunctionCode:
-    """A function in the text of an integrator; `work` has an array for each part of `WorkRows`.
+    """A function of an `Integrator` in the text `text`: the base of classes that add functions.
 
-    `name` begins the names of all functions; `for_each` is True if each lane has its own table.
+    `work` is the address of the workspace; `self.work` has an array for each part of `WorkRows`.
+    `name` begins the names of all functions. If `for_each` is True, each lane has its own table.
     """
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
@@ -22,12 +23,12 @@ class FunctionCode:
         self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call a function of `Integrator.functions`; `addresses` are input, table and output."""
+        """Call `functions[function]` of the integrator; `addresses`: input, table and output."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
 class StepCode(FunctionCode):
-    """The function that takes steps of lines, which are SIMD packs of W lanes.
+    """A function that takes steps of lines, SIMD packs of W lanes: its arrays and operations.
 
     of        the arguments of the code, see `CodeArguments`
     line      an array for each part of `TrajectoryRows`
@@ -43,31 +44,31 @@ class StepCode(FunctionCode):
         self.table = self.work.table.at() if for_each else self.of.table
 
     def has_trajectories(self):
-        """Return whether any lane has a trajectory; the row `own` is its number + 1, or 0."""
+        """Return whether any lane has a trajectory: the row `own` is 0 in lanes without one."""
         text = self.text
         own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
 
     def columns(self, x, f, count):
-        """Write the ends y_c - x of the first `count` columns of a step from x to `work.ends`."""
+        """Write the ends y_c - x of the first `count` columns to `work.ends`; f is f(x)."""
         self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
 
     @property
     def mode(self):
-        """The `LaneState` of lanes that this integrator takes."""
+        """The `LaneState` of lanes that take steps with this integrator: EXPLICIT or IMPLICIT."""
         mode = LaneState.IMPLICIT if self.integrator.is_implicit else LaneState.EXPLICIT
         return self.text.value(float(mode))
 
     def number(self, name):
-        """Return the entry of `SharedNumbers` with this name."""
+        """Return the number `name`, such as "rtol", of `SharedNumbers`, which all lanes share."""
         return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
 
     def component(self, name, i):
-        """Return the entry of `ComponentNumbers` with this name for component i."""
+        """Return the number `name`, such as "keeps", of component i in `ComponentNumbers`."""
         return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
 
     def apply(self, kernel, i=0, **inputs):
-        """Apply a scalar kernel to component i; return its results by name.
+        """Apply a scalar kernel to component i; return {name: result}. `inputs` are inputs by name.
 
         Inputs that are not given are found by name in `SharedNumbers`, in `ComponentNumbers`, and
         in the rows of `line` or `work`.
@@ -83,10 +84,10 @@ class StepCode(FunctionCode):
         return self.text.apply(kernel, **inputs)
 
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
-        """Return a `Carried` with the results that a kernel passes from component to component.
+        """Apply a kernel to component 0, 1, ... in turn; return its last results as a `Carried`.
 
-        For each of `count` components (default D) the kernel gets `inputs(i)` and its results so
-        far, which are `start` at first.
+        For each of `count` components (default D), inputs of the kernel are the dict inputs(i), and
+        its results for the component before, by name. For component 0 these are `start`.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):
@@ -94,33 +95,33 @@ class StepCode(FunctionCode):
         return found
 
     def of_columns(self, rows, i):
-        """Return component i of each column, from rows such as `work.ends`."""
+        """Return a list: component i of each column. `rows` has D rows a column, as `work.ends`."""
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return {'last': time that no step passes}, see `step_length.GOAL`; {} without events."""
+        """Return {'last': time that no step passes}, an input of kernels, or {} without events."""
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
-        """Update the row `largest` of component i by the value x, in lanes where `truth` holds."""
+        """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true."""
         modulus, largest = abs(x), self.line.largest[i]
         self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
 
     def lanes_with(self, bits):
-        """Add a loop over lanes with bit 1 in `bits`; yield the offset of each lane in bytes."""
+        """Add a loop over lanes k where bit k of `bits` is 1; yield 8 k, the offset in bytes."""
         for lane in self.text.each(self.text.W):
             bit = (bits >> lane) & 1
             with self.text.when(bit.equals(1)):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write results `found` of a kernel to `rows` of their names, in lanes `truth` or all."""
+        """Write found[name] to row `name` of `rows`, for all names, in lanes `truth` or in all."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))
 
 
 def weighted(factors, values):
-    """Return the sum of factors times values, added in order."""
+    """Return the sum of factors[k] * values[k], added from the first product to the last."""
     products = (factor * value for factor, value in zip(factors, values, strict=True))
     return sum(products, next(products))

@@ -16,7 +16,7 @@ from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
 class Integrator:
-    """The explicit or the implicit integrator of a right-hand side.
+    """The explicit integrator of a right-hand side f or, if `is_implicit`, the implicit one.
 
     functions    `vector_functions` by name: `f` with the denominators of clocks, and functions of
                  surfaces, events and branches; in the implicit integrator also `j`, which finds
@@ -24,20 +24,21 @@ class Integrator:
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
-    largest      the kernel for the size of all components
-    allowed      the kernel for the allowed error of a component
+    largest      the kernel that finds the largest size of the components
+    allowed      the kernel that returns 1 / allowed error of a component; it depends on `has_atol`
     parts        (first component, how many) of x and of derivatives, which have different sizes:
                  large derivatives must not loosen the tolerance of x
-    watched      how many components surfaces depend on, `surfaces` how many there are
-    read         the components that `surfaces` read
-    double_crossings  `DoubleCrossings`, which find whether a step hides crossings; they read
-                 `at_points` numbers of surfaces
+    watched      the number of components of x if f has surfaces at which steps end, else 0
+    surfaces     how many such surfaces f has
+    read         the numbers of the components on which these surfaces depend
+    double_crossings  `DoubleCrossings`, programs that find whether a step hides crossings; they
+                 read `at_points` numbers at points of the step, such as values of surfaces
     events       `EventSet`, or None
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
     pivots       how many factors of 1 - s f', from the first on, are inverse pivots
     rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`; `scalars` are parts of one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
-    codes        addresses of its machine code, see `batch_solver.code_of`
+    codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 
     def __init__(self, f, is_implicit, has_atol):
@@ -74,7 +75,7 @@ class Integrator:
         self._set_rows(factors)
 
     def _set_rows(self, factors):
-        """Set `rows` and `work`; `factors` is the number of factors of 1 - s f'."""
+        """Set the first row of each part of `rows` and `work`; 1 - s f' has `factors` factors."""
         f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
         extended, chooses, events = D + len(f.denominators), int(bool(f.branches)), int(bool(c))
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
@@ -111,7 +112,7 @@ class Integrator:
         self.scalars = {*scalars_of(self.rows), *scalars_of(self.work)}
 
     def _add_surfaces(self):
-        """Add the functions of surfaces whose crossings end steps."""
+        """Add functions of the surfaces at which steps end to the dict `functions`."""
         f, D = self.f, self.f.of.D
         sides = 2 * (f.events.surfaces if f.events else 0)
         for name, program in (("surfaces", f.watched), ("phases", self.double_crossings.phases)):
@@ -128,7 +129,7 @@ class Integrator:
                 self.functions[name] = ProgramFunction(program, first, places)
 
     def _add_events(self):
-        """Add the functions of events."""
+        """Add functions of events (surfaces, new states, new columns) to the dict `functions`."""
         P, of_x = self.events.P, self.f.of
         for name, (program, rows) in self.events.parts.items():
             if not self.f.columns and name.startswith(("tau", "column")):
@@ -139,7 +140,7 @@ class Integrator:
             self.functions[name] = ProgramFunction(program, rows, places)
 
     def _add_branches(self):
-        """Add the functions of branches."""
+        """Add functions that find branches of f, and what depends on them, to `functions`."""
         f, branches = self.f.of, self.f.branches
         given = branches.P + branches.jumps + branches.kinks
         places = {f.D + p: p for p in range(given)}
@@ -150,7 +151,7 @@ class Integrator:
             self.functions["slopes"] = ProgramFunction(f.slopes, f.D, f.places)
 
     def _add_implicit(self):
-        """Add the functions of the implicit integrator; return the number of factors."""
+        """Add f' and the elimination in 1 - s f' to `functions`; return its number of factors."""
         f, D, functions = self.f, self.f.D, self.functions
         if f.is_dense:
             functions["j"] = DenseQuadratic(D, True)
@@ -177,5 +178,5 @@ class Integrator:
 
 
 def _read(program, D):
-    """Return the numbers, ascending, of the first D inputs (components) that a program reads."""
+    """Return which of the first D inputs (components) a `Program` reads, as ascending numbers."""
     return sorted(read_by(program, program.results).intersection(range(D)))

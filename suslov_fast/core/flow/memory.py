@@ -29,7 +29,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
 class TrajectoryRows(NamedTuple):
-    """The first rows of the parts of a trajectory; a part has one row unless noted otherwise."""
+    """The row at which each part of a trajectory's data begins; parts have one row unless noted."""
 
     x: int  # the state (D)
     f: int  # f(x), and its denominators of clocks (D + denominators)
@@ -82,20 +82,20 @@ OF_EVENTS = "stop stop_which stop_place at recorded often resting actions".split
 
 
 def firsts_of(kind, sizes):
-    """Return a `kind`, such as `WorkRows`, of first rows; a part has sizes[name] rows, or one."""
+    """Return first rows of parts as a `kind` (`WorkRows` ...); part p has sizes[p] rows, or one."""
     counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
     return kind(*accumulate(counts, initial=0))
 
 
 def scalars_of(firsts):
-    """Return the names of the parts that have one row, from a result of `firsts_of`."""
+    """Return the names of the parts that have one row; `firsts` is a result of `firsts_of`."""
     return [
         name for name, (a, b) in zip(firsts._fields, pairwise(firsts), strict=False) if b - a == 1
     ]
 
 
 class WorkRows(NamedTuple):
-    """The first rows of a line of lanes, and of the temporary results of a step."""
+    """The row at which each part of a workspace begins: a line of lanes, and results of a step."""
 
     line: int  # `TrajectoryRows` of the trajectories
     own: int  # their numbers, integers

@@ -51,7 +51,7 @@ class _PreparedRunner(StepRunner):
         super().__init__(integrator, W, rows, table, numbers, components_of(f, settings.atol))
 
     def begin(self, x0, table, request):
-        """Begin a call; data that equal those of the last call are not set again."""
+        """Begin a call: set states x0 (B, D), the table of f, and times of a `SolverRequest`."""
         if (source := table.tobytes()) != self.source:
             self.first_table[:], self.source = table, source
         if (moduli := request.times.tobytes()) != self.moduli:
@@ -65,7 +65,10 @@ class _PreparedRunner(StepRunner):
 
 @functools.lru_cache(64)
 def prepared(f, settings, sign, B, for_each):
-    """Return the list of the `_PreparedRunner`s with these arguments that no call is using."""
+    """Return the list of unused `_PreparedRunner`s for these arguments; calls take and return them.
+
+    `sign` is 1, or -1 backward in time. If `for_each` is True, each of B trajectories has a table.
+    """
     return []
 
 
@@ -74,10 +77,10 @@ def solve_small_batch(f, table, x0, request):
 
     Return (states, steps, records, begun):
 
-    states    (count, B, D), NaN for times that are not reached
-    steps     (B,), and `records` as in `BatchSolver`, if all trajectories have reached the last
-              time, and no component fell and grew; else None
-    begun     None in that case, else (rows, table, records) for `BatchSolver.run`
+    states    (count, B, D) at the times, NaN where they are not reached
+    steps     (B,) numbers of steps, and `records` (arrays of the actions of events), if all
+              trajectories have reached the last time, and no component fell and grew; else None
+    begun     None in that case, else (rows, table, records), from which `BatchSolver.run` continues
 
     `table` (n,) or (B, n) is the table of f.
     """

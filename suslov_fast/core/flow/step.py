@@ -51,7 +51,7 @@ from .next_state import find_next_state, move
 
 
 def take_step(code):
-    """Take a step in the lanes whose length, in the row `taken`, is not 0."""
+    """Add a step to a function `code` (`StepCode`), for lanes where the row `taken` is not 0."""
     integrator = code.integrator
     rate = _find_columns(code)
     kept, sizes = find_next_state(code)
@@ -74,7 +74,10 @@ def take_step(code):
 
 
 def _find_columns(code):
-    """Write y_c - x to the rows `ends`; return the rate of f' of an implicit step, else None."""
+    """Write y_c - x, the ends of the columns less x, to the rows `ends` of `WorkRows`.
+
+    Return |mu|, the largest rate of the motion, if the step is implicit, else None.
+    """
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
@@ -84,9 +87,10 @@ def _find_columns(code):
 
 
 def _estimate_errors(code, kept, sizes):
-    """Return `ratio`, `apart`, `total` and the other inputs of `step_length.AFTER`, by name.
+    """Return inputs of `step_length.AFTER` by name, such as `ratio`, the error / allowed error.
 
-    `kept` and `sizes` are results of `find_next_state`.
+    `kept` is 0 where a component has lost its sign; `sizes` has the largest moduli of x and of
+    derivatives, for the allowed errors. Both are results of `find_next_state`.
     """
     integrator, work = code.integrator, code.work
     own, of_error = integrator.weights, integrator.error_weights
@@ -103,12 +107,15 @@ def _estimate_errors(code, kept, sizes):
     return errors | {"kept": kept, "taken": work.taken[0]}
 
 
-def _accept(code, errors, before):
-    """Decide by `errors` which lanes accept the step from time `before`, and the next lengths."""
+def _accept(code, errors, t):
+    """Decide which lanes accept the step, which began at time t, and how long the next step is.
+
+    `errors` is the dict of `_estimate_errors`; it receives the result `accepted`.
+    """
     line, work = code.line, code.work
     found = code.apply(step_length.AFTER, **errors, **code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
-    code.keep(work, {"accepted": errors["accepted"], "served": served, "t": before})
+    code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
     if code.integrator.events:
         own = {"before": line.wanted[0], "state_before": line.state[0]}
         own |= {name: found[name] for name in ("t", "wanted", "state")}
@@ -117,7 +124,7 @@ def _accept(code, errors, before):
 
 
 def _choose_integrator(code, errors):
-    """Make stiff lanes implicit, by `errors`, and others explicit again; end lanes that fail."""
+    """Let lanes change to the other integrator, or end, by the `errors` and rates of the step."""
     if code.integrator.is_implicit:
         code.keep(code.line, code.apply(step_length.TURN_IMPLICIT, **errors))
         return

@@ -17,10 +17,11 @@ from .stormer import StormerColumns
 
 
 def text_of_integrator(integrator, name, W, for_each):
-    """Return the text of i64 name(arguments), see `CodeArguments`, for an `Integrator` and W lanes.
+    """Return LLVM's text of the function i64 name(arguments) of an `Integrator`, for W lanes.
 
-    The function takes all steps with this integrator, and returns 1. When the budget is spent, it
-    returns 0, and the next call continues. When a trajectory ends, its lane takes the next one.
+    The argument is the address of `CodeArguments`; if `for_each`, each lane has its own table. The
+    function takes all steps with this integrator, and returns 1. When the budget of steps is spent,
+    it returns 0, and the next call continues. When a trajectory ends, its lane takes the next one.
     """
     text = Code(W)
     for key, function in integrator.functions.items():

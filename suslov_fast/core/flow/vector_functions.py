@@ -20,9 +20,9 @@ LONGEST = 20_000
 
 
 class ProgramFunction:
-    """An expression program as straight-line code; its first `inputs` values are rows.
+    """An expression program as straight-line code; its first `inputs` numbers are input rows.
 
-    `places` has the place in the table of each other input. A result None leaves its row as it is.
+    `places` is {number: place in the table} of other inputs. A result None leaves its row as it is.
     """
 
     scratch = 0
@@ -35,7 +35,10 @@ class ProgramFunction:
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
 
     def values(self, text, row, table, for_each):
-        """Add the operations to a text; return the results by place. row(k) is the k-th input."""
+        """Add the operations to `text`; return {place: result} for the results that are not None.
+
+        row(k) returns input k. `table` is the address of a table, one for each lane if `for_each`.
+        """
         found = {}
         load = self._loader(text, row, table, for_each)
         text.carry_out(self.program.operations, found, load)
@@ -56,9 +59,10 @@ class ProgramFunction:
         return found[a] if a in found else load(a)
 
     def add(self, text, name, for_each):
-        """Add the function, in blocks of operations: LLVM's time grows with the square of a block.
+        """Add the function `name` to `text`, in blocks of operations.
 
-        Each block reads its inputs again, and writes each result as soon as it is computed.
+        LLVM's time grows with the square of a block. Each block reads its inputs again, and writes
+        each result as soon as it is computed. If `for_each` is True, each lane has a table.
         """
         operations, rows, given = self.program.operations, defaultdict(list), []
         own = {number for _, number, _ in operations}
@@ -89,7 +93,7 @@ class ProgramFunction:
 
 
 class SparseLoops:
-    """The factors of 1 - s J, or the solution of (1 - s J) v = g, as loops: see `sparse_solver`."""
+    """Loops that find factors of 1 - s J, or v in (1 - s J) v = g, for a `Sparse` plan."""
 
     def __init__(self, plan, add):
         self.plan, self.add_function, self.scratch = plan, add, len(plan.order)
@@ -118,12 +122,12 @@ class DenseQuadratic:
         D, x, f = self.D, text.array("%from"), text.array("%to")
         numbers = text.array("%table") if for_each else Shared(text, "%table")
 
-        def linear_and_sum(own, j):
-            """Return l_ij and sum_k q_ijk x_k."""
-            q, sums = own.from_here(j * D + (1 + D)), Carried(total=0.0)
+        def linear_and_sum(coefficients, j):
+            """Return l_ij and sum_k q_ijk x_k, factors of x_j in f_i with these `coefficients`."""
+            q, sums = coefficients.from_here(j * D + (1 + D)), Carried(total=0.0)
             for k in text.each(D, sums):
                 sums.total = sums.total + q[k] * x[k]
-            return own.after(1)[j], sums.total
+            return coefficients.after(1)[j], sums.total
 
         for i in text.each(D):
             own = numbers.from_here(i * (1 + D + D * D))

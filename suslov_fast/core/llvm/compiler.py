@@ -25,7 +25,7 @@ LEVEL = 0 if os.environ.get("SUSLOV_FAST_OPT") == "0" else 2
 
 
 def pointer(kind):
-    """Return LLVM's name for a pointer to this type, which depends on the version of LLVM."""
+    """Return how this LLVM writes a pointer to type `kind`: for "i64" it is "ptr" or "i64*"."""
     return "ptr" if binding.llvm_version_info[0] > 16 else f"{kind}*"
 
 
@@ -56,9 +56,10 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 
 
 def compiled(key, text_of, level=2, lasts=False):
-    """Return the `Address` of the machine code of the text `text_of(name)`, see `code_of`.
+    """Return the `Address` of the function in the text `text_of(name)`, cached by `key`.
 
-    `key` identifies the text; `level` is LLVM's optimisation level.
+    text_of(name) writes a function of this name. `level` is LLVM's optimisation level. If `lasts`
+    is true, the code stays until the process ends.
     """
     key = key, level, lasts
     with _lock:
@@ -78,7 +79,7 @@ def compiled(key, text_of, level=2, lasts=False):
 
 
 def _free_old():
-    """Forget all codes that need not last, and their engines, once they exceed MOST_TEXT."""
+    """Drop cached codes that need not last, and their engines, if their texts reach MOST_TEXT."""
     # A signal handler may compile or free codes between any two lines, so the loops need copies.
     old = {key: code for key, code in known_codes.copy().items() if not key[-1]}
     if sum(code.length for code in old.values()) >= MOST_TEXT:
@@ -90,7 +91,10 @@ def _free_old():
 
 
 def _compile(text, name, level, lasts):
-    """Compile a text; return the `Address` of its function `name` (arguments as in `compiled`)."""
+    """Compile `text` at LLVM's optimisation `level`; return the `Address` of its function `name`.
+
+    If `lasts` is true, the engine of the code is never dropped.
+    """
     module, kind = binding.parse_assembly(text), (level, lasts)
     if kind in _engines:
         _engines[kind].add_module(module)
@@ -119,7 +123,7 @@ def _machine(level):
 
 
 def _features():
-    """Return the processor features that code is compiled for, as LLVM spells them."""
+    """Return the processor features for which code is compiled, such as "+avx2,+fma"."""
     if config.CPU_FEATURES is not None:
         return config.CPU_FEATURES
     return "" if config.CPU_NAME else binding.get_host_cpu_features().flatten()
@@ -136,10 +140,10 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 
 def address_of(array):
-    """Return the address of a writeable contiguous array, in a third of the time of NumPy."""
+    """Return the address of a writeable contiguous array, or 0 if empty: faster than NumPy."""
     return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else 0
 
 
 def call(address, array):
-    """Call machine code with the address of an array; return the integer that it returns."""
+    """Call the code at an `Address` with the address of an array; return the integer result."""
     return address.call(address_of(array))

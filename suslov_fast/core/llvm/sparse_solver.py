@@ -13,7 +13,10 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Return attributes: lengths of a `Sparse` plan, and addresses of its arrays with `names`."""
+    """Add the arrays `names` of a `Sparse` plan to `text`; return their addresses as attributes.
+
+    Other attributes are counts: D, `entries` of J, `of_lower` of L, and `of_upper` of U.
+    """
     lengths = {
         "D": plan.order,
         "entries": plan.rows,
@@ -26,29 +29,30 @@ def _parts(text, plan, *names):
 
 
 def _between(text, begin, end):
-    """Add a loop over the integers from begin to end - 1, which may be none."""
+    """Add a loop to `text`; yield its integer, from `begin` to end - 1. There may be none."""
     with text.when(begin < end):
         for n in text.each(end - begin):
             yield begin + n
 
 
-def _offsets(text, of, j):
-    """Return the `ColumnOffsets` of column j, and of the next column; `of` is from `_parts`."""
-    offsets = Integers(text, of.offsets + j * (8 * len(SLOT)))
+def _offsets(text, parts, j):
+    """Return the `ColumnOffsets` of columns j and j + 1; `parts` is the result of `_parts`."""
+    offsets = Integers(text, parts.offsets + j * (8 * len(SLOT)))
     return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
 
-def _along(text, of, begin, end, rows, numbers=0):
-    """Add loops over the rows of the spans begin, ..., end - 1, with the body of `for`.
+def _along(text, parts, begin, end, row_0, numbers=0):
+    """Add loops to `text` over the rows in the spans begin, ..., end - 1; a span is a run of rows.
 
-    The body gets a text, the address of a row (`rows`: of row 0) and of its number (`numbers`: of
-    the first). If W is 1, AT_ONCE rows are lanes of a wider text. `of` is from `_parts`.
+    Yield a text, the address of a row in a column, and the address of its number in L or U.
+    `row_0` is the address of row 0, and `numbers` of the first number. If W is 1, a loop takes
+    AT_ONCE rows as lanes of a wider text. `parts` is the result of `_parts`.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
         for now in text.rounds(Carried(span=begin, number=numbers)):
-            first, count = (text.short(of.spans, now.span * 2 + k) for k in range(2))
-            first, rest = rows + first * size, 0
+            first, count = (text.short(parts.spans, now.span * 2 + k) for k in range(2))
+            first, rest = row_0 + first * size, 0
             if text.W == 1:
                 rest = count - (count & (AT_ONCE - 1))
                 for n in _between(text, 0, rest // AT_ONCE):
@@ -60,14 +64,14 @@ def _along(text, of, begin, end, rows, numbers=0):
 
 
 def _for_rows(text, value):
-    """Return a dict {number of lanes of a text: value} for the texts that `_along` yields."""
+    """Return {W: `value` in W lanes} for the texts of W lanes that `_along` yields."""
     if text.W > 1:
         return {text.W: value}
     return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
 
 
 def add_factors(text, name, plan):
-    """Add the function void name(from, table, to, scratch), which factors A = 1 - s J.
+    """Add void name(from, table, to, scratch) to `text`: it factors A = 1 - s J by a `Sparse` plan.
 
     It reads the entries of J and s at `from`, and writes the inverse pivots (D), L and U at `to`.
     At `scratch` is room for a column (D).
@@ -107,7 +111,10 @@ def add_factors(text, name, plan):
 
 
 def add_solution(text, name, plan):
-    """Add void name(from, table, to, scratch): factors at `from`, g at `to`, where v replaces g."""
+    """Add void name(from, table, to, scratch) to `text`: it solves (1 - s J) v = g by `plan`.
+
+    At `from` are factors, as `add_factors` writes them, and at `to` is g, which v replaces.
+    """
     with text.function(name):
         of = _parts(text, plan, "order", "lower", "upper")
         inverses, v = text.array("%from"), text.array("%to")

@@ -39,9 +39,9 @@ class _Name:
     def __str__(self):
         return self.name
 
-    def _number(self, other):
-        """Return the other operand as it stands in an instruction."""
-        return other
+    def _number(self, operand):
+        """Return an operand as instructions write it: unchanged. `Value` makes floats constants."""
+        return operand
 
     def _operate(self, instruction, a, b):
         a, b = self._number(a), self._number(b)
@@ -70,30 +70,30 @@ class Truth(_Name):
         return self ^ ("true" if self.kind == "i1" else self.text.truth(True))
 
     def select(self, a, b):
-        """Return `a` where this is true, else `b`: numbers of lanes, or integers."""
+        """Return a in lanes where this is true, b in others; a and b are numbers or integers."""
         value = b if isinstance(b, _Name) else self.text.value(a)
         a, b = value._number(a), value._number(b)
         name = f"select {self.kind} {self}, {value.kind} {a}, {value.kind} {b}"
         return type(value)(value.text, value.text.new(name))
 
     def _packed(self):
-        """Return an integer that has a bit for each lane, and its type."""
+        """Return an integer with a bit for each lane (or one truth value), and its LLVM type."""
         if self.kind == "i1":
             return self, self.kind
         kind = f"i{self.text.W}"
         return self.text.new(f"bitcast {self.kind} {self} to {kind}"), kind
 
     def bits(self):
-        """Return the truth values of all lanes as the bits of an integer."""
+        """Return the truth values as an integer `Index`; bit k is 1 if lane k is true."""
         bits, kind = self._packed()
         return Index(self.text, self.text.new(f"zext {kind} {bits} to i64"))
 
     def any(self):
-        """Return the truth value that some lane is true."""
+        """Return a single truth value: whether any lane is true."""
         return self._compared("ne", 0)
 
     def all(self):
-        """Return the truth value that all lanes are true."""
+        """Return a single truth value: whether all lanes are true."""
         return self._compared("eq", -1)
 
     def _compared(self, how, number):
@@ -104,7 +104,7 @@ class Truth(_Name):
 
 
 class _Comparable(_Name):
-    """A value that `equals` and `differs` compare, because `==` finds the keys of dicts."""
+    """A value with methods `equals` and `differs`; `==` compares objects, as keys of dicts."""
 
     def _compare(self, how, other):
         comparison = f"{self.comparison} {how} {self.kind} {self}, {self._number(other)}"
@@ -130,8 +130,8 @@ class Value(_Comparable):
     def of_comparison(self):
         return self.text.M
 
-    def _number(self, other):
-        return self.text.constant(other) if isinstance(other, float) else other
+    def _number(self, operand):
+        return self.text.constant(operand) if isinstance(operand, float) else operand
 
     def __abs__(self):
         return Value(self.text, self.text._call("fabs", self))
@@ -180,11 +180,11 @@ class Array:
         return self.text.place(self.base, self.first, i)
 
     def after(self, k):
-        """Return the array that begins at row k."""
+        """Return the array that begins at row k of this one."""
         return type(self)(self.text, self.base, self.first + k)
 
     def from_here(self, i=0):
-        """Return the array that begins at row i; its address is computed here, once."""
+        """Return the array that begins at row i of this one; its address is computed here, once."""
         return type(self)(self.text, self.at(i))
 
     def __getitem__(self, i):
@@ -194,14 +194,14 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write row i, where the value was selected from the row itself and another value.
+        """Write `value`, a `select` between row i itself and another value, to row i.
 
-        LLVM would make a masked store of it, which takes up to 40 cycles on AMD processors.
+        The store is volatile: LLVM would make a masked one, with up to 40 cycles on AMD processors.
         """
         self.text.store(self.text.V, self.text.value(value), self._place(i), how="volatile ")
 
     def choose(self, truth, i, value):
-        """Write row i in the lanes where `truth` is true."""
+        """Write `value` to row i in lanes where `truth` is true; other lanes keep their number."""
         self.put_chosen(i, truth.select(value, self[i]))
 
 
@@ -226,7 +226,10 @@ class Integers(Shared):
 
 
 class Intervals:
-    """Rows of a `Table` as constants, `bytes` apart; inf fills each row up to 2**n numbers."""
+    """Intervals of a `Table` as constants in `text`: rows of low ends, high ends, heights, slopes.
+
+    The four rows are `bytes` apart; inf fills each row up to 2**n numbers.
+    """
 
     def __init__(self, text, table, name=None):
         count = table.rows.shape[1]
@@ -237,7 +240,7 @@ class Intervals:
         self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
-        """Return the address of the low end of the interval that holds x + less, by bisection."""
+        """Return the address of the low end of the interval with x + less inside, by bisection."""
         for now in self.text.rounds(Carried(at=self.base, half=self.half)):
             above = now.at + now.half * 8
             is_above = x >= Shared(x.text, above)[0] - less
@@ -257,7 +260,7 @@ class Carried:
         vars(self).update(values)
 
     def update(self, values):
-        """Replace loop variables by name."""
+        """Replace loop variables by `values`, {name: value}."""
         vars(self).update(values)
 
 
@@ -278,7 +281,7 @@ class Code:
         self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def finished(self):
-        """Return the text with the end of the function, its constants and declarations."""
+        """Return the text with the end of its last function, with constants and declarations."""
         return "\n".join([
             *self.arrays_of_text, *self.lines, "}", *sorted(self.declared),
             *itertools.chain(*self.functions.values()),
@@ -293,7 +296,7 @@ class Code:
         self.target.lines.append(line)
 
     def new(self, instruction):
-        """Add an instruction; return the name of its value."""
+        """Add an instruction; return the new name that the text gives to its value."""
         self.target.count += 1
         self.target.lines.append(f"  %v{self.target.count} = {instruction}")
         return f"%v{self.target.count}"
@@ -302,7 +305,7 @@ class Code:
         self.add(f"  br label %{label}")
 
     def branch(self, truth, label, other, likely=None):
-        """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
+        """Go to `label` if `truth` is true, else to `other`; `likely` is a guess of `truth`."""
         weights = {None: "", True: ", !prof !0", False: ", !prof !2"}[likely]
         self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
 
@@ -323,14 +326,14 @@ class Code:
         self.block = self.target.block = name
 
     def begin(self, name, *arguments):
-        """Begin the function i64 name(arguments); the arguments are integers."""
+        """Begin the function i64 name(arguments); `arguments` are the names of integers."""
         arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
         self.add(f"define i64 @{name}({arguments}) #0 {{")
         self.label("entry")
 
     @contextmanager
     def function(self, name, arguments=("from", "table", "to", "scratch")):
-        """Add void name(arguments), of integers, whose body is the block of `with`."""
+        """Add void name(arguments) with integer arguments; its body is the block of `with`."""
         arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
         self.add(f"define internal void @{name}({arguments}) #0 {{")
         self.label("entry")
@@ -344,13 +347,13 @@ class Code:
         self.label(self._name("left"))
 
     def next_block(self):
-        """End the block of straight-line code, and begin another."""
+        """End the basic block, which is code without branches, and begin another."""
         name = self._name("next")
         self.jump(name)
         self.label(name)
 
     def constants(self, values, name=None):
-        """Add an array of constants, integers or numbers, to the text; return it."""
+        """Add an array of constants, integers or floats; return it as `Integers` or `Shared`."""
         values, name = np.asarray(values), name or f"array{len(self.target.arrays_of_text)}"
         if values.dtype == float:
             rows, kind, mark, bits = Shared, "double", ", align 64", values.ravel().view(np.uint64)
@@ -363,7 +366,7 @@ class Code:
         return rows(self, Index(self, self.new(f"ptrtoint {pointer(whole)} @{name} to i64")))
 
     def table(self, table):
-        """Return the name of the function that evaluates a `Table`; the text defines it."""
+        """Return the name of the function double name(double x) of a `Table`; add it if missing."""
         name = "_".join(table.split())
         if name not in self.target.functions:
             text = Code(1)
@@ -380,14 +383,14 @@ class Code:
         return name
 
     def copy(self, source, target, count):
-        """Add a loop that copies `count` rows between arrays, or addresses."""
+        """Add a loop that copies `count` rows; `source` and `target` are arrays or addresses."""
         both = source, target
         source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
         for k in self.each(count):
             target[k] = source[k]
 
     def fill(self, rows, count, of, *inputs):
-        """Add loops that write of(a, b, ...) to `count` rows, where a, b, ... are rows of inputs.
+        """Add loops that write rows[i] = of(a[i], b[i], ...) for i < count; `inputs` are a, b, ...
 
         An input that is a `Value` is the same for all rows. One lane takes AT_ONCE rows a round,
         because without optimisation rounds take most of the time. Few rows are taken singly,
@@ -414,12 +417,12 @@ class Code:
             self.store("i64", number, target + k * other)
 
     def invoke(self, name, *addresses):
-        """Call a void function of this text with arrays and integers."""
+        """Call the void function `name` of this text; its arguments are arrays or integers."""
         addresses = [a.at() if isinstance(a, Array) else a for a in addresses]
         self.add(f"  call void @{name}({', '.join(f'i64 {a}' for a in addresses)})")
 
     def call(self, result, address, *integers):
-        """Call the function at an address with integers; return its result, of type `result`."""
+        """Call the function at an address with integers; return a value of LLVM type `result`."""
         kind = f"{result} ({', '.join(['i64'] * len(integers))})"
         function = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         call = f"call {result} {function}({', '.join(f'i64 {a}' for a in integers)})"
@@ -427,7 +430,7 @@ class Code:
 
     @contextmanager
     def when(self, truth, likely=None):
-        """Add a block that runs if a truth value is true."""
+        """Add the body of `with`, which runs if `truth` is true; `likely` is a guess of `truth`."""
         name = self._name("when")
         self.branch(truth, name, f"{name}_after", likely)
         self.label(name)
@@ -436,7 +439,7 @@ class Code:
         self.label(f"{name}_after")
 
     def otherwise(self, truth, values, body):
-        """Return `values` if a truth value is true, else the values that `body()` returns."""
+        """Return `values` if `truth` is true, else the values of body(), which runs only then."""
         name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
         self.branch(truth, f"{name}_after", name, True)
         self.label(name)
@@ -454,7 +457,7 @@ class Code:
         """Add a loop with the body of `for`; it continues while `carried.goes_on` is true.
 
         Python runs the body once, to write its instructions, and must not leave the `for`. The body
-        replaces the variables in `carried` and `others`, and sets `carried.goes_on`.
+        replaces the variables in `carried` and `others`, all `Carried`, and sets `carried.goes_on`.
         """
         name, before = self._name("cycle"), self.target.block
         self.jump(name)
@@ -479,10 +482,10 @@ class Code:
         self.label(f"{name}_after")
 
     def each(self, count, carried=None, most=1):
-        """Add a loop over indices from 0 with the body of `for`, see `rounds`.
+        """Add a loop with the body of `for`; yield its index, from 0 to count - 1.
 
-        If `count` is a Python integer of at most `most`, the loop is unrolled. Any other count must
-        be 1 or more.
+        `carried` has the loop variables, see `rounds`. If `count` is a Python integer of at most
+        `most`, the loop is unrolled. Any other count must be 1 or more.
         """
         carried = carried or Carried()
         if isinstance(count, int) and count <= most:
@@ -495,7 +498,7 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function of `carried` (see `each`) that adds a loop over these indices.
+        """Return a function of loop variables `carried` that adds a loop over these indices.
 
         Indices that are not consecutive stand in an array, and its address is computed here.
         """
@@ -515,15 +518,15 @@ class Code:
         return value
 
     def lanes(self, W):
-        """Return this text for W lanes; the distance between rows stays the same."""
+        """Return a `Code` that adds to this text, for W lanes; rows stay as far apart as here."""
         return Code(W, self.target, self.size)
 
     def array(self, base, first=0):
-        """Return the `Array` at an address, from row `first` on."""
+        """Return the `Array` that begins at row `first`, where `base` is the address of row 0."""
         return Array(self, base, first)
 
     def arrays(self, base, rows):
-        """Return `Array`s by name, from a named tuple of their first rows; row 0 is at `base`."""
+        """Return `Array`s as attributes, from a named tuple of first rows; row 0 is at `base`."""
         firsts = rows._asdict().items()
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
 
@@ -542,7 +545,7 @@ class Code:
         return Index(self, self.new(f"zext i32 {number} to i64"))
 
     def apply(self, kernel, **inputs):
-        """Apply a scalar kernel to inputs by name; return its results by name."""
+        """Add the operations of a scalar kernel to inputs by name; return {name: result}."""
         values = {k: self.value(inputs[name]) for k, name in enumerate(kernel.inputs)}
         self.carry_out(kernel.operations, values, None)
         truths = {
@@ -556,7 +559,7 @@ class Code:
         }
 
     def shuffled(self, a, b, order):
-        """Return the lanes of two vectors in this order; lanes of `b` follow the W lanes of `a`."""
+        """Return the vector of lanes `order`: n < W is lane n of a, n >= W is lane n - W of b."""
         order = ", ".join(f"i32 {n}" for n in order)
         return self.new(f"shufflevector {self.V} {a}, {self.V} {b}, <{self.W} x i32> <{order}>")
 
@@ -572,7 +575,7 @@ class Code:
         return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
 
     def splat(self, number):
-        """Return a number in all lanes."""
+        """Return a `Value` with the same number in all lanes; `number` is the name of a double."""
         V, order = self.V, f"<{self.W} x i32> zeroinitializer"
         if self.W > 1:
             first = self.new(f"insertelement {V} undef, double {number}, i32 0")
@@ -600,7 +603,11 @@ class Code:
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def carry_out(self, operations, values, load):
-        """Add operations; `values` is {number: name}; load(number) returns a name that it lacks."""
+        """Add `operations`, which are (instruction, number of the value, operands), to the text.
+
+        `values` is {number: name of the value}, and receives the results. load(number) returns the
+        name of a value that it lacks.
+        """
         M = self.M
         for instruction, number, operands in operations:
             names = []
@@ -642,7 +649,7 @@ class Code:
             values[number] = name
 
     def _by_lane(self, function, operands):
-        """Call a function of single numbers for each lane; return the name of all results."""
+        """Call a function, such as "double @tan", lane by lane; return the name of the results."""
         if self.W == 1:
             return self.new(f"call {function}({self._typed(operands)})")
         result = "undef"
@@ -654,7 +661,7 @@ class Code:
         return result
 
     def _call_list(self, name, operands):
-        """Call the elementary function `name` for W lanes; the text defines it once (`list_of`)."""
+        """Call elementary function `name`, defined once, for W lanes; return the result's name."""
         function = f"lanes_{name}_{self.W}"
         if function not in self.target.functions:
             operations, result = list_of(name)
@@ -672,7 +679,7 @@ class Code:
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
     def _of_large_angles(self, name, value):
-        """Return the value of the C library where an angle x0 is large, else `value`."""
+        """Return `name` (sin, cos, tan) of the C library where an angle is large, else `value`."""
         is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 

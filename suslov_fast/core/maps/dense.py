@@ -42,7 +42,7 @@ class Dense(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Work arrays of `take_dense_steps`. The first axis is over parts of the work: threads."""
+    """Work arrays of `take_dense_steps`; the first axis is over parts of the work: threads."""
 
     a: Any  # (parts, lanes, D, D + 1)
     columns: Any  # (parts, lanes, D + 1, D)
@@ -65,10 +65,13 @@ def _spans_of(step):
 
 
 def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Take steps of dense fields on `threads` threads; arrays are as in `suslov.steps.steps`.
+    """Take steps of dense fields on `threads` threads, from state `start` to state `stop`.
 
-    `arguments` are a `Scheme`, values and eps. `solve_at` is compiled, in seconds, if a lane loses
-    digits, and the steps are taken again.
+    `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
+    `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
+    `carry` (1, B) gets the first states beyond poles; `status` and `failed_at` (B,) are updated. If
+    a lane loses digits, `solve_at` is compiled, and the steps are taken again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -106,10 +109,11 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
 def fill(spans, coefficients, states, columns, a):
     """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
-    With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of N
-    is the right side less x. `spans` are as in `Dense`; `coefficients` (1 or W, T) are h v in the
-    order of spans (see `prepare`); `columns` (W, D + 1, D) is memory for N.
-    All lanes use a coefficient before the next one is read: they take most of the memory.
+    With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of
+    N, plus x, is the right side. Rows of `spans` are (j, k, first i, count, first index) of terms
+    with equal j and k. `coefficients` (1 or W, T) are h v in this order; `columns` (W, D + 1, D) is
+    memory for N. All lanes use a coefficient before the next is read: coefficients take most
+    memory.
     """
     W, D = states.shape
     for l in range(W):
@@ -168,9 +172,10 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Call `solve_lane` with arrays at addresses; return -status, plus 256 if det A < 0.
+    """Replace a state by the next one with `solve_lane`; return -status, plus 256 if det A < 0.
 
-    `half` is the address of eps / 2 times v (T,). `memory` has room for D (D + 3) numbers.
+    Arguments but D and T are addresses: of i, j, k (`indices`) and eps v / 2 (`half`) of the T
+    terms v x_j x_k of f_i, of the state x, and of `memory` for D (D + 3) numbers.
     """
     status, negative = solve_lane(
         array_at(indices, (3, T), np.int64),
@@ -184,7 +189,10 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of trajectory i to lane l of each stage; `coefficients` have the order of spans."""
+    """Write h v of trajectory i to lane l of two arrays (stages, lanes, T), by stage.
+
+    `halves` has the order of terms, `coefficients` the order of spans; `field` is a `Dense`.
+    """
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
@@ -194,7 +202,13 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Take the steps of one of `parts` parts; `field` is a `Dense`; others as in `take_dense`."""
+    """Take the steps of part `part` of `parts` parts of a batch of B trajectories.
+
+    `field` is a `Dense`, `memory` a `Memory`. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
+    `final` (B, D) are the first states, then the last ones. `carry` (1, B) gets the first states
+    beyond poles; `status` and `failed_at` (B,) are updated.
+    """
     field, memory, carry, saved = uncounted((field, memory, carry, saved))
     final, status, failed_at = uncounted((final, status, failed_at))
     begin, end, start, stop, every, row = span

@@ -17,7 +17,7 @@ NOT_READY, DONE = range(2)  # what the code returns
 
 
 class DriverArguments(NamedTuple):
-    """The integers of the array that the driver takes: addresses, counts, place in the loops."""
+    """Integers that the code of `text_of_steps` takes: addresses, counts, place in its loops."""
 
     x: int  # address of the states (lines, D, W)
     lines: int
@@ -52,14 +52,15 @@ SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the ar
 def text_of_steps(step, name, W, for_each, saves):
     """Return LLVM's text of i64 name(address of `DriverArguments`): steps of lines of W lanes.
 
-    The code returns DONE. It returns NOT_READY if a step needs `pivoting_step`, but its address is
-    0. If `for_each`, each lane has parameters of its own. If `saves`, the code saves states.
+    `step` is the `Step` of each stage. The code returns DONE, or NOT_READY if it needs the address
+    of `pivoting_step` or of statuses, but the address is 0. If `for_each`, each lane has parameters
+    of its own. If `saves`, the code saves states.
     """
     return _Driver(step, name, W, for_each, saves).finished()
 
 
 class _Driver:
-    """Writes the text of `text_of_steps`: loops around the straight-line code of a stage."""
+    """Writer of the text of `text_of_steps` (same arguments): loops around the code of a stage."""
 
     def __init__(self, step, name, W, for_each, saves):
         self.text, self.step, self.D, self.name = Code(W), step, step.D, name
@@ -80,7 +81,7 @@ class _Driver:
         return text.finished()
 
     def block(self, at):
-        """Add the code of all steps of a block of lines; set the variables `at` for the next."""
+        """Add the code of all steps of a block of lines; set loop variables `at` for the next."""
         text, of, lo = self.text, self.of, at.lo
         end = lo + of.block
         hi = (end < of.lines).select(end, of.lines)
@@ -91,7 +92,7 @@ class _Driver:
         at.goes_on = hi < of.lines
 
     def step_of(self, lo, hi, now):
-        """Add the code of a stage of lines lo to hi - 1; set the variables `now` for the next."""
+        """Add the code of a stage of lines lo to hi - 1; set loop variables `now` for the next."""
         text, of, n, row = self.text, self.of, now.n, now.row
         saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
         following = now.stage + 1
@@ -119,28 +120,32 @@ class _Driver:
 
     # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
-        """Return the bits of the lanes of a line that are neither in `bits` nor marked.
+        """Return an integer: bits of the lanes of a line that are neither in `bits` nor marked.
 
-        `marks` is the address of bits of lanes, a byte for each line, such as those that ended.
+        `marks` is the address of marked lanes, such as ended ones: a byte of bits for each line.
         """
         marked = self.text.load("i8", marks + line, 1)
         marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
         return (bits | marked) ^ self.all_lanes
 
-    def call_pivoting(self, line, bad, told, n):
-        """Add a call of `pivoting_step`; without its address the code returns NOT_READY.
+    def call_pivoting(self, line, bad, signs, n):
+        """Add a call of `pivoting_step` for stage n, or a return of NOT_READY if its address is 0.
 
-        `bad`, `told` and n are its arguments `bad`, `negative` and n.
+        Bits of `bad` are lanes that need it. Bits of `signs` are lanes with det A < 0, and from bit
+        CHANGED on lanes in which a component changed its sign.
         """
         text, of = self.text, self.of
         with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
-        text.call("void", of.pivoting_step, of.pivoting_arguments, line, bad, told, n)
+        text.call("void", of.pivoting_step, of.pivoting_arguments, line, bad, signs, n)
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     # -------------------------------------------------------------------------------------- stages
     def take_stage(self, state, table, line, n):
-        """Add the code of stage n of a line at the address `state`; return the next components."""
+        """Add the code of stage n of a line, which replaces its state; return the next state.
+
+        `state` and `table` are addresses: of the state, and of values from parameters alone.
+        """
         text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
             table = table + line * (len(step.table) * text.size)
@@ -154,7 +159,7 @@ class _Driver:
         return final
 
     def take_rare_stage(self, stage, rows, line, n):
-        """Add the rare operations, and pivoting if they do not suffice; return the next state.
+        """Add the rare operations of stage n, and pivoting if needed; return the next state.
 
         `stage` is the `Stage` after its usual operations, and `rows` is the state in memory.
         """
@@ -162,22 +167,25 @@ class _Driver:
         # Loaded and computed again, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
         stage.take(x)
-        after, accurate, good, told = stage.take_rare()
+        after, accurate, good, signs = stage.take_rare()
         after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value
         # Lanes that `pivoting_step` takes, and those from det A < 0 or with a changed sign.
         bad = self.others(good, line, self.of.ended)
-        told = told & (good & self.others(0, line, self.of.passed)) * (1 | 1 << CHANGED)
+        signs = signs & (good & self.others(0, line, self.of.passed)) * (1 | 1 << CHANGED)
 
         def with_pivoting():
-            self.call_pivoting(line, bad, told, n)
+            self.call_pivoting(line, bad, signs, n)
             return [rows[k] for k in components]
 
-        return text.otherwise((bad | told).equals(0), after, with_pivoting)
+        return text.otherwise((bad | signs).equals(0), after, with_pivoting)
 
     def end_lanes(self, stage, rows, line, n):
-        """Add code that ends trajectories where f of a map has no value; return the state."""
+        """Add code that ends trajectories where f of a map has no value; return the next state.
+
+        `stage` is the `Stage` of step n after its operations, and `rows` is the state in memory.
+        """
         text, of, one = self.text, self.of, self.text.lanes(1)
         with text.when(of.status.equals(0)):
             text.leave(f"i64 {NOT_READY}")
@@ -199,7 +207,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
-        """Add code that copies a line from the address `state` to `row`, number by number."""
+        """Add code that copies a line from address `state` to the address `row` of saved states."""
         text, one = self.text, self.text.lanes(1)
         first = line * text.W
         for l in range(text.W):
@@ -211,10 +219,10 @@ class _Driver:
                     place[k] = x[k]
 
     def save(self, line, row, state, final):
-        """Add code that writes the states of a line to the address `row`, trajectory by trajectory.
+        """Add code that writes a line to the address `row`, one trajectory after the other.
 
-        Lanes are shuffled in registers: plain loops take 1.57 times as long. The last line may be
-        partly empty.
+        `state` is the address of the line, `final` the line in registers. Lanes are shuffled there:
+        plain loops take 1.57 times as long. The last line may be partly empty.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

@@ -53,20 +53,23 @@ LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
-    """Return the components i that keep their sign, because each term of f_i contains x_i."""
+    """Return the i for which all terms v x_j x_k of f_i (`indices`) have x_i: it keeps its sign."""
     i, j, k = indices
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 
 
 def _plan_of(indices, D):
-    """Return the order of elimination, the nonzeros after fill-in, and places that vary with x."""
+    """Return the order of pivots in 1 - N(x), its nonzeros after fill-in, and varying places.
+
+    N is (eps / 2) f'; `indices` (3, T) are i, j, k of the terms v x_j x_k of f_i.
+    """
     pattern, varying = places_of(indices, D)
     order = elimination_order(pattern, D)
     return order, filled(pattern, order), varying
 
 
 class Step:
-    """The operations of a step of fields with terms at these indices (3, T).
+    """The operations of a step of fields with terms v x_j x_k of f_i at `indices` (3, T): i, j, k.
 
     Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes too
     many products, there are no operations: loops take all steps (`maps.dense`), or SuperLU for
@@ -115,7 +118,8 @@ class Step:
     def _increments(self, indices, D, halves, order, fill):
         """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0.
 
-        `halves` are the numbers of the values h v; `order` and `fill` are from `_plan_of`.
+        delta is (x_next - x) / 2; `halves` are the numbers of the values h v of terms at `indices`.
+        `order` (of pivots) and `fill` (nonzeros after fill-in) are from `_plan_of`.
         """
         right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
         self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
@@ -132,45 +136,46 @@ class Step:
         return type(self), self.indices.tobytes(), self.D
 
     def with_columns(self):
-        """Return the `ExtendedStep`, which adds derivatives; if too long, it has no operations."""
+        """Return the `ExtendedStep`, with derivatives; it has no operations if it is too long."""
         return _extended_step(self)
 
     length = functools.cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
 
-    def _add_tests(self, halves):
+    def _add_tests(self, increments):
         """Add the operations `rare`, and tests: increments do not cancel x, pivots are not small.
 
-        `halves` is {k: delta_k}. `good` asks for more than `accurate`, but takes fewer operations.
+        `increments` is {k: delta_k}, half of x_next - x. `good` asks for more than `accurate`,
+        but takes fewer operations.
         """
         number = self.values.number
-        after = {k: number(self.after[k]) for k in {*halves, *self.of_one_sign}}
-        sizes = {k: abs(after[k]) for k in halves}
-        parts = {k: abs(number(half)) for k, half in halves.items()}
+        after = {k: number(self.after[k]) for k in {*increments, *self.of_one_sign}}
+        sizes = {k: abs(after[k]) for k in increments}
+        parts = {k: abs(number(half)) for k, half in increments.items()}
         limits = {k: SMALL_PART * part for k, part in parts.items()}
-        common = [sizes[k] >= limits[k] for k in halves]
+        common = [sizes[k] >= limits[k] for k in increments]
         tests = [*common, self.factors.is_good()]
         tested = sorted(self.of_one_sign)
         tests += [(number(k) < 0.0) ^ (after[k] >= 0.0) for k in tested]
-        if halves:
+        if increments:
             size, part = (joined("fadd", each.values()) for each in (sizes, parts))
             tests.append(size < np.inf)
-            if len(halves) == self.D:
+            if len(increments) == self.D:
                 tests.append(size > LARGE_PART * part)
         self.good = joined("and", tests).number
         first_rare, tests = len(self.values.operations), []
         self.after_rare = [*self.after]
-        if halves:
-            beyond = [sizes[k] - LARGE_PART * parts[k] for k in halves]
+        if increments:
+            beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
             far = joined("fadd", [larger(0.0, excess) for excess in beyond])  # NaN stays NaN
             common.append(far < np.inf)
-            if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
-                at_limit = [sizes[k].equals(limits[k]) for k in halves]
+            if len(increments) == self.D:  # or a component equals its limit, such as 0 that stays 0
+                at_limit = [sizes[k].equals(limits[k]) for k in increments]
                 common.append(joined("or", [far > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()
-            for k in halves:
+            for k in increments:
                 self.after_rare[k] = keeps.select(after[k], number(following[k])).number
-            tests.append(joined("fadd", [abs(number(following[k])) for k in halves]) < np.inf)
+            tests.append(joined("fadd", [abs(number(following[k])) for k in increments]) < np.inf)
         self.accurate = joined("and", [*tests, self.factors.is_accurate()]).number
         negative = [number(pivot) < 0.0 for pivot in self.factors.pivot.values()]
         self.negative = joined("xor", negative or [number(1.0) < 0.0]).number
@@ -183,7 +188,7 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
-        """Return {k: x_next_k} from (1 - N) x_next = x + h l x + 2 h c, without an increment."""
+        """Return {k: x_next_k} by (1 - h f') x_next = x + h l x + 2 h c; l x + c: f to degree 1."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
             right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)
@@ -192,7 +197,7 @@ class Step:
         return right
 
     def _separate_fixed(self):
-        """Move operations on parameters alone to `fixed`; `table` lists their values in use."""
+        """Move operations on parameters alone to `fixed`; list their values in use in `table`."""
         fixed, table = self.values.fixed, {}
         rare = {number for _, number, _ in self.rare}
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
@@ -206,7 +211,7 @@ class Step:
         self.rare = [operation for operation in others if operation[1] in rare]
 
     def table_of(self, halves):
-        """Return the values (n, ...) of `table`, from h v of the terms, `halves` (T, ...)."""
+        """Return the n values of `table` (n, ...); `halves` (T, ...) are eps v / 2 of the terms."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)
@@ -220,12 +225,9 @@ class ExtendedStep(Step):
     """The operations of a step of x, of D columns q of derivatives, and of their lengths.
 
     Kahan's method is a Runge-Kutta method, so that the derivative of its map is its map of the
-    variational equations x' = f(x), q' = f'(x) q. All columns share the elimination of x,
-
-    q_next = (1 - N(x))**-1 (1 + N(x_next)) q.
-
-    Columns are orthonormalised in each step, by Gram and Schmidt, and the logarithms of their
-    lengths are added to D more values.
+    variational equations x' = f(x), q' = f'(x) q. With N(x) = (eps / 2) f'(x), all columns share
+    the elimination of x: q_next = (1 - N(x))**-1 (1 + N(x_next)) q. Columns are orthonormalised in
+    each step, by Gram and Schmidt, and the logarithms of their lengths are added to D more values.
     """
 
     def __init__(self, indices, D):
@@ -246,7 +248,7 @@ class ExtendedStep(Step):
         self._separate_fixed()
 
     def _columns(self, back, D):
-        """Return the columns (1 - N(x))**-1 (1 + N(x_next)) q; `back` is the matrix N(x_next)."""
+        """Return (1 - N(x))**-1 (1 + N(x_next)) q for D columns q; N = h f'; `back`: N(x_next)."""
         values, step, found = self.values, self.factors, []
         entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
         for c in range(D):
@@ -263,7 +265,7 @@ class ExtendedStep(Step):
         return found
 
     def _orthonormal(self, columns, D):
-        """Return the columns orthonormalised; add the logarithms of their lengths to the sums."""
+        """Return the columns orthonormalised; add logarithms of lengths to the sums in `after`."""
         found, first = [], D * (1 + D)
         for c, q in enumerate(columns):
             for p in found:

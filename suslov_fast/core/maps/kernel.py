@@ -52,7 +52,7 @@ def _step_of(places, D):
 
 
 def scheme_of(indices, D, stages=WHOLE):
-    """Return the `Scheme` for fields of D variables with terms at these indices (3, T)."""
+    """Return the `Scheme` of fields of D variables; `indices` (3, T) are i, j, k of their terms."""
     return Scheme(_step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D), stages)
 
 
@@ -60,6 +60,7 @@ def scheme_of(indices, D, stages=WHOLE):
 class _Lines:
     """Trajectories in lines of W lanes, with all the arrays that their steps need.
 
+    arguments a `Scheme`, values and eps
     x         states (lines, D, W)
     for_each  True if each lane has its own parameters
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
@@ -77,7 +78,7 @@ class _Lines:
         self.start_from(states)
 
     def start_from(self, states):
-        """Set the states; set them to NaN for trajectories that have ended."""
+        """Set the states to `states` (B, D), or to NaN if a trajectory has ended."""
         self.x = in_lines(states, self.W)
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
@@ -99,9 +100,9 @@ class _Lines:
     def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `pivoting_step`, but it is not compiled or the run is short.
-        Then the steps must be taken again, with `seconds`, the time that pivoting would take in
-        Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
+        Return False if a step needs `pivoting_step`, but it is not compiled or the run is short,
+        else True. After False the steps must be taken again, with `seconds`, the time that pivoting
+        would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
         stages, in_python = len(self.scheme.stages.fractions), False
         until, steps = every - start % every if every else 0, (stop - start) * stages
@@ -126,7 +127,8 @@ class _Lines:
     def _driver_arguments(self, start, steps, saved, until, between, pivoting):
         """Return the array of `DriverArguments`, and what must stay alive while the driver runs.
 
-        `steps` counts stages, `until` is `first_until`, and `pivoting` is `pivoting_step`.
+        `start` is the first state. `steps`, `until` (the first saved state) and `between` (two
+        saved states) count stages. `pivoting` is the address of `pivoting_step`, or 0.
         """
         arrays, own = None, None
         if pivoting:
@@ -205,9 +207,13 @@ class FieldSteps(Kernel):
 def _iterate_part(
     part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
 ):
-    """Iterate one part of the trajectories; arrays as in `suslov.steps.steps`.
+    """Take the steps of part `part` of `parts` parts of a batch of B trajectories.
 
-    `arguments` are a `Scheme`, values and eps. End early if `abandoned` is not empty.
+    `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
+    `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
+    `carry` (1, B) gets the first states beyond poles; `status` and `failed_at` (B,) are updated.
+    End early if `abandoned` is not empty.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
@@ -233,7 +239,11 @@ def _iterate_part(
 
 
 def _take_steps(lines, states, steps, saved, abandoned):
-    """Take `steps` (start, stop, every, row); again from `states` (B, D) if they need pivoting."""
+    """Take steps of `_Lines`; take them again from `states` (B, D) if they need pivoting.
+
+    `steps` is (start, stop, every, row): states n, n a multiple of `every`, go to saved[row] and
+    on. End early if `abandoned` is not empty.
+    """
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()

@@ -18,9 +18,9 @@ _PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
 
 
 class MapStep(ExtendedStep):
-    """The step x_next = f(x) of a map; f is a `RightHandSide`.
+    """The program of a step x_next = f(x) of a map; f is a `RightHandSide`.
 
-    With `columns`, D columns q_next = f'(x) q and sums of logarithms follow x, see `ExtendedStep`.
+    With `columns`, D columns f'(x) q, orthonormalised, and D sums of logs of lengths follow x.
     """
 
     def __init__(self, f, columns=False):
@@ -60,7 +60,7 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
 
     def _add_test(self, D):
-        """Add the tests `accurate` (f(x) is finite, x not NaN) and `good` (accurate, or x is NaN).
+        """Add the tests `accurate` (f(x) finite, x not NaN) and `good` (accurate, or x, f(x) NaN).
 
         Lanes that have ended are NaN. Thanks to `good` their lines take no more time than others.
         """

@@ -13,11 +13,9 @@ PLANS = 32  # fields for which tables are kept from call to call
 
 
 def zeros(*shape):
-    """Return zeros that begin at a cache line.
-
-    NumPy's arrays begin 16 bytes later in some processes: then lines of lanes straddle cache lines,
-    which costs up to a seventh of the time.
-    """
+    """Return zeros that begin at a cache line."""
+    # NumPy's arrays begin 16 bytes later in some processes: then lines of lanes straddle cache
+    # lines, which costs up to a seventh of the time.
     count = math.prod(shape)
     memory = np.zeros(count + 7)
     first = -address_of(memory) // 8 % 8
@@ -32,7 +30,7 @@ def aligned(array):
 
 
 def in_lines(rows, W):
-    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last row."""
+    """Return rows (B, n) as lines (lines, n, W) of W rows; lanes left over repeat the last row."""
     missing = -len(rows) % W
     padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
     return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
@@ -40,7 +38,7 @@ def in_lines(rows, W):
 
 @functools.lru_cache(PLANS)  # because it takes longer than a few steps
 def common_table(step, stages, eps, values):
-    """Return `tables_of` for one field, cached; `eps` and `values` are the bytes of the arrays."""
+    """Return eps v / 2 and tables of one field, cached; `eps` and `values` are bytes of arrays."""
     values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
     halves = 0.5 * np.frombuffer(eps) * values
     table = step.table_of(np.outer(halves, fractions))
@@ -50,15 +48,15 @@ def common_table(step, stages, eps, values):
 
 
 def plan_of(stages, table):
-    """Return `plan` of `DriverArguments`: for each stage the address of its part of `table`."""
+    """Return an array: for each of `stages` the address of the part of `table` for its fraction."""
     return address_of(table) + table.strides[0] * distinct(stages.fractions)[1]
 
 
 def tables_of(scheme, values, eps, W):
-    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
+    """Return eps v / 2 of the terms (lines, T, W), and tables (fractions, lines, n, W).
 
-    There is a table for each distinct fraction. The shapes are (1, T, 1) and (fractions, 1, n, 1)
-    if all trajectories have the same field.
+    `values` are the v. A table is `Step.table_of` for a distinct fraction in `scheme`. The shapes
+    are (1, T, 1) and (fractions, 1, n, 1) if all trajectories have the same field.
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:
@@ -70,12 +68,15 @@ def tables_of(scheme, values, eps, W):
 
 
 def packed(truths):
-    """Return truth values (lines, W) as bits, one number for each line."""
+    """Return truth values (lines, W) as bits of lanes, one number for each line."""
     return np.packbits(truths, axis=1, bitorder="little")[:, 0]
 
 
 def note_undefined(states, notes):
-    """Set `notes` (status, failed_at, poles) at state 0: NONFINITE where it is NaN; poles are 0."""
+    """Set statuses of trajectories to NONFINITE where state 0, in `states` (B, D), has a NaN.
+
+    `notes` are the arrays status, failed_at, set to 0 for these trajectories, and poles, set to 0.
+    """
     status, failed_at, poles = notes
     poles[:] = 0.0
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.

@@ -20,7 +20,10 @@ ENDED, PASSED = range(2)  # rows of `LineArguments.marks`
 
 @function
 def fill_system(indices, half, sign, x, system):
-    """Fill `system` with 1 - sign (eps / 2) f'(x); `half` (T,) is eps / 2 times the values v."""
+    """Fill the first D columns of `system` with the matrix 1 - sign (eps / 2) f'(x).
+
+    `indices` (3, T) and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
+    """
     D = len(x)
     for i in range(D):
         for j in range(D):
@@ -37,7 +40,8 @@ def fill_system(indices, half, sign, x, system):
 def solve_lane(indices, half, x, system, units):
     """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0.
 
-    `indices` (3, T) and `half` (T,) are as in `fill_system`; `system` and `units` are memory.
+    `indices` (3, T) and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
+    `system` (D, D + 1) and `units` (2, D) are memory.
     """
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
@@ -64,7 +68,7 @@ def crosses_0(x, after):
 def changes_sign(indices, x, after):
     """Return True if a component that keeps its sign along the motion changes it from x to `after`.
 
-    It keeps its sign if each term of its equation contains it; see `kahan_step.of_one_sign`.
+    x_i keeps its sign if all terms v x_j x_k of f_i contain it; `indices` (3, T) are i, j, k.
     """
     for i in range(len(x)):
         if crosses_0(x[i], after[i]):
@@ -79,10 +83,11 @@ def changes_sign(indices, x, after):
 
 @function
 def take_columns(indices, half, x, after, tangent, units):
-    """Multiply the columns of a lane by the derivative of the step; orthonormalise them.
+    """Multiply the columns in x by the derivative of the step to `after`; orthonormalise them.
 
-    `x` is the lane's state, columns and sums of logarithms before the step, `after` the next state.
-    `tangent` (D, 2 D) and `units` (2, D) are memory.
+    x is the state before the step, D columns, and D sums of logarithms of lengths. `indices` (3, T)
+    and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i. `tangent` (D, 2 D) and
+    `units` (2, D) are memory.
     """
     D = len(after)
     fill_system(indices, half, -1.0, after, tangent)
@@ -139,18 +144,21 @@ _COUNT = len(PLACE)
 
 
 def arguments_of(arrays, own_D, first):
-    """Return `LineArguments` as an array: addresses of `arrays`, in that order, and lengths."""
+    """Return `LineArguments` as an array: addresses of `arrays`, in field order, and lengths.
+
+    `own_D` counts components of x without columns. `first` is the number of the first state.
+    """
     x, halves, fractions, _, status, *_ = arrays
     lengths = *x.shape, *halves.shape, len(fractions), len(status), own_D, first
     return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)
 
 
 @c_function
-def pivoting_step(address, line, bad, negative, n):
+def pivoting_step(address, line, bad, signs, n):
     """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
 
     `address` is the address of the `LineArguments`. The other lanes have taken this stage: bit l of
-    `negative` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
+    `signs` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]
@@ -171,7 +179,7 @@ def pivoting_step(address, line, bad, negative, n):
     fraction, n = fractions[n % stages], a[PLACE.first] + n // stages + 1
     for l in range(W):
         bit, i = 1 << l, line * W + l
-        beyond, changed, status = negative & bit != 0, (negative >> CHANGED) & bit != 0, OK
+        beyond, changed, status = signs & bit != 0, (signs >> CHANGED) & bit != 0, OK
         if bad & bit:
             for j in range(D):
                 state[j] = x[line, j, l]

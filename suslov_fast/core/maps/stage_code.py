@@ -8,13 +8,14 @@ values of `evaluate` in NumPy. The `driver` of steps and `text_of_stage`, for lo
 from ..llvm.text import Code, Shared, Truth, Value
 from ..numba.status import CHANGED
 
-BLOCK = 64  # operations of a block of long programs, see `Stage.carry_out`
+BLOCK = 64  # operations of a block of long programs: LLVM's time is quadratic in a block
 
 
 class Stage:
-    """Writes the code of a stage of one line; `values` are the values of its usual operations.
+    """Writer of the code of one stage, by the operations of a `Step`, for a line of lanes.
 
-    `load` returns a value that no operation computes: a component of the state, or a table value.
+    `load(number)` returns a value that no operation computes: a component of the state, or a table
+    value. `values` are values of the usual operations, by number.
     """
 
     def __init__(self, text, step, load):
@@ -31,7 +32,7 @@ class Stage:
         return self._results(self.values, self.step.after)
 
     def carry_out(self, operations, values):
-        """Add the code of operations, in blocks if many: LLVM's time is quadratic in a block."""
+        """Add the code of operations, in blocks if many; results go to `values` by number."""
         size = BLOCK if self.step.is_long else len(operations)
         for begin in range(0, len(operations), max(size, 1)):
             if begin:
@@ -47,23 +48,23 @@ class Stage:
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Add the code of the rare operations; return (next state, accurate, its bits, told).
+        """Add the rare operations; return (next state, accurate, its bits, signs).
 
-        `accurate` is a truth value for each lane. Bits of `told` mark lanes with det A < 0; its
-        bits from CHANGED on mark lanes in which a component changed its sign.
+        `accurate` has a truth value for each lane: x_next is accurate. Bits of `signs` are lanes
+        with det A < 0, and from bit CHANGED on lanes in which a component changed its sign.
         """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)
         accurate = Truth(text, values[step.accurate])
-        told = Truth(text, values[step.negative]).bits()
+        signs = Truth(text, values[step.negative]).bits()
         if step.changed is not None:
-            told = told | Truth(text, values[step.changed]).bits() << CHANGED
+            signs = signs | Truth(text, values[step.changed]).bits() << CHANGED
         after = self._results(values, step.after_rare)
-        return after, accurate, accurate.bits(), told
+        return after, accurate, accurate.bits(), signs
 
 
 def loader(text, step, for_each, state, table):
-    """Return a function that loads a value: a component of the state, or a table value.
+    """Return load(number), which loads a value of `step`: a component of x, or a table value.
 
     `state` and `table` are addresses of rows for one line; lanes share a table unless `for_each`.
     """
@@ -76,9 +77,10 @@ def loader(text, step, for_each, state, table):
 
 
 def text_of_stage(step, name, *_):
-    """Return the text of i64 name(x, table), which takes a stage of one state x (D,) in place.
+    """Return LLVM's text of i64 name(x, table), which takes a stage of one state in place.
 
-    The code returns 1 if the stage is not accurate, else 256 if det A < 0, else 0.
+    x is the address of the state (D,), `table` of the table values of `step`. The code returns 1,
+    and leaves x, if the stage is not accurate; otherwise bit 8 of its result is 1 if det A < 0.
     """
     text = Code(1)
     text.begin(name, "x", "table")
@@ -87,10 +89,10 @@ def text_of_stage(step, name, *_):
     usual = stage.take([x[i] for i in range(step.D)])
 
     def rare():
-        after, accurate, _, told = stage.take_rare()
+        after, accurate, _, signs = stage.take_rare()
         with text.when(~accurate):
             text.leave("i64 1")
-        return [*after, told << 8]
+        return [*after, signs << 8]
 
     if step.of is None:
         *final, bits = text.otherwise(stage.is_good(), [*usual, 0], rare)

@@ -12,14 +12,14 @@ class Stages(NamedTuple):
     fractions: tuple[float, ...]  # of eps
 
     def multiply(self, z):
-        """Return x_next / x for modes x' = mu x, with z = eps mu / 2 (...); inf at poles."""
+        """Return x_next / x for a step of x' = mu x; `z` are numbers eps mu / 2; inf at poles."""
         parts = [fraction * z for fraction in self.fractions]
         factors = np.prod([(1.0 + y) / (1.0 - y) for y in parts], axis=0)
         return np.where(np.any([y == 1.0 for y in parts], axis=0), np.inf, factors)
 
 
 class Scheme(NamedTuple):
-    """The operations of a stage, for one pattern of terms or one map, and the stages of a step."""
+    """A step of a method: the program `step` of each stage, and `stages`, fractions of eps."""
 
     step: Any  # `kahan_step.Step`
     stages: Stages
@@ -27,7 +27,7 @@ class Scheme(NamedTuple):
 
 @lru_cache
 def distinct(fractions):
-    """Return the distinct fractions, and for each stage the index of its fraction among them."""
+    """Return the distinct `fractions` of stages, and for each stage the index of its fraction."""
     values = [*dict.fromkeys(fractions)]
     return np.array(values), np.array([values.index(fraction) for fraction in fractions])
 

@@ -23,7 +23,7 @@ from .stage_code import text_of_stage
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values):
-    """Return the code of a step of one state, its arguments, and objects that must stay alive."""
+    """Return the code of a step, its arguments, and what must live on; eps and values are bytes."""
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
     numbers = DriverArguments(
@@ -55,7 +55,7 @@ _maps = {}  # steps of maps by the addresses of their codes, which last
 
 @with_address
 class FieldSystem(NamedTuple):
-    """A field and a step size, or a map, for `compiled`; unpickling it makes its code again."""
+    """A field and a step size, or a map, for compiled loops; unpickling makes its code again."""
 
     address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
     half: Any  # (stages, T), half of the step size times the values of the terms; of a map (1, 0)
@@ -71,7 +71,7 @@ class FieldSystem(NamedTuple):
 
 
 def system_of(indices, half, D):
-    """Return the `FieldSystem` of a field; `half` (stages, T) is eps / 2 times v, by stage."""
+    """Return the `FieldSystem` of terms at `indices` (i, j, k); `half` (stages, T) is eps v / 2."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     # The code lasts, because users may store the system anywhere.
@@ -93,14 +93,14 @@ def _with_table(step, table):
 
 @function
 def field_memory(system):
-    """Return arrays in which `field_step_of_one` works, for all its calls."""
+    """Return the arrays (matrix, units, state) in which all calls of `field_step_of_one` work."""
     D = system.dimension
     return np.empty((D, D + 1)), np.empty((2, D)), np.empty((D,))
 
 
 @function
 def field_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    """Write the state after `state` to `out`; return its status; `memory`: from `field_memory`."""
     matrix, units, x = memory
     status, passed = OK, False
     for i in range(len(x)):

@@ -13,10 +13,11 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, saved, notes, abandoned):
-    """Return states after steps start + 1 to stop; save each `every`-th at saved[row] and on.
+    """Take steps from state `start` to `stop`, beginning with `states`; return the last states.
 
-    `arguments` are a `Scheme`, values and eps. `span` is (start, stop, every, row), and `notes` are
-    status, failed_at and poles. End early if `abandoned` is not empty.
+    `arguments` are a `Scheme`, values and eps. `span` is (start, stop, every, row): states n, n a
+    multiple of `every`, go to saved[row] and on. `notes` are the arrays status, failed_at and
+    poles, which are updated. End early if `abandoned` is not empty.
     """
     (scheme, values, eps), (start, stop, every, row) = arguments, span
     status, failed_at, poles = notes
@@ -54,7 +55,7 @@ def take(arguments, states, span, saved, notes, abandoned):
 
 
 class _StepByNumPy:
-    """The step f(x) of a user's map with a long program; it is called as `_Sparse` is."""
+    """The step f(x) of a map by NumPy; a call (_, x (n, D), trajectories) returns f(x) and ones."""
 
     def __init__(self, f, parameters):
         self.f, self.table = f, f.table_of(parameters.T)
@@ -67,7 +68,8 @@ class _StepByNumPy:
 class _Sparse:
     """A step of sparse fields, called with a fraction of eps, x (n, D) and trajectories `which`.
 
-    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular.
+    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular. `indices`
+    (3, T) and `halves` (1 or B, T) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
     """
 
     def __init__(self, indices, D, halves):
@@ -100,7 +102,7 @@ class _Sparse:
 
 
 def _parity(order):
-    """Return 1 for an even permutation, -1 for an odd one, from its number of cycles."""
+    """Return 1 if the permutation `order` is even, -1 if it is odd, from its number of cycles."""
     D = len(order)
     cycles = connected_components(sparse.csr_matrix((np.ones(D), (np.arange(D), order)), (D, D)))[0]
     return 1 - 2 * ((D - cycles) % 2)

@@ -14,14 +14,14 @@ from .intrinsics import LINE, emit_call
 
 
 class Uncounted(types.Array):
-    """The type of arrays without reference counts, valid while the arrays they come from exist."""
+    """Type of arrays without reference counts, made of arrays of type `kind` that outlive them."""
 
     def __init__(self, kind):
         name = f"Uncounted {kind}"
         super().__init__(kind.dtype, kind.ndim, kind.layout, not kind.mutable, name, kind.aligned)
 
     def copy(self, dtype=None, ndim=None, layout=None, readonly=None):
-        """Return the type of a part of such an array."""
+        """Return this type with other dtype, ndim, layout or `readonly`, for a part of an array."""
         return uncounted_type(super().copy(dtype, ndim, layout, readonly))
 
 
@@ -32,7 +32,7 @@ class _Model(models.ArrayModel):
 
 
 def uncounted_type(kind):
-    """Return the type of an argument after its arrays have lost their reference counts."""
+    """Return the type of an argument of Numba type `kind`, but without reference counts."""
     if type(kind) is types.Array:
         return Uncounted(kind)
     if isinstance(kind, types.BaseTuple):
@@ -43,7 +43,7 @@ def uncounted_type(kind):
 
 
 def uncounted_value(context, builder, kind, value):
-    """Return the LLVM value of an argument, of Numba type `kind`, without reference counts."""
+    """Return the LLVM value `value`, of an argument of type `kind`, without reference counts."""
     if isinstance(kind, types.Array):
         return builder.insert_value(value, ir.Constant(value.type.elements[0], None), 0)
     for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
@@ -65,10 +65,9 @@ def keep(arrays):
 def block_of(rows, lanes):
     """Return a function that makes a block (rows, lanes) for a kernel.
 
-    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line. NumPy's
-    arrays begin anywhere, and vectors that straddle two lines take up to 1.5 times as long. Because
-    the shape is a constant, the compiler knows that rows do not overlap. All numbers are equal at
-    first, and normal.
+    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line: vectors
+    that straddle two lines take up to 1.5 times as long. Because the shape is a constant, the
+    compiler knows that rows do not overlap. All numbers are equal at first, and normal.
     """
 
     def block():
@@ -113,10 +112,8 @@ def _keep(context, builder, signature, arguments):
 
 @intrinsic
 def array_at(typing, address, shape, dtype):
-    """Return the C-ordered array at an address, without reference counts.
-
-    Numba would compile `carray` for each shape.
-    """
+    """Return the C-ordered array at an address, without reference counts."""
+    # Numba would compile `carray` for each shape.
     result = Uncounted(types.Array(dtype.dtype, len(shape), "C"))
 
     def emit(context, builder, signature, values):
@@ -139,10 +136,10 @@ def array_at(typing, address, shape, dtype):
 
 @intrinsic
 def pack(typing, arguments):
-    """Return the addresses of a function and its data, by which a parallel loop calls any kernel.
+    """Return two addresses: of a function, and of the tuple `arguments`, which is its data.
 
-    The function takes (kernel, data, part, parts). It calls the kernel at the address `kernel` with
-    part, parts and the items of `arguments`. Both addresses are valid while the caller runs.
+    A parallel loop calls any kernel by this function of (kernel, data, part, parts): it calls the
+    address `kernel` with part, parts and all `arguments`. Both are valid while the caller runs.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
 

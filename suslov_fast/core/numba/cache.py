@@ -94,7 +94,7 @@ def _files_of(py_function):
 
 
 def use_cache(compiled, py_function):
-    """Give a compiled function its cache files, if there is a folder for them.
+    """Give the compiled function of `py_function` its cache files, if there is a folder for them.
 
     The name of the function, and so the names of its files, end with the digest of all sources.
     """
@@ -105,7 +105,7 @@ def use_cache(compiled, py_function):
 
 
 def is_kept(compiled, kinds):
-    """Return True if the cache files of a function contain code for these argument types."""
+    """Return True if the cache files of a function contain code for arguments of types `kinds`."""
     with suppress(Exception):  # of any class: unpickling, and private names of Numba
         files = compiled._cache
         key = files._index_key(kinds, compiled.targetctx.codegen())

@@ -86,7 +86,7 @@ def _load_registries():
 
 @contextmanager
 def _compiling():
-    """Pause Python's garbage collector, which takes an eighth of the time of compiling.
+    """Pause Python's garbage collector while a block compiles: it takes an eighth of the time.
 
     If compiling fails with a newer Numba than TESTED, the error says so.
     """
@@ -125,10 +125,9 @@ _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 @functools.cache
 def as_python(py_function, of_arrays=False):
-    """Return an uncompiled function that calls uncompiled functions alone; the bits are the same.
+    """Return an uncompiled copy of a function that calls uncompiled functions alone; same bits.
 
-    If `of_arrays` is true, the formulas compute with arrays: `select` is `numpy.where`, and `math`
-    is `numpy`.
+    If `of_arrays`, formulas compute with arrays: `select` is `numpy.where`, and `math` is `numpy`.
     """
     names, code = {}, py_function.__code__
     twin = FunctionType(
@@ -179,10 +178,9 @@ class Patient:
 
 # ------------------------------------------------------------------------------ compiled functions
 class Function:
-    """A function that compiled code calls.
+    """A function that compiled code calls, compiled by Numba with `options`.
 
-    It has no Python wrapper, which would make first calls a fifth longer: Python runs it
-    uncompiled.
+    It has no Python wrapper, which would make first calls a fifth longer: Python runs it as it is.
     """
 
     def __init__(self, options, py_func):
@@ -217,7 +215,7 @@ _raised = {}  # errors of Python functions that machine code has called, by thre
 
 @contextmanager
 def calling_python():
-    """Run machine code that calls Python; afterwards raise the error of Python or of Ctrl-C."""
+    """Run a block of machine code that may call Python; then raise Python's error, or Ctrl-C."""
     with uninterrupted():
         yield
     if error := _raised.pop(get_ident(), None):
@@ -245,7 +243,7 @@ class CFunction(Patient):
         return self.address_for(math.inf)
 
     def address_for(self, seconds):
-        """Return the address of machine code, or of Python code if that takes few `seconds`.
+        """Return the address of machine code, or of Python code if its calls take few `seconds`.
 
         Machine code that may call Python code is called within `calling_python`.
         """
@@ -299,14 +297,14 @@ class Kernel(Patient):
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
     def briefly(self, seconds, *arguments):
-        """Call the kernel for all of the work; in Python, if that takes few `seconds`."""
+        """Call the kernel for all of the work: in Python if it takes few `seconds` there."""
         if self.has_patience(seconds) and not self._is_kept(arguments):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
             self.serial(*arguments)
 
     def by_numpy(self, *arguments):
-        """Take the steps by NumPy if nothing is compiled yet; return True if NumPy took them."""
+        """Take the steps by NumPy if they are few and not compiled; return True if it took them."""
         if self.in_numpy is None or self.is_compiled:
             return False
         _, x0, _, (begin, end, start, stop, *_), *_ = arguments
@@ -365,7 +363,7 @@ known_addresses = {}  # results of `_addresses`, by kernel and kind of its argum
 
 
 def _kind(argument):
-    """Return a key for Numba's type of an argument; `numba.typeof` takes 0.1 ms for all."""
+    """Return a dict key for Numba's type of an argument; `numba.typeof` takes 0.1 ms for all."""
     if isinstance(argument, tuple):
         return type(argument), *map(_kind, argument)
     if isinstance(argument, np.ndarray):
@@ -374,11 +372,10 @@ def _kind(argument):
 
 
 def _addresses(compiled, kind):
-    """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
+    """Return two addresses: of the loop over parts, and of a kernel for a tuple of type `kind`.
 
-    This needs private names of Numba: `CompileResultWAP`, and the private names in `llvm`. If a
-    name is missing or has another meaning, return None. Then Python threads take the parts, and an
-    error in the kernel itself is raised again.
+    Return None if a private name of Numba, here or in `arrays` and `intrinsics`, is missing or has
+    another meaning. Then Python threads take the parts, and an error in the kernel is raised again.
     """
     with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
         addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
@@ -391,14 +388,14 @@ _WORDS = (types.int64,) * 4
 
 
 def _address(dispatcher, kinds):
-    """Compile a function for arguments of these types; return its address."""
+    """Compile a function of Numba for arguments of types `kinds`; return its address."""
     dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
     return types.CompileResultWAP(dispatcher.overloads[tuple(kinds)]).address
 
 
 # ------------------------------------------------------------------------------------- in kernels
 def of_kind(name):
-    """Return a function f for kernels: f(x, *others) is x.name(*others), for any named tuple x."""
+    """Return f for kernels; f(x, *others) calls function `name` of the type of x, a named tuple."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)
@@ -431,6 +428,6 @@ def pick(parameter, i):
 
 @formula
 def are_common(parameters):
-    """Return True if all trajectories have the same body and step size."""
+    """Return True if all `parameters` are arrays of one number: one body and step size for all."""
     I1, I2, I13, I23, k, eps = parameters
     return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

@@ -29,19 +29,19 @@ ROUNDS = 20  # at most, in `balance`; dense systems of 6 with units 2**120 apart
 # Sums with 0 avoid masked stores, which are slow.
 @formula
 def simd_max(v, w):
-    """Return the larger number; w if v is NaN."""
+    """Return the larger number; w if v or w is NaN."""
     return select(v > w, v, w) + 0.0
 
 
 @formula
 def simd_min(v, w):
-    """Return the smaller number; w if v is NaN."""
+    """Return the smaller number; w if v or w is NaN."""
     return select(v < w, v, w) + 0.0
 
 
 @formula
 def keeps_digits(b, l):
-    """Return True if elimination of lane l lost no digits: no pivot was far below the largest."""
+    """Return True if `eliminate` lost no digits in lane l: in `b`, no pivot is relatively small."""
     return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 
@@ -49,8 +49,9 @@ def keeps_digits(b, l):
 def eliminate(a, b, lanes):
     """Solve the systems `a` (m, columns, lanes) of all lanes without row exchanges.
 
-    Solutions replace the right sides. U replaces A above the diagonal, inverse pivots on it, unit
-    lower L below it; b[LEAST] and b[LARGEST] get moduli of pivots. Pairs of pivots halve loads.
+    `a` has the m columns of A, then right sides, which solutions replace. U replaces A above the
+    diagonal, inverse pivots on it, unit lower L below it. b[LEAST] gets the least modulus of a
+    pivot, b[LARGEST] the largest that the diagonal had. Pairs of pivots halve loads.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -93,8 +94,9 @@ def eliminate(a, b, lanes):
 def accept(a, x, b, lanes):
     """Replace states x by solutions that keep their digits; return how many lanes need `solve`.
 
-    On entry b[TO_SOLVE] is >= len(a), or NaN, in lanes with unusable solutions. On return it is 1
-    in lanes that need `solve`, else 0.
+    `a` (m, m + 1, lanes) has solutions in its last column, and `b` moduli of pivots, from
+    `eliminate`. On entry b[TO_SOLVE] is >= m, or NaN, in lanes with unusable solutions. On return
+    it is 1 in lanes that need `solve`, else 0.
     """
     m, to_solve = len(a), NONE
     for l in range(lanes):
@@ -109,7 +111,7 @@ def accept(a, x, b, lanes):
 
 @inlined
 def memory_of_one(m):
-    """Return arrays `a` and `units` for `solve`, for a system with one right side."""
+    """Return arrays `a` and `units` for `solve`: for m unknowns and one right side."""
     return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
@@ -117,10 +119,10 @@ def memory_of_one(m):
 def solve(a, units):
     """Solve one system (m, columns) by scaling and partial pivoting; return its status.
 
-    Solutions replace the right sides, and pivots of the scaled rows replace the diagonal. A pivot
-    that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite give NONFINITE.
-    `units` (2, m) receives units of the unknowns, and factors of rows. det A is the product of
-    pivot k / units[1, k].
+    `a` has the m columns of A, then right sides. Solutions replace right sides, and pivots of the
+    scaled rows replace the diagonal. A pivot that is 0 to rounding becomes NaN (SINGULAR); numbers
+    that are not finite give NONFINITE. `units` (2, m) receives units of the unknowns, and factors
+    of rows. det A is the product of pivot k / units[1, k].
     """
     weights, undefined, size = units[1], 0.0, 0.0
     m, columns = a.shape
@@ -168,7 +170,7 @@ def solve(a, units):
 
 @inlined
 def balance(a, units):
-    """Rescale the unknowns of a system `a` by powers of two, which go to `units` (m,).
+    """Rescale the unknowns of a system `a` (m, columns) by powers of two, written to `units` (m,).
 
     Then the largest off-diagonal entries in the row and column of each unknown are about equal.
     """

@@ -25,14 +25,14 @@ _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
 
 # ------------------------------------------------------------------------------------------- calls
 def emit_call(builder, address, result, values):
-    """Emit a call of the function at an address with these LLVM values; return its result."""
+    """Emit a call of the function at an address with `values`; return its value, a `result`."""
     kind = ir.FunctionType(result, [value.type for value in values])
     return builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
 def call_address(typing, address, a, b, c, d):
-    """Call the function at an address with four integers; it returns nothing."""
+    """Call the function at an address with integers a, b, c and d; it returns nothing."""
 
     def emit(context, builder, signature, arguments):
         emit_call(builder, arguments[0], context.get_value_type(types.none), arguments[1:])
@@ -43,7 +43,7 @@ def call_address(typing, address, a, b, c, d):
 
 @intrinsic
 def call_code(typing, address, numbers):
-    """Call the code at an address with a tuple of integers; return its integer."""
+    """Call the code at an address with the tuple `numbers` of integers; return its integer."""
 
     def emit(context, builder, signature, arguments):
         values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
@@ -60,7 +60,7 @@ register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Mark a named tuple with an address: Numba does not cache functions with a constant one."""
+    """Mark named tuples `cls` with an address: Numba caches no functions with a constant one."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):
@@ -93,7 +93,7 @@ type_callable(stream_pairs)(lambda context: lambda target, i, b, row, l: types.n
 
 
 def _line(context, builder, kinds, array, *place):
-    """Return a pointer to the cache line at array[place]; `kinds` are the types of both."""
+    """Return a pointer to the cache line at array[place]; `kinds` are Numba's types of both."""
     numbers, offset = context.make_array(kinds[0])(context, builder, array), None
     for k, (index, kind) in enumerate(zip(place, kinds[1:], strict=True)):
         index = context.cast(builder, index, kind, types.intp)

@@ -10,7 +10,7 @@ from contextlib import suppress
 
 
 def in_parts(parts, work, abandoned, threads):
-    """Call work(part) for all parts, on up to `threads` threads, this one included.
+    """Call work(part) for part = 0 to parts - 1, on up to `threads` threads, this one included.
 
     If no other thread can start, as at the end of the process, this one takes all parts. After an
     exception, such as Ctrl-C, the list `abandoned` is not empty, so that `work` can end early.

@@ -45,9 +45,9 @@ _SILENT = nullcontext()  # made once, for speed in small calls
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check `progress`; return a context manager, which gives a function to call with steps done.
+    """Check `progress`; return a context manager for a run of `total` steps.
 
-    The context opens and closes a bar; without progress it gives None.
+    It opens and closes a bar. It gives a `Report` to call with steps done, None without progress.
     """
     if progress is None or progress is False:
         return _SILENT
@@ -65,7 +65,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
-    """Open a bar; yield the function that moves it."""
+    """Open a bar of `total` steps; yield the function that moves it to a number of steps done."""
     with tqdm(total=total, unit="step", unit_scale=True) as bar:
 
         def report(done: int) -> bool:
@@ -129,13 +129,13 @@ class BatchRun:
 
     @property
     def told_by_signs(self) -> Any:
-        """True where a change of sign, and not det A < 0, showed the pole of a trajectory."""
+        """True where a component that changed its sign showed the pole, and not det A < 0."""
         if not self.steps.notes_poles:
             return False
         return self.carry[0].reshape(self.problem.batch) < 0
 
     def noted(self) -> tuple[NDArray[np.int64], Any]:
-        """Return the number (B,) of the first state beyond a pole, 0 if none, and its status."""
+        """Return numbers (B,) of the first states beyond poles, 0 for none, and their status."""
         if not self.steps.notes_poles:
             return np.zeros(len(self.omega0), np.int64), OK
         return abs(self.carry[0]).astype(np.int64), PASSED_POLE
@@ -177,7 +177,7 @@ class BatchRun:
         return step_of_one(self.arguments, self.omega0[0])
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
-        """Continue without orientations to state `stop`, or until `report` returns False."""
+        """Continue to state `stop`, or until `report` ends it; states n * `every` go to `saved`."""
         if report is None:
             self._all_to(stop, every, saved)
             return
@@ -190,7 +190,7 @@ class BatchRun:
                 break
 
     def _length(self, every: int) -> int:
-        """Return the number of steps from one report of progress to the next."""
+        """Return the number of steps between reports of progress; states n * `every` are saved."""
         (_, D), threads = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
         lanes, fewest = self.steps.lanes, 1
         work = 0.0  # time of one step of the whole batch on all threads
@@ -202,7 +202,7 @@ class BatchRun:
         return max(int(CHUNK_WORK / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
-        """Continue all trajectories, group by group, to state `stop`."""
+        """Continue the groups of trajectories to state `stop`; states n * `every` go to `saved`."""
         size, D = self.omega0.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at = self.failed_at.reshape(size)
@@ -219,12 +219,13 @@ class BatchRun:
         self.n = stop
 
     def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
-        """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
+        """Continue a group of trajectories to state `stop`; save states n * `every`.
 
+        `arguments` are kernel arguments, `arrays` omega0, carry, saved, final, status, failed_at.
         The batch is divided first, so that the data of a chunk stay in the caches. Time is divided
-        only if few trajectories take long. Chunks grow while they are short: the estimated cost is
-        that of the slowest steps, and usual steps may take a thousandth of it. A batch of one block
-        is serial, because a block of lanes takes as long however few of them are used.
+        only if few trajectories take long. Chunks grow while they are short, because the estimated
+        cost is that of the slowest steps. A batch of one block is serial, because a block of lanes
+        takes as long however few of them are used.
         """
         kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads
@@ -261,7 +262,7 @@ class BatchRun:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Continue with orientations: compute all states of a chunk, then rotate along them."""
+        """Continue to state `stop`; states n * `every` go to `saved`, orientations to `turns`."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
         length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path = np.empty((length + 1, size, D))

@@ -44,16 +44,16 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
     return found
 
 
-def _with_derivative(arguments: Any, x: FloatArray, notes: Any, n: int) -> Any:
-    """Return states n + 1 and derivatives (B, D, D) of the step from x, states n (see `_take`)."""
-    (own, stages), values, eps = arguments
+def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: Any, n: int) -> Any:
+    """Return states n + 1, which follow x, states n, and the derivatives (B, D, D) of this step."""
+    (own, stages), values, eps = kernel_arguments
     if (f := own.of) is not None:
         slopes = f.jacobian(x.T, f.table_of(values.T))
-        return _take(arguments, x, notes, n, n + 1), np.moveaxis(slopes, 2, 0)
+        return _take(kernel_arguments, x, carry_and_statuses, n, n + 1), np.moveaxis(slopes, 2, 0)
     scheme, product = scheme_of(own.indices, own.D), np.eye(own.D)
     for fraction in stages.fractions:
         of_stage = scheme, values, fraction * eps
-        after = _take(of_stage, x, notes, n, n + 1)
+        after = _take(of_stage, x, carry_and_statuses, n, n + 1)
         with np.errstate(all="ignore"):
             own_part = _derivative((own.indices, values), fraction * eps, x, after)
             product, x = own_part @ product, after
@@ -61,7 +61,7 @@ def _with_derivative(arguments: Any, x: FloatArray, notes: Any, n: int) -> Any:
 
 
 def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
-    """Return states after steps start + 1 to stop; `notes` are carry, status and failed_at."""
+    """Return states `stop` after x, states `start`; `notes` receive carry, status, failed_at."""
     carry, status, failed_at = notes
     final, saved = x.copy(), np.empty((0, *x.shape))
     span = 0, len(x), start, stop, 0, 0
@@ -96,7 +96,7 @@ def jacobian(problem: Problem) -> FloatArray:
 
 
 class TangentGrowth(NamedTuple):
-    """Sums over the steps of orbits, from which Lyapunov exponents follow, and statuses."""
+    """Statuses of orbits, and sums over their steps, from which Lyapunov exponents follow."""
 
     sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
     status: NDArray[np.int8]  # (B,)
@@ -106,7 +106,7 @@ class TangentGrowth(NamedTuple):
 
 
 class _Part:
-    """Trajectories with the same step operations, their tangent vectors, and sums of logarithms."""
+    """Trajectories with the same step operations; tangent vectors, and logarithms of growth."""
 
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
@@ -187,7 +187,7 @@ def growth(
 
 
 def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return statuses; in three dimensions positive ones become 0, because they mean no pole."""
+    """Return `status`; in three dimensions positive ones become 0: they mean no poles."""
     if any(steps.notes_poles for steps in problem.map.methods.values()):
         return status
     return np.minimum(status, 0)

@@ -23,7 +23,7 @@ class Formula(NamedTuple):
 
 
 def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) -> Any:
-    """Check the arguments of a public function of a state, and return its value by a formula."""
+    """Check the arguments of a public function of a state; return its value by a `Formula`."""
     if formula.check:
         formula.check(body)
     problem = check(map, body, omega, eps)

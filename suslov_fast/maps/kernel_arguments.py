@@ -17,10 +17,7 @@ from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return an array (..., D), broadcast to the batch, as (B, D): one row for each trajectory.
-
-    A row has `axes` axes.
-    """
+    """Return an array (..., D), broadcast to the batch, as rows (B, D); a row has `axes` axes."""
     split = array.ndim - axes
     inner = array.shape[split:]
     if array.shape[:split] != batch:
@@ -58,7 +55,7 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the arguments of kernels that take the field of a body: its terms, and eps."""
+    """Return indices and values of the terms of a body's field, and eps, as kernel arguments."""
     indices, values = body._terms
     if not body.shape:  # for speed in small calls
         return indices, values[np.newaxis], flat_parameter(eps, batch)
@@ -78,8 +75,7 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories by the zeros of their fields; yield their indices and arguments.
 
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
-    groups, the bits of a trajectory would depend on the fields of others. `arguments` are the
-    result of `by_scheme`.
+    groups, bits would depend on the fields of others. `arguments` are from `by_scheme`.
     """
     (step, stages), values, eps = arguments
     if len(values) == 1 or (nonzero := values != 0.0).all():
@@ -94,7 +90,7 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
-    """Return the kernel arguments of a map: its parameters as values v; eps = 2, so h v = v."""
+    """Return the kernel arguments of a `Map`: a `Scheme`, its parameters, and 2 in place of eps."""
     rows = body._rows if body.shape else body._rows[np.newaxis]
     return Scheme(body._operations, WHOLE), flat_parameter(rows, batch, 1), np.array([2.0])
 

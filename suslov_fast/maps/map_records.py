@@ -93,7 +93,7 @@ def map_of(body: Any, method: str = "auto") -> Discretization:
 
 
 def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, int]:
-    """Return eps and steps of a call; a `Map` has the step size 1, and `steps` may come first."""
+    """Return eps and steps of a call of `name`; a `Map` has eps 1, and may have the steps first."""
     if isinstance(system, Map) and steps is None and isinstance(eps, (int, np.integer)):
         eps, steps = None, eps
     eps = eps_of(name, system, eps, "x0, steps=N")
@@ -104,7 +104,7 @@ def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, in
 
 
 def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
-    """Return eps, or 1 for a `Map`; TypeError if eps is missing, or given for a `Map`."""
+    """Return eps, 1 for a `Map`; TypeError if missing, or not left out in name(map, others)."""
     if isinstance(system, Map):
         if eps is not None:
             raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")

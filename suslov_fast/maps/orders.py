@@ -27,15 +27,16 @@ def _cost_of_field(D: int, arguments: Any) -> float:
 
 
 def _cost_in_3d(D: int, arguments: Any) -> float:
-    """Return the relative time of a step: 1, or 2 with a rotor."""
+    """Return the time of a step, relative to a step of the map in 3D: 1, or 2 with a rotor."""
     return 2.0 if arguments[4].any() else 1.0
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return a relative time between a usual step, O(n), and a step by elimination, O(n**3)."""
+    """Return the relative time of a step: between one in O(n) and one by elimination, O(n**3)."""
     return 16.0 * D + D**3 / 30.0
 
 
+# The map of bodies in three dimensions.
 STEPS_3D = StepMethod(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
 # Kahan's map of the field of any body.
 FIELD = StepMethod(
@@ -43,10 +44,10 @@ FIELD = StepMethod(
 )
 # A map of one's own, x -> f(x).
 OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
-STEPS_ND = StepMethod(
+STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step
     steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True
 )
-GAUSS = STEPS_ND._replace(
+GAUSS = STEPS_ND._replace(  # the same map by elimination
     kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
 )
 

@@ -27,7 +27,7 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 
 def part_of(problem: Problem, where: Where) -> Problem:
-    """Return the problem of a part of the batch, as views."""
+    """Return the problem of a part of the batch, as views; `where` has a slice of each axis."""
     body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
@@ -42,7 +42,7 @@ def part_of(problem: Problem, where: Where) -> Problem:
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return the part `where` of a batch as slices of an array of this shape, which broadcasts."""
+    """Return slices of an array of this shape, which broadcasts to a batch, for a part `where`."""
     last = where[len(where) - len(shape) :]
     return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
 

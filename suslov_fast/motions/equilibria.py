@@ -237,7 +237,7 @@ class _Equations:
         self.units = np.where(moduli == 0.0, self.sizes, moduli)
 
     def _all_totals(self) -> FloatArray:
-        """Return the totals of all members; a single matrix if all members have the same totals."""
+        """Return matrices (..., k, k) of linear integrals as rows; one if members share it."""
         k, shape = int(self.own.sum()), self.field.shape
         found, known = np.zeros((int(np.prod(shape)), k, k)), {}
         for members, f, table in self.field._listed_right_hand_sides:
@@ -264,17 +264,17 @@ class _Equations:
         return x
 
     def value(self, y: FloatArray) -> FloatArray:
-        """Return the residual (..., k), which is 0 at equilibria."""
+        """Return the residual (..., k) of the variables y (..., k), which is 0 at equilibria."""
         away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
         return np.where(self.is_total, away, self.field(self.whole(y))[..., self.own])
 
     def slopes(self, y: FloatArray) -> FloatArray:
-        """Return the derivative of `value` (..., k, k)."""
+        """Return the derivative (..., k, k) of the residual `value` by the variables y."""
         slopes = self.field.jacobian(self.whole(y))[..., self.own, :][..., self.own]
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray) -> FloatArray:
-        """Return f' with negative eigenvalues in place of 0 for totals, to judge the stability."""
+        """Return f' (`slopes`) with zero eigenvalues of integrals made negative, for stability."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -282,13 +282,13 @@ class _Equations:
 
     @cached_property
     def terms(self) -> FloatArray:
-        """The sums |f'| u (..., k) at the given states, with `units` u: sizes for `is_zero`."""
+        """Sizes of f for `is_zero`: sums |f'| u (..., k) at given states, u: component sizes."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
         return terms
 
     def is_zero(self, y: FloatArray) -> Any:
-        """Return True if f is 0 up to rounding, as near multiple roots."""
+        """Return True where f is 0 up to rounding, as near multiple roots."""
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
@@ -320,7 +320,7 @@ class _Equations:
     def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
         """Return the states to which Newton's method converges from y, and True where it does.
 
-        The length of a step is relative to the sizes of components.
+        The length of a step is relative to `sizes` (..., k) of components.
         """
         sizes, y = self.sizes if sizes is None else sizes, y.copy()
         before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
@@ -370,7 +370,7 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return where Newton's method converges from beside y, and where y is one of a family.
+        """Return two masks: Newton's method converges from beside y, and y is a member of a family.
 
         A component far smaller than others may be a true value or rounding: so smaller
         displacements are tried, too.
@@ -385,8 +385,8 @@ class _Equations:
         return leads, is_family & (self.step(y)[3] <= _WHOLE)
 
 
-def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
-    """Return y and where it is an equilibrium, degenerate, in a family; `has_value`: f finite."""
+def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]:
+    """Return y (..., k), and three masks: y is an equilibrium, is degenerate, is in a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
@@ -396,7 +396,7 @@ def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
         y = np.where(too[..., np.newaxis], others, y)
         y = np.where(is_zero[..., np.newaxis], closer, y)
         is_found = np.array(is_found | too | is_zero)
-    for index in map(tuple, np.argwhere(has_value & ~is_found)):
+    for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
     leads, is_family = equations.beside(y)
     if (is_multiple := is_found & ~leads).any():  # whose small components may have no digits yet
@@ -407,7 +407,7 @@ def _found(equations: _Equations, has_value: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return linear integrals as rows (k, k); each replaces an equation that follows from others.
+    """Return integrals c . x of f as rows c (k, k), in place of equations that follow from others.
 
     `C` (k, terms) are the coefficients of the terms of f.
     """
@@ -433,7 +433,7 @@ def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
-    """Return eigenvalues by real part; for slopes f' - 1 of a map, multipliers by modulus."""
+    """Return eigenvalues by real part, or multipliers by modulus if slopes are f' - 1, `of_map`."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

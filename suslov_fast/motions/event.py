@@ -235,7 +235,7 @@ def field_of(system: Any) -> Any:
 
 
 def traced(event: Event, system: Any) -> TracedEvent:
-    """Return an event traced for the names of components and parameters of a field."""
+    """Return the `TracedEvent` of an event for a field's names of components and parameters."""
     key, known = (tuple(system.names), tuple(system._arrays)), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
@@ -247,7 +247,7 @@ def traced(event: Event, system: Any) -> TracedEvent:
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
     """Return a function that keeps the present values of its names; any other object as it is.
 
-    Functions of the same file that it calls keep theirs, too; `known` are those done already.
+    Functions of the same file that it calls keep theirs, too; `known` has finished copies by id.
     """
     f = getattr(f, "py_func", f)  # if Numba compiled f
     if not isinstance(f, FunctionType):
@@ -309,7 +309,7 @@ def _check_surface(surface: Any) -> None:
 
 
 class TracedEvent:
-    """An event traced for a field with these names of variables and parameters."""
+    """An event with its functions as expressions in these names of components and parameters."""
 
     def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
         self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
@@ -329,7 +329,7 @@ class TracedEvent:
         return EventAction.list_of(self.tracer.values, results)
 
     def _surface(self, surface: Any) -> Any:
-        """Return the operand of a surface; raise ValueError unless it depends on the state."""
+        """Return a surface (function or text) as an operand; ValueError if it reads no state."""
         if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
             expected = f"a function of the state, or the name of a component, {either(self.names)}"
             raise wrong("surface", expected, short(surface))

@@ -200,7 +200,7 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
 
 
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the given times of events as sign * time, ascending; inf for NaN and values < 0."""
+    """Return the `EventTimes` of events: sign * time, ascending; inf for NaN and values below 0."""
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES
@@ -224,7 +224,7 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
 def warn_of_times_that_never_come(
     events: tuple[Event, ...], sign: int, last: float, count: int
 ) -> None:
-    """Warn of events with all times before x0 or after `last`, the last of `count` times asked."""
+    """Warn of events with no sign * time from 0 to `last`, the last of `count` times of states."""
     for k, event in enumerate(events if count else ()):
         if event.times is None:
             continue
@@ -277,7 +277,7 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
 
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
-    """Return `Records` as `Events`, with the numbers of events in the list of the user."""
+    """Return `Records` of the engine as `Events`; these have event numbers in the user's list."""
     D, order = motion.body.dimension, in_order_of_code(events)
     columns = {
         "trajectory": records.trajectory,

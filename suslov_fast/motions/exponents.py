@@ -150,7 +150,7 @@ def lyapunov_exponents(
 
 
 def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) -> FloatArray:
-    """Return the exponents (..., D) of orbits of a map, per unit of time."""
+    """Return the exponents (..., D) of orbits of a map, per unit of time, after a transient."""
     transient = integer("transient", transient, 0)
     length = abs(np.broadcast_to(problem.eps, problem.batch))[..., np.newaxis]
     if not length.all():

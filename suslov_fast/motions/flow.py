@@ -257,7 +257,7 @@ def _with_derivatives(
     request: SolverRequest,
     actions: tuple[EventAction, ...],
 ) -> tuple[SolverResult, FloatArray]:
-    """Return the motion, and its derivatives (n, ..., D, C); the columns by x0 come first."""
+    """Return the motion, and its derivatives (n, ..., D, C): C columns, by x0 first, by `names`."""
     parameters = tuple(name for name in names if name != "x0")
     groups = with_events(field, actions, parameters, True) if actions else None
     columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
@@ -295,7 +295,7 @@ def motion_of(
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
-    """Return the members (K,) of a body that belong to the trajectories `where` of the batch."""
+    """Return the members (K,) of a body, one for each of the trajectories `where` of the batch."""
     parts = {}
     for name, value in body._parts.items():
         array = np.asarray(value)

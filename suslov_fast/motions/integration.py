@@ -96,9 +96,9 @@ def right_hand_sides(
 def solve(
     field: Any, starts: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
-    """Return the `SolverResult` of the motion from `starts` (B, D); `times` are ascending moduli.
+    """Return the `SolverResult` of the motion from `starts` (B, D) to ascending `request.times`.
 
-    If `report` returns False, states that are not yet computed stay NaN.
+    If `request.report` returns False, states that are not yet computed stay NaN.
     """
     B, count = len(starts), len(request.times)
     if not B:
@@ -117,7 +117,7 @@ def solve(
 def _of_group(
     f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
 ) -> SolverResult:
-    """Return the `SolverResult` of trajectories that share f, with the records of the engine."""
+    """Return the `SolverResult` of trajectories that share f, with `table`, numbers of f."""
     B, threads, begun = len(starts), threads_for(len(starts), request.threads), None
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, steps, records, begun = solve_small_batch(f, table, starts, request)
@@ -136,7 +136,7 @@ def _of_group(
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
-    """Return the `SolverResult` of groups of trajectories, joined."""
+    """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
     whole, report = empty_result(starts, len(request.times)), request.report
     B, done, records = len(starts), 0, []
     grown = np.full(B, -1)
@@ -160,7 +160,7 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
-    """Return the rows that the engine recorded as `Records`, ordered by trajectory and time."""
+    """Return rows that the engine recorded as `Records`, by trajectory and time (sign * t)."""
     D = starts.shape[1]
     rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
     if len(starts) > 1:

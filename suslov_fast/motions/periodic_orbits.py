@@ -177,7 +177,7 @@ def _checked_start(system: Any, x0: Any) -> FloatArray:
 def _checked_period(
     field: Any, motion: OfMotion, x: FloatArray, period: Any, events: tuple[Event, ...]
 ) -> float:
-    """Return the given period, or the time of a near return."""
+    """Return the given period, or the time after which the motion from x nearly returns."""
     if period is not None:
         T = checks.positive("period", period)
         with np.errstate(all="ignore"):

@@ -97,11 +97,11 @@ class OfMotion:
         return ends, slopes
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
-        """Return the states (n, D) at times, all 0 or later."""
+        """Return the states (n, D) of the motion from x at times, all 0 or later."""
         return self._solved(self._moving, x[np.newaxis], times).states[:, 0]
 
     def has_force_of(self, x: FloatArray, period: float) -> bool:
-        """Return True if `period` is one of the force: motions a period later are the same."""
+        """Return True if `period` is a period of the force: motions a period later are the same."""
         own = ~self.drifts
         states = self.states(x, period * _FRACTIONS)
         later = states + np.where(self.drifts, period * self.rate, 0.0)
@@ -113,7 +113,7 @@ class OfMotion:
         return not (abs(then - now) > _OF_FORCE * change).any()  # where there is a number
 
     def between_changes(self, x: FloatArray, T: float) -> FloatArray:
-        """Return the state in the middle of the longest time without an event, in two periods.
+        """Return the state of the motion from x amid the longest time without an event, until 2 T.
 
         An orbit from a state on a surface would end before the event or after it.
         """
@@ -133,7 +133,7 @@ class Shooting:
     ends    (M, D), NaN where an arc has none; the gaps are `ends` less the next nodes
     slopes  (M, D, D), derivatives of the ends by the nodes
     rates   (M, D), derivatives of the ends by log T
-    sizes   (D,), ranges of components, as units of the lengths of steps
+    sizes   (D,), ranges of components, in which lengths of steps are measured
     """
 
     def __init__(self, flow: OfMotion, nodes: FloatArray, T: float, sizes: FloatArray) -> None:

@@ -152,15 +152,15 @@ class _Run:
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
 
-    def over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Advance by `time`; return False if told(time done) returned False, which ends the run."""
+    def over(self, time: float, report: Callable[[float], bool]) -> bool:
+        """Advance by `time`; return False if report(time done) is False, which ends the run."""
         if self.event_times is None:
-            return self._over(time, told)
+            return self._over(time, report)
         first = _FIRST * time
-        return self._over(first, told) and self._over(time - first, lambda done: told(first + done))
+        return self._over(first, report) and self._over(time - first, lambda t: report(first + t))
 
-    def _over(self, time: float, told: Callable[[float], bool]) -> bool:
-        """Advance by `time` in segments of time / 2**m; return False if `told` ends the run."""
+    def _over(self, time: float, report: Callable[[float], bool]) -> bool:
+        """Advance by `time` in segments of time / 2**m; return False if `report` ends the run."""
         at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
         self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
@@ -174,12 +174,12 @@ class _Run:
                     level[which[~is_good]] += 1
                     fits = at[which] % (_UNITS >> m << 1) == 0
                     level[which[is_easy & fits & (m > 0)]] -= 1
-            if not told(time * float(at.mean()) / _UNITS):
+            if not report(time * float(at.mean()) / _UNITS):
                 return False
         return True
 
     def _first_levels(self, time: float) -> NDArray[np.int64]:
-        """Return m of the first segment, of length T / 2**m, for each trajectory."""
+        """Return m of the first segment, of length time / 2**m, for each trajectory."""
         slopes = self.f.jacobian(self.x.T, self.table.T)
         size = abs(slopes).sum(axis=1).max(axis=0) * np.ones(len(self.x))
         size = np.where(np.isfinite(size), np.maximum(time * size / _ROOM, 1.0), 1.0)
@@ -242,9 +242,9 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with frames; return the same as `_segment`.
+        """Take a segment with frames; return masks: it was short enough, the next may be longer.
 
-        A trajectory that does not reach the end of the segment has no frames from then on.
+        Trajectories, of numbers `which`, that do not reach its end have no frames from then on.
         """
         D, n, K = self.f.D, self.n, len(which)
         frame = with_frame(self.f, tuple(self.moving.tolist()))
@@ -274,7 +274,7 @@ class _Run:
         return is_good, is_good & (4.0 * off <= most)
 
     def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:
-        """Return the remaining times of events, counted from the present time."""
+        """Return the times of events left for trajectories `which`, counted from their present."""
         if self.event_times is None or not self.event_times.times.size:
             return self.event_times
         both = self.event_times.times, self.event_times.which
@@ -293,7 +293,7 @@ class _Run:
     def _changes_of(
         self, engine: BatchSolver, K: int
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Return where events acted on K trajectories, and how many were at given times."""
+        """Return where events acted on K trajectories of `engine`, and how many at given times."""
         if self.event_times is None:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
@@ -301,9 +301,12 @@ class _Run:
         at_times = trajectory[number >= self.f.events.surfaces]
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
-    def _bury(self, k: int, dies: NDArray[np.bool_], V: FloatArray) -> None:
-        """Note that columns `dies` of trajectory k have no digits left (dead); move them last."""
-        self.dead[k] |= dies
+    def _bury(self, k: int, are_lost: NDArray[np.bool_], V: FloatArray) -> None:
+        """Move columns that have lost their digits to the end; their exponents are -inf.
+
+        `V` has the columns of trajectory k; `are_lost` is True for columns without digits.
+        """
+        self.dead[k] |= are_lost
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]
         self.Q[k] = np.linalg.qr(V[:, order])[0]

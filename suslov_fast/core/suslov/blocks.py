@@ -6,14 +6,15 @@ from ..numba.intrinsics import LINE, lesser, stream_pairs
 
 @formula
 def alignment(out, begin, batch, lanes):
-    """Return `lead`, `shift` and `shared`, which align the writing of `out` with cache lines.
+    """Return `lead`, `shift` and `shared`, which align blocks that write to `out` with cache lines.
 
-    A row of `out` has two numbers for each of `batch` trajectories, a block has `lanes`. If two
-    blocks write to one cache line, the line is read first, which doubles the time.
+    A row of `out` has two numbers for each of `batch` trajectories. A block writes `lanes`
+    trajectories of a row, and the first block starts at trajectory `begin`. If two blocks write to
+    one cache line, the line is read first, which doubles the time.
 
     lead     how many numbers of `out` are before its first cache line, -1 if `out` is small
-    shift    by how many trajectories the block that starts at trajectory `begin` must be shorter,
-             so that later blocks start at a line (large NumPy arrays start 16 bytes after a line)
+    shift    by how many trajectories the first block must be shorter, so that later blocks start
+             at a line (large NumPy arrays start 16 bytes after a line)
     shared   how many trajectories a block has in common with the next block, so that one of them
              writes each line whole: LINE if rows start at different places within lines, else 0
     """
@@ -32,12 +33,13 @@ def store_rows(b, row, flat, place, count):
 
 @formula
 def write_pairs(b, row, flat, place, count, lead, after, before):
-    """Interleave two rows as `store_rows` does, by whole cache lines past the caches if possible.
+    """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count].
 
-    `lead` is from `alignment`, `b` (rows, lanes), and `flat` (n,). The number of lanes is a
-    constant. If blocks share LINE pairs, a block `after` another one skips the `head` pairs ahead
-    of its first cache line. A block `before` another one is full, and leaves its last LINE - head
-    pairs to that block.
+    Whole cache lines are written past the caches, unless `lead` is -1. `lead` is how many numbers
+    of `flat` are before its first cache line. The number of lanes, b.shape[1], is a constant. Two
+    blocks may share LINE pairs. `after` is True if the block before this one writes the `head`
+    pairs ahead of the first cache line. `before` is True if a block follows. Then this block must
+    be full, and leaves its last LINE - head pairs to that block.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:
@@ -64,7 +66,7 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
 
 @function
 def write_states(x, begin, end, target):
-    """Write the states in the first rows of x to target[begin:end], of an array (B, D)."""
+    """Write states of the first lanes, x[:D, lane], to target[begin:end], of an array (B, D)."""
     for l in range(end - begin):
         for i in range(target.shape[1]):
             target[begin + l, i] = x[i, l]

@@ -99,22 +99,22 @@ def unit_of(w1, w2, k):
 
 @formula
 def nonzero(v):
-    """Return v, or TINY if v is 0, as a factor of 1 - L**2 is on the critical level L = 1."""
+    """Return v, a factor of 1 - L**2; TINY in place of 0, as on the critical level L = 1."""
     return select(v == 0.0, TINY, v)
 
 
 @formula
 def constants_of(I1, I2, I13, I23):
-    """Return the constants of a body for the rows ROOT_A, G1, G2, H1, H2 and PER_G of a block."""
+    """Return a = sqrt(I1 I2), g1 = I13 / I1, g2 = I23 / I2, I13 / a, I23 / a and 1 / |g|**2."""
     root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
     return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 
 
 @formula
 def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
-    """Return three numbers of the state (w1, w2): ell, x and nu (see the top).
+    """Return ell = x + k, x = I13 w1 + I23 w2, and nu = root_a (g2 w1 - g1 w2) of a state (w1, w2).
 
-    With x and y of equation (7), ell = x + k and nu = y / root_a; see `constants_of` for root_a.
+    root_a, g1 and g2 are sqrt(I1 I2), I13 / I1 and I23 / I2, from `constants_of`.
     """
     x = I13 * w1 + I23 * w2
     return x + k, x, root_a * (g2 * w1 - g1 * w2)
@@ -122,13 +122,16 @@ def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
 
 @formula
 def steady(g1, g2, h1, h2, x, nu):
-    """Return |g|**2 (w1, w2) of the state with x and nu; g1 to h2 are from `constants_of`."""
+    """Return |g|**2 (w1, w2) from x and nu of `coordinates`, and g1 to h2 of `constants_of`."""
     return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2: if > 0, the orbit goes from one steady state to another (see the top)."""
+    """Return A**2 - k**2, positive for orbits from one steady state to another; A = R |g|.
+
+    ell = x + k and nu are of `coordinates`. X = e ell and K = e k; for the flow e is 0.
+    """
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
@@ -136,9 +139,9 @@ def difference_of_squares(ell, x, nu, k, X, K):
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
     """Fill rows B1 to D22 of lane l: numbers b, c, d12 and d22 of the closed form (see the top).
 
-    `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `b` is (ROWS, lanes).
-    `square` is A**2 - k**2, `passes` is True if it is positive, and R2 is R**2. `half_d12` and
-    `d22_passes` are of orbits that pass, `d22_turns` of others.
+    `b` is the block. `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `square`
+    is A**2 - k**2, `root` the root of its modulus, and R2 is R**2. If `passes`, square is positive,
+    d12 = 2 half_d12 and d22 = d22_passes. Otherwise d22 = d22_turns.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
@@ -164,12 +167,12 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 
 @formula
-def fill_orbit(b, l, discrete):
-    """Fill rows B1 to MISSING of lane l, for the map (`discrete` 1) or flow (0); RATE is e root."""
+def fill_orbit(b, l, is_map):
+    """Fill rows B1 to MISSING of lane l of a block `b`, for its body and state; RATE is e root."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
-    e_map = discrete * e
+    e_map = is_map * e
     X, Y, K = e_map * ell, e_map * nu, e_map * k
     inverse = 1.0 / (1.0 + X * X)
     square = difference_of_squares(ell, x, nu, k, X, K)
@@ -179,7 +182,7 @@ def fill_orbit(b, l, discrete):
     one_minus_Y, one_plus_Y = nonzero(1.0 - Y), nonzero(1.0 + Y)
     one_minus_L2 = (nonzero(one_minus_Y + K * X) * nonzero(one_plus_Y + K * X)) * inverse
     per_one_plus_L = 1.0 / (1.0 + e_map * root)
-    b[R, l] = select(discrete > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
+    b[R, l] = select(is_map > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
 
     # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|.
     total = root + abs(nu)
@@ -212,9 +215,13 @@ def fill_orbit(b, l, discrete):
 
 
 @formula
-def rate(passes, L, r, discrete):
-    """Return log|r| if the orbit passes; else a, or a - pi / 2 if L = e root > 1 (see the top)."""
-    if discrete == 0.0:
+def rate(passes, L, r, is_map):
+    """Return log|r| of an orbit from one steady state to another, else the angle a of a step.
+
+    `passes` is positive for the former. r is (1 - L) / (1 + L), and tan(a) = L = e root. If L > 1,
+    the result is a - pi / 2. For the flow the results are -2 L and L.
+    """
+    if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
         return -math.atan(1.0 / L) if L > 1.0 else math.atan(L)
@@ -224,7 +231,7 @@ def rate(passes, L, r, discrete):
 
 @formula
 def has_power(r, n):
-    """Return True if r**n is a real number with a known sign."""
+    """Return True if r**n is a real number with a known sign, for n >= 0."""
     return r >= CRITICAL or (n == np.floor(n) and n <= PARITY_KNOWN)
 
 
@@ -232,8 +239,9 @@ def has_power(r, n):
 def pair(n, passes, root, r, rate):
     """Return rho and sigma at step or time n >= 0, for `state`; NaN if r**n is not real.
 
-    If the orbit passes, rho = r**n and sigma = (1 - rho) / (2 root), with rate = log|r|. If not,
-    rho = cos(n a) and sigma = sin(n a) / root, where `rate` is the angle a or a - pi / 2.
+    If `passes` is positive, orbits go from one steady state to another. Then rho = r**n and
+    sigma = (1 - rho) / (2 root), with rate = log|r|. Otherwise rho = cos(n a) and
+    sigma = sin(n a) / root, where `rate` is the angle a or a - pi / 2. root**2 is |A**2 - k**2|.
     """
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
@@ -254,7 +262,7 @@ def pair(n, passes, root, r, rate):
 
 @formula
 def state(b, l):
-    """Return the state of lane l by the closed form, with its RHO and SIGMA; NaN after a pole."""
+    """Return the state of lane l of a block `b` from its rows RHO and SIGMA; NaN after a pole."""
     ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
     rho2, rho_sigma, sigma2 = rho * rho, rho * sigma, sigma * sigma
     d12 = select(ahead, b[D12, l], b[D12 + BACK, l]) * rho_sigma
@@ -271,7 +279,7 @@ def state(b, l):
 
 @formula
 def adjacent(b, l):
-    """Return state 1 or -1 of lane l by a step, because for large K `state` may be 0 / 0."""
+    """Return state 1 or -1 of lane l of a block `b` by a step: for large K `state` may be 0 / 0."""
     eps = abs(b[EPS, l]) * b[TIME, l]
     w1, w2 = one_step(
         b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]
@@ -282,7 +290,7 @@ def adjacent(b, l):
 
 @formula
 def reason(b, l):
-    """Return why a lane has no state: 0, 1 or 2, the row of `reasons` in `states`."""
+    """Return why lane l of `b` has no state: 0 for no real r**n, 1 for the range, 2 for a pole."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
         return 0
     if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
@@ -294,8 +302,8 @@ def reason(b, l):
 
 
 @formula
-def fill_bodies(b, first, width, lanes, parameters, discrete):
-    """Fill lanes with bodies of `width` trajectories from `first` on, repeatedly; set UNIT to 1."""
+def fill_bodies(b, first, width, lanes, parameters, is_map):
+    """Fill lanes of a block `b` with bodies of `width` trajectories from `first` on; UNIT is 1."""
     i = first
     for l in range(lanes):
         b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
@@ -307,29 +315,29 @@ def fill_bodies(b, first, width, lanes, parameters, discrete):
         root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, b[I13_, l], b[I23_, l])
         b[ROOT_A, l], b[G1, l], b[G2, l], b[H1, l], b[H2, l] = root_a, g1, g2, h1, h2
         b[PER_G, l], b[TURN1, l], b[TURN2, l] = per_g, root_a / I1, root_a / I2
-        b[E_, l] = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / root_a
+        b[E_, l] = 0.5 * select(is_map > 0.0, abs(b[EPS, l]), 1.0) / root_a
         b[UNIT, l] = 1.0
 
 
 @formula
-def rescale(b, lanes, discrete):
-    """Change the unit of each lane whose state is not ordinary to `unit_of` its state."""
+def rescale(b, lanes, is_map):
+    """Divide very large and small states of a block `b` by `unit_of` the state, the row UNIT."""
     for l in range(lanes):
         if not is_ordinary(b[W1, l], b[W2, l]):
             unit = unit_of(b[W1, l], b[W2, l], b[K_, l])
             inverse = 1.0 / unit
             b[UNIT, l], b[K_, l], b[EPS, l] = unit, b[K_, l] * inverse, b[EPS, l] * unit
             b[W1, l], b[W2, l] = b[W1, l] * inverse, b[W2, l] * inverse
-            if discrete > 0.0:
+            if is_map > 0.0:
                 b[E_, l] = 0.5 * abs(b[EPS, l]) / b[ROOT_A, l]
 
 
 @formula
-def start_orbits(b, first, width, used, omega0, discrete):
-    """Fill the first `used` lanes with orbits of `width` trajectories from `first` on, repeatedly.
+def start_orbits(b, first, width, used, omega0, is_map):
+    """Fill the first `used` lanes of a block `b` with orbits from the states 0 in `omega0` (B, 2).
 
-    `discrete` is 1.0 for the map, 0.0 for the flow. Return True if the states of a lane got a unit
-    (`unit_of`), because then the rows of its body have changed, too.
+    They are `width` trajectories from number `first` on, repeatedly. Return True if the states of a
+    lane got a unit (`unit_of`), because then the rows of its body have changed, too.
     """
     i = first
     for l in range(used):
@@ -339,33 +347,31 @@ def start_orbits(b, first, width, used, omega0, discrete):
     for l in range(LANES):
         extreme += ~is_ordinary(b[W1, l], b[W2, l])
     if extreme > 0:
-        rescale(b, used, discrete)
+        rescale(b, used, is_map)
     for l in range(LANES):
-        fill_orbit(b, l, discrete)
+        fill_orbit(b, l, is_map)
     for l in range(used):
-        b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
+        b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], is_map)
     return extreme > 0
 
 
 @kernel
-def states(part, parts, parameters, omega0, discrete, n, out, reasons):
-    """Compute states of trajectories by the closed form.
+def states(part, parts, parameters, omega0, is_map, n, out, reasons):
+    """Compute part `part` of `parts` of the states of trajectories, by the closed form.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0; NaN gives NaN
-    discrete     1.0 for the map, 0.0 for the flow (then n are times, and eps is ignored)
+    is_map       1.0 for the map, 0.0 for the flow (then n are times, and eps is ignored)
     n            (N,), of any sign and in any order
     out          (N, B, 2)
     reasons      (3, B) bool, set to True where a state is NaN. 0: r has no real power, and n is not
                  an integer or too large; 1: X, Y or K is above RANGE, or a number out of the range
                  of float64; 2: the state is directly after a pole, or after 0 / 0
-
-    If there are few trajectories, a block computes them at several values of n (`abreast`), so that
-    all lanes are used.
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     target = array_at(out.ctypes.data, (out.size,), np.float64)
     B, N, b = len(omega0), len(n), new_block()
+    # A block computes few trajectories at several values of n, so that all lanes are used.
     abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
     blocks, rows = (B + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
@@ -378,13 +384,13 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
         if block != started:
             if not filled:
                 lanes = LANES if common and B > LANES else used
-                fill_bodies(b, first, width, lanes, parameters, discrete)
-            scaled = start_orbits(b, first, width, used, omega0, discrete)
+                fill_bodies(b, first, width, lanes, parameters, is_map)
+            scaled = start_orbits(b, first, width, used, omega0, is_map)
             started, filled = block, common and not scaled
         for j in range(count):
             for l in range(j * width, (j + 1) * width):
-                forward = discrete == 0.0 or b[EPS, l] >= 0.0
-                steps = abs(n[row + j]) if discrete > 0.0 else abs(n[row + j]) * b[UNIT, l]
+                forward = is_map == 0.0 or b[EPS, l] >= 0.0
+                steps = abs(n[row + j]) if is_map > 0.0 else abs(n[row + j]) * b[UNIT, l]
                 b[TIME, l] = n[row + j] if forward else -n[row + j]
                 b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
                 if b[TIME, l] * b[MISSING, l] > 0.0:
@@ -396,7 +402,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
             usual = (abs(w1) + abs(w2) < np.inf) & (abs(b[TIME, l]) != 1.0)
             special += ~usual
         for l in range(used if special > 0 else 0):
-            if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
+            if is_map > 0.0 and abs(b[TIME, l]) == 1.0:
                 b[OUT1, l], b[OUT2, l] = adjacent(b, l)
             exists = abs(b[OUT1, l]) + abs(b[OUT2, l]) < np.inf
             if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:

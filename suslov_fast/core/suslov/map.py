@@ -35,7 +35,7 @@ RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough di
 
 
 class Frame(NamedTuple):
-    """Constants of a body and eps that convert states (w1, w2) to X and Y (see the top) and back.
+    """Constants of a body and eps that convert states (w1, w2) to the variables X and Y, and back.
 
     With u = w1 and v = w2 / back, X = a1 u + a2 v + K and Y = a2 u - a1 v. Without a rotor
     u = m1 X + m2 Y and v = m2 X - m1 Y.
@@ -61,33 +61,33 @@ def frame_of(I1, I2, I13, I23, k, eps):
 
 @formula
 def XY_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return X = e ell and Y of a state (see the top); X = 0 if ell is 0 in floating point."""
+    """Return X = e (I13 w1 + I23 w2 + k) and Y of a state (w1, w2); `frame`, e: see `frame_of`."""
     return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
 
 
 @formula
 def is_supercritical(frame, X, Y):
-    """Return True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    """Return True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2) with K of `frame`."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
 
 
 @formula
 def loses_digits(frame, X, Y):
-    """Return True if the next state of a moving gyrostat would have too few digits."""
+    """Return True if X, Y or K of a moving gyrostat is so large that the next step loses digits."""
     far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
     return far & (frame.K != 0.0) & (X != 0.0)
 
 
 @formula
 def plain_step(X, Y):
-    """Return X and Y of the next state, without a rotor and for T < 1; X = 0 if it has decayed."""
+    """Return X and Y of the next state, if there is no rotor and |Y| < 1; a tiny X becomes 0."""
     X, Y = decaying_step(X, Y)
     return select(abs(X) < -NEGLIGIBLE * Y, 0.0, X), Y
 
 
 @formula
 def decaying_step(X, Y):
-    """Return X and Y of the next state by equations (8); X may become subnormal."""
+    """Return X and Y of the next state by equations (8) of the paper; X may become subnormal."""
     square = X * (2.0 * X)
     ratio = (1.0 + Y) / ((1.0 - Y) + square)
     return X * ratio, Y - square * ratio
@@ -95,7 +95,7 @@ def decaying_step(X, Y):
 
 @formula
 def leave_plain(frame, X, Y):
-    """Return the state (w1, w2) that has this X and Y, for a body without a rotor."""
+    """Return the state (w1, w2) with these X and Y, by the `Frame` of a body without a rotor."""
     return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
 
 
@@ -103,7 +103,8 @@ def leave_plain(frame, X, Y):
 def turn(X, Y, K):
     """Return `along`, `across`, `ratio` (NaN if there is no next state), and 1 at a pole, else 0.
 
-    With z, X, Y and K as at the top, z_next = along z + across i z and X_next = ratio X.
+    They give the next state z_next = along z + across i z and X_next = ratio X. Here
+    z = sqrt(I1) w1 + i sqrt(I2) w2; X and Y are the variables of a `Frame`, and K is its constant.
     """
     KX, square = K * X, X * (2.0 * X)
     linear = (1.0 - Y) - KX
@@ -116,7 +117,7 @@ def turn(X, Y, K):
 
 @formula
 def general_step(frame, X, u, v):
-    """Return X, u and v (see `Frame`) after a step of any orbit, and 1 at a pole, else 0."""
+    """Return X, u = w1, v = w2 / frame.back after a step of any orbit, and 1 at a pole, else 0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -137,7 +138,7 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Return X, u, v, with (u, v) rescaled to the initial R; X from u and v if it keeps digits."""
+    """Return X, u, v with (u, v) rescaled to length R sqrt(1 + X**2), X from u, v if accurate."""
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)
@@ -147,7 +148,7 @@ def project_on_level(frame, R, X, u, v):
 
 @formula
 def is_plain(frame, X, Y):
-    """Return True if a state takes plain steps: no rotor, T < 1, not fixed, X and Y normal."""
+    """Return True if a state takes `plain_step`: no rotor, |Y| < 1, not fixed, X and Y normal."""
     moves = (X != 0.0) & (abs(X) < LARGEST) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
     return moves & (frame.K == 0.0) & (abs(frame.m1) + abs(frame.m2) < np.inf)
 
@@ -160,14 +161,14 @@ def is_fixed(X, Y):
 
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """Return the next state, bitwise as `steps` computes it; NaN if there is none."""
+    """Return the next state (w1, w2), bitwise as `steps` computes it; NaN if there is none."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     return step_in_frame(frame, e, I13, I23, k, w1, w2)
 
 
 @formula
 def step_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return the state after (w1, w2), NaN if there is none; frame and e are from `frame_of`."""
+    """Return the state after (w1, w2), NaN if there is none; `frame` and e are from `frame_of`."""
     X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     if is_plain(frame, X, Y):
         next1, next2 = leave_plain(frame, *plain_step(X, Y))
@@ -201,7 +202,7 @@ def no_memory(system):
 
 @function
 def step_of_one(system, x, out, memory):
-    """Write the state that follows x to `out`; return its status."""
+    """Write the state after x of a `BodySystem` to `out`; return its status. `memory` is unused."""
     s = system
     w1, w2 = one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, x[0], x[1])
     status = OK

@@ -55,7 +55,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 @formula
 def sum_terms(J, I, w, half):
-    """Return 1 / d, I w / d, I**2 / d and w**2 / d of a component; d = J - half and half = h p."""
+    """Return 1 / d, I w / d, I**2 / d and w**2 / d, where d = J - half and half = (eps / 2) I.w."""
     inverse = 1.0 / (J - half)
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
@@ -65,8 +65,9 @@ def sum_terms(J, I, w, half):
 def solve_two(eps, p, square, alpha, beta, gamma):
     """Solve the two equations for I.delta and w.delta (see the top) by Cramer's rule.
 
-    Return the factors of w_i / d_i and I_i / d_i in delta_i, True if they are accurate, and the
-    determinant. `square` is |w|**2.
+    The increment of a step is delta_i = (u w_i + v I_i) / d_i. Return u and v, True if they are
+    accurate, and the determinant. p is I.w, `square` |w|**2, and alpha, beta and gamma are sums of
+    I w / d, I**2 / d and w**2 / d.
     """
     h = 0.5 * eps
     a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
@@ -81,7 +82,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 @formula
 def fill_systems(c, b, a, begin, lanes):
-    """Fill `a` (m, m + 1, lanes) with the systems A(w) w_next = w of lanes from `begin` on."""
+    """Fill `a` with systems A(w) w_next = w of a block (c, b), `lanes` lanes from `begin` on."""
     m = len(a)
     for i in range(m):
         for l in range(begin, begin + lanes):
@@ -100,9 +101,10 @@ def fill_systems(c, b, a, begin, lanes):
 
 @formula
 def compute_factors(c, b, lanes):
-    """Compute 1 / d and the factors of the increment delta; return how many lanes need elimination.
+    """Prepare the increments of states of a block (c, b); return how many lanes need elimination.
 
-    Terms i and M/2 + i are added in pairs, which halves the number of stores.
+    The increment of w_i is (b[OF_W] w_i + b[OF_I] I_i) / d_i, and c[INVERSE] is 1 / d. Terms i and
+    M/2 + i are added in pairs, which halves the number of stores.
     """
     M = c.shape[1]
     pairs = M // 2
@@ -142,7 +144,7 @@ def compute_factors(c, b, lanes):
 
 @formula
 def add_increments(c, b, lanes):
-    """Add the increments delta to the states."""
+    """Add the increments (b[OF_W] w_i + b[OF_I] I_i) / d_i to the states c[W], in `lanes` lanes."""
     for i in range(c.shape[1]):
         for l in range(lanes):
             along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
@@ -151,7 +153,7 @@ def add_increments(c, b, lanes):
 
 @formula
 def compute_sums(c, b, lanes):
-    """Compute p and |w|**2 of the states."""
+    """Compute b[P] = I.w and b[SQUARE] = |w|**2 of lanes, from I = c[I_] and states w = c[W]."""
     pairs = c.shape[1] // 2
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
@@ -165,7 +167,7 @@ def compute_sums(c, b, lanes):
 
 @inlined
 def eliminate_one(c, b, l, memory):
-    """Take the step of lane l with pivoting (`solve`), not by increments; return its status."""
+    """Take the step of lane l of a block (c, b) with pivoting in `memory`; return its status."""
     a, units = memory
     m = len(units[0])
     fill_systems(c, b, a, l, 1)
@@ -182,7 +184,7 @@ def eliminate_one(c, b, l, memory):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Take the step of all lanes by elimination; return how many lanes need `solve`."""
+    """Take the step of a block (c, b) by elimination in `a`; return how many lanes need `solve`."""
     m = len(a)
     fill_systems(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
@@ -197,7 +199,7 @@ def eliminate_all(c, b, a, lanes):
 
 @inlined
 def start_one(system, state, c, b):
-    """Fill a block of one lane with a body, its step size and a state."""
+    """Fill a block (c, b) of one lane with the body and step size of an `NDSystem`, and a state."""
     J, I, b[EPS, 0], b[NEAR, 0], _ = system
     for i in range(c.shape[1]):
         c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
@@ -207,7 +209,7 @@ def start_one(system, state, c, b):
 
 @inlined
 def end_one(c, b, out, status):
-    """Write the state of a block of one lane to `out`; return the status of its step."""
+    """Write the state of a block (c, b) of one lane to `out`; return `status`, or PASSED_POLE."""
     for i in range(len(out)):
         out[i] = c[W, i, 0]
     return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
@@ -215,7 +217,7 @@ def end_one(c, b, out, status):
 
 @function
 def nd_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    """Write the state after `state` to `out`; return its status. `memory` is from `nd_memory`."""
     (c, b, for_solve), status = memory, OK
     start_one(system, state, c, b)
     compute_sums(c, b, 1)
@@ -227,7 +229,7 @@ def nd_step_of_one(system, state, out, memory):
 
 @function
 def gauss_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out` by elimination; return its status."""
+    """Write the state after `state`, by elimination in `memory`, to `out`; return its status."""
     ((c, b, for_solve), a), status = memory, OK
     start_one(system, state, c, b)
     if eliminate_all(c, b, a, 1) > 0:
@@ -250,7 +252,7 @@ def gauss_memory(system):
 
 
 class NDSystem(NamedTuple):
-    """A body in n dimensions and a step size, for `compiled`."""
+    """A body in n dimensions and a step size, for compiled loops of users (`compiled`)."""
 
     J: Any  # (m,)
     I: Any  # (m,)
@@ -272,24 +274,32 @@ GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate one part of the trajectories in O(n) a step; arguments as in `suslov.steps.steps`."""
+    """Iterate part `part` of `parts` of the trajectories, in O(n) a step.
+
+    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
+    multiples of `every` go to saved[row] on. `carry` (1, B) has first states beyond poles, or 0.
+    """
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate one part of the trajectories by elimination; arguments as in `suslov.steps.steps`."""
+    """Iterate part `part` of `parts` of the trajectories by elimination.
+
+    `parameters` are J, I and eps; `span` (begin, end, start, stop, every, row) is as in `nd_steps`.
+    """
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
 
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
-    """Iterate one part of the trajectories, in O(n) a step or `by_elimination`.
+    """Iterate a part of the trajectories, in O(n) a step or `by_elimination` (True or None).
 
-    `by_elimination` is True or None. Because it is not False, Numba compiles one branch alone.
-    `arrays` are omega0, carry, saved, final, status and failed_at of `suslov.steps.steps`.
+    Because `by_elimination` is not False, Numba compiles one branch alone. The other arguments are
+    as in `nd_steps`; `arrays` are omega0, carry, saved, final, status and failed_at.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
@@ -321,10 +331,11 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 
 @inlined
 def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
-    """Take step n of a block, see `iterate_nd`; record failures and poles in `notes`.
+    """Take step n of a block (c, b), which has the trajectories begin to end - 1.
 
-    `a` is (m, m + 1, lanes), the matrices for elimination; `for_solve` is memory of `solve`.
-    `notes` are carry, status and failed_at.
+    `a` (m, m + 1, lanes) and `for_solve` are memory for elimination, without and with pivoting.
+    `notes` are carry, status and failed_at, which receive failures and poles. `by_elimination` is
+    None for a step in O(n), else True.
     """
     (carry, status, failed_at), lanes = notes, c.shape[2]
     if by_elimination is None:
@@ -347,9 +358,10 @@ def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
 
 @function
 def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Fill a block with trajectories begin to end - 1; spare lanes repeat the last trajectory.
+    """Fill a block (c, b) with trajectories begin to end - 1; spare lanes repeat the last one.
 
-    `states` is (B, m), and `status` and `failed_at` (B,).
+    `parameters` are J, I and eps. `states` (B, m) have the number `start`. If it is 0, `status` and
+    `failed_at` (B,) become NONFINITE and 0 for states that are not finite.
     """
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
@@ -372,14 +384,14 @@ def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
 
 @inlined
 def end_lane(c, b, l):
-    """Set the state and eps of a failed lane to NaN, so that it needs no elimination."""
+    """Set the state and eps of failed lane l of a block (c, b) to NaN: it needs no elimination."""
     b[EPS, l] = np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = np.nan
 
 
 def _sums_of_all(I, w):
-    """Return p and |w|**2 of states (M, B), in the order of `compute_sums`."""
+    """Return p = I.w and |w|**2 of states w (M, B), added in the order of `compute_sums`."""
     p = square = 0.0
     pairs = len(w) // 2
     for i, j in zip(range(pairs), range(pairs, 2 * pairs), strict=True):
@@ -391,7 +403,9 @@ def _sums_of_all(I, w):
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
     """Take all trajectories by NumPy; return False if a step loses digits or passes a pole.
 
-    Arguments are as in `suslov.steps.steps`, with m components in place of 2.
+    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
+    multiples of `every` go to saved[row] on. `carry` (1, B) becomes 0 if start is 0.
     """
     begin, end, start, stop, every, row = span
     if begin == end:

@@ -24,7 +24,7 @@ HALF_TURN = 2.0**500
 
 @kernel
 def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns):
-    """Compute the orientations along consecutive states.
+    """Compute orientations along consecutive states, for part `part` of `parts` of trajectories.
 
     omega   (rows + 1, B, D), the states from `start` on: Omega1 and Omega2 in three dimensions
             (`axial`), else Omega_in
@@ -67,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S) in all lanes, S/2 = b e_n^T - e_n b^T; b is (D, lanes), c memory."""
+    """Replace r (n, n, lanes) by r cay(S), S/2 = b e_n^T - e_n b^T, b (D, lanes); c is memory."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0

@@ -52,14 +52,14 @@ new_block = block_of(ROWS, int(LANES))
 
 @formula
 def frame_at(b, l):
-    """Return the `Frame` of a lane."""
+    """Return the `Frame` (constants of body and eps) of lane l of a block `b` (ROWS, lanes)."""
     K, a1, a2 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
     return Frame(K, a1, a2, b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l])
 
 
 @formula
 def state_at(b, l):
-    """Return the state of a lane; NaN if there is none."""
+    """Return the state (w1, w2) of lane l of a block `b` (ROWS, lanes); NaN if there is none."""
     plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
     plain, fixed = b[KIND, l] == PLAIN, b[KIND, l] == FIXED
     w1 = select(plain, plain1, select(fixed, b[W1, l], b[U, l]))
@@ -70,7 +70,7 @@ def state_at(b, l):
 
 @formula
 def fill_frames(b, lanes, first, width, parameters):
-    """Fill frames of lanes: `width` trajectories from `first` on; other lanes repeat `first`."""
+    """Fill lanes of a block `b` with constants of `width` trajectories from number `first` on."""
     I1, I2, I13, I23, k, eps = parameters
     full = LANES if lanes > 1 else ONE  # constants, for SIMD
     for l in range(lanes):
@@ -87,10 +87,11 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with trajectories from `first` on, at state 0; return how many are plain.
+    """Fill lanes with trajectories from number `first` on, at state 0; return how many are plain.
 
-    See `suslov.map` for plain states. A single plain trajectory counts as LANES. Lanes beyond
-    `width` repeat the first one. `b` is (ROWS, LANES); the other arrays are as in `steps`.
+    Plain states take steps in X and Y alone. If `lanes` is 1, a plain trajectory counts as LANES.
+    Lanes beyond `width` repeat the first one. `b` is the block (ROWS, LANES), and `omega0` (B, 2).
+    `status` and `failed_at` (B,) change for states that are supercritical or not finite.
     """
     full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
@@ -122,7 +123,10 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
 @formula
 def continue_lanes(b, lanes, first, width, carry):
-    """Fill lanes with trajectories from `carry`, where they stopped; return as in `start_lanes`."""
+    """Fill lanes with `width` trajectories from number `first` on, as `carry` has them after a run.
+
+    Return how many take steps in X and Y alone, LANES if the only lane does; `b` is the block.
+    """
     plains = FIRST
     for l in range(lanes):
         for j in range(CARRIED):
@@ -136,10 +140,10 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take lanes from state n to state `pause`; `plains` is the result of `start_lanes`.
+    """Take the lanes of a block `b` from state n to state `pause`; `lanes` is a constant, for SIMD.
 
-    `lanes` is a constant, for SIMD. A single lane stops if there is no next state; to test all
-    lanes takes 1.4 times as long.
+    `plains` is how many take steps in X and Y alone, LANES if all do. A single lane stops if there
+    is no next state; to test all lanes takes 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
@@ -168,10 +172,12 @@ def take_steps(b, lanes, plains, n, pause):
 
 @formula
 def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
-    """Write last states, statuses and `carry`; return how many trajectories may have failed.
+    """Write `final`, `carry` and statuses; return how many trajectories may have failed.
 
-    They are trajectories first to last - 1, one if `alone`; `plains` is from `start_lanes`.
-    `b` is (ROWS, LANES); the other arrays are as in `steps`.
+    The lanes of the block `b` are trajectories `first` to last - 1; `plains` of them take steps in
+    X and Y alone, LANES if all do. If `alone`, there is one lane, with a failure that is known.
+    Otherwise failed_at becomes TO_FIND where a trajectory may have failed. `span` has the numbers
+    of the first and the last state at [2:4]. `final` is (B, 2), `carry` (CARRIED, B).
     """
     (_, _, start, stop, _, _), to_find = span, FIRST
     if plains == LANES:
@@ -201,10 +207,10 @@ def finish_lanes(b, alone, plains, first, last, span, carry, final, status, fail
 
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take trajectories from state `start` to state `stop`, in blocks of lanes or one by one.
+    """Take part `part` of `parts` of the trajectories from state `start` to state `stop`.
 
-    Trajectories that may have failed in a block are taken again, one by one, to find the step. None
-    has failed if the last state is far inside the range, because R is conserved.
+    Trajectories that may have failed in a block of lanes are taken again, one by one, to find the
+    step. None has failed if the last state is far inside the range, because R is conserved.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0, read if start = 0
@@ -277,10 +283,13 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
 
 
 def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy, with the bits of `steps`, until `steps` is compiled.
+    """Take all trajectories by NumPy, with the bits of `steps`, until it is compiled; return True.
 
-    Arguments are as in `steps`. NumPy rounds sums, products, quotients and roots alike.
+    `parameters` are (I1, I2, I13, I23, k, eps). `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
+    multiples of `every` go to saved[row] on. `carry` (CARRIED, B) has what a run continues from.
     """
+    # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span
     own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))
     I1, I2, I13, I23, k, eps = (a[own] if len(a) > 1 else a for a in parameters)

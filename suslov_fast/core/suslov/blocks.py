@@ -38,8 +38,8 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
     Whole cache lines are written past the caches, unless `lead` is -1. `lead` is how many numbers
     of `flat` are before its first cache line. The number of lanes, b.shape[1], is a constant. Two
     blocks may share LINE pairs. `after` is True if the block before this one writes the `head`
-    pairs ahead of the first cache line. `before` is True if a block follows. Then this block must
-    be full, and leaves its last LINE - head pairs to that block.
+    pairs ahead of the first cache line. `before` is True if a block follows. Then a full block
+    leaves its last LINE - head pairs to that block.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:
@@ -54,9 +54,9 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
         for j in range(most):
             l = head + LINE * j
             stream_pairs(flat, place + 2 * l, b, row, l)
+        if before:
+            return
         written = most
-    if before:
-        return
     for j in range(written, lines):
         l = head + LINE * j
         stream_pairs(flat, place + 2 * l, b, row, l)

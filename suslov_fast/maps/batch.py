@@ -181,12 +181,12 @@ class BatchRun:
         if report is None:
             self._all_to(stop, every, saved)
             return
-        begin, row, length = self.n, 0, self._length(every)
-        for until in chain(range(begin + length, stop, length), [stop]):
+        row, length = 0, self._length(every)
+        for until in chain(range(length, stop, length), [stop]):
             rows = row + _rows(self.n, until, every)
             self._all_to(until, every, saved[row:rows])
             row = rows
-            if not report(until - begin):
+            if not report(until):
                 break
 
     def _length(self, every: int) -> int:
@@ -263,12 +263,12 @@ class BatchRun:
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
         """Continue to state `stop`; states n * `every` go to `saved`, orientations to `turns`."""
-        (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
-        length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
+        (size, D), turned, row = self.omega0.shape, self.turned, 0
+        length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1))
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)
         axial = self.problem.map.attitude == "axial"
-        for start in range(n, max(stop, n + 1), length):  # once even if stop = n
+        for start in range(0, max(stop, 1), length):  # once even if stop = 0
             path[0], until = self.final.reshape(size, D), min(start + length, stop)
             # From state 0 on, that state is saved, too.
             self._step_to(until, 1, path[1:] if start else path, None)
@@ -283,7 +283,7 @@ class BatchRun:
             work, threads = states.size * (D + 1), self.problem.threads
             seconds = 0.2 * _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
             call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
-            if report is not None and not report(until - n):
+            if report is not None and not report(until):
                 break
 
 

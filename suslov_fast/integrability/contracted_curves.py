@@ -155,7 +155,7 @@ class PlaneModulo:
         return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
-        """Return the `Passage` of germs at `component`, by `most` steps; None if two differ."""
+        """Return the `Passage` of two germs at the curve `component`; None if orders differ."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
@@ -406,7 +406,7 @@ def _divided(P: Any, order: int) -> Any:
 
 
 def without_common_factor(x: Sequence[Any]) -> list[Any]:
-    """Return polynomials x divided by their greatest common factor without the last variable."""
+    """Return polynomials x, divided by the largest common factor free of the last variable."""
     ring = x[0].context()
     common = ring.constant(0)
     for P in x:

@@ -38,7 +38,7 @@ from .rational_functions import RationalFunction, factored, product_of, rational
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of all P to a degree with P(Phi) = sign * cofactor * P; None is det DPhi."""
+    """Return a basis of P to a degree: P(Phi) = sign * cofactor * P. Cofactor None: det DPhi."""
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))

@@ -166,7 +166,7 @@ def _kind(power: int) -> str:
 
 
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return the growth of degrees d by the shortest recurrence of a (planar) map, or None."""
+    """Return `Growth` by the shortest recurrence of degrees d that a (planar) map has, or None."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
@@ -203,7 +203,7 @@ def moduli_outside(factor: Any) -> list[float]:
 
 
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
-    """Return (kind, entropy) by the roots of a recurrence; None if no (planar) map has them."""
+    """Return (kind, entropy) by a recurrence's coefficients; None if no (planar) map has it."""
     factors = flint.fmpz_poly(recurrence).factor()[1]
     # The power of n with which terms grow, if no root is outside the unit circle.
     power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)

@@ -157,7 +157,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 
 
 def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
-    """Return an unproved `PlanarEntropy`; `series` is (P, Q), where P / Q generates the degrees."""
+    """Return an unproved `PlanarEntropy` by degrees d_n; `series` (P, Q): P / Q = sum d_n z^n."""
     P, Q = series
     # A root 0 of the polynomial for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())

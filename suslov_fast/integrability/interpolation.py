@@ -165,7 +165,7 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
         return [rng.randrange(1, p) for _ in range(count)]
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
-        """Return, for each entry of `box` that varies, its values at s + c t for all c in z."""
+        """Return values of the matrix at letters s + c t, c in z: a row for each varying entry."""
         rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 

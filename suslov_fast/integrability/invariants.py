@@ -216,7 +216,7 @@ class Invariants:
         return _with_varying_limit(_f_or_reciprocal(self.power_product(powers)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
-        """Yield quotients of polynomials of one cofactor, in normal form where it is known."""
+        """Yield quotients of polynomials of one cofactor, of the `normal_basis` if it is known."""
         for value in dict.fromkeys(self.value(g.cofactor) for g in self.generators):
             functions = self.elements(value, self.highest(value))
             forms = self.forms.get(value, [])
@@ -366,14 +366,14 @@ _SIGNS = 70  # random points at which a definite polynomial has one sign
 
 
 class NormalForms:
-    """Brings the Darboux polynomials of a cofactor into normal form, see `normal_basis`."""
+    """Replaces the Darboux polynomials of a cofactor by `normal_basis`, for simple quotients."""
 
     def __init__(self, invariants: Invariants) -> None:
         self.invariants, self.map = invariants, invariants.map
         self._done: dict[int, str] = {}  # spaces in normal form, by the value of the cofactor
 
     def update(self, value: int) -> list[RationalFunction]:
-        """Bring the polynomials with this cofactor value into normal form; return new ones."""
+        """Replace the polynomials with this cofactor value by `normal_basis`; return new ones."""
         known = self.invariants
         elements = known.elements(value, known.highest(value))
         space = [known.polynomial(f) for f in elements]

@@ -48,7 +48,7 @@ def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return {indices: coefficient} of a field, and of H or None; `symbols` replace parameters."""
+    """Return {(i, j, k): coefficient} of f, and of H or None; `symbols` replace parameters."""
     if not isinstance(system, Field):
         parts = {**exact_body(system)._parts, **symbols}
         terms = system._of(parts)._field._own_terms

@@ -121,7 +121,7 @@ def on_level(
 
 
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
-    """Return the level of integrals through a point, or the generic level, by `letter`."""
+    """Return the level of integrals through a point, or a generic one, which contains `letter`."""
     D = map.dimension
     if D < 3 or not map.inverse or not map.is_invertible:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
@@ -139,7 +139,7 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
 
 
 class _Solved(NamedTuple):
-    """Equations of a level: `steps` give eliminated variables; `left` are for the `variables`."""
+    """Equations of a level: x_k = N / Q for (k, N, Q) in `steps`, and `left` for `variables`."""
 
     steps: list[tuple[int, Any, Any]]  # a variable, and numerator and denominator of its value
     left: list[Any]  # equations

@@ -282,7 +282,7 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
 
 
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
-    """Return ``t^degree P(x / t)`` modulo a prime, on a line (x, t), as a polynomial in t."""
+    """Return ``t^degree P(x / t)``, a polynomial in t, for a line x = a + b t of `random_line`."""
     p = int(line[-1].modulus())
     ring = ring_modulo(p, 1)  # of polynomials in 1 / t
     x = [ring.from_dict({(0,): int(a[1]), (1,): int(a[0])}) for a in line[:-1]]

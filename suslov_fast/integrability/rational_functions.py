@@ -368,7 +368,7 @@ def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) ->
 def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
-    """Return constant * product of P**e over pairs (P, e), with equal P merged, sorted by size."""
+    """Return constant * product of P**e for (P, e) in `powers`; equal P are merged, and sorted."""
     exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e

@@ -250,7 +250,7 @@ class Search:
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return the task that takes an iterate's degree from `following`, and may add another."""
+        """Return a task: take a degree from `following`, and add another such task if needed."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
@@ -310,7 +310,7 @@ class Search:
         return []
 
     def _modified_energy(self) -> Tasks:
-        """Add the modified energy of a field with a Hamiltonian, and the density 1/det A."""
+        """Add the density 1 / det A, and the modified energy if there is one; return tasks."""
         ring, modified = self.map.ring, self.map.modified_energy
         density = quotient_of(ring.constant(1), self.map.denominator, IDENTITY)
         self.invariants.densities.append(density)
@@ -328,14 +328,14 @@ class Search:
             yield Task(partial(self.quotients_of_relations, k), "quotients", k)
 
     def quotients_of_relations(self, k: int) -> Tasks:
-        """Add integrals by relations of all monomials to degree k, if formulas are missing."""
+        """Add integrals by relations of all monomials to degree k, if any lack; return tasks."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
         return self._add_space(integrals_of_relations(self.map, exponents))
 
     def integrals_between_few_monomials(self, k: int) -> Tasks:
-        """Find integrals by relations of few monomials up to degree k, if formulas are missing."""
+        """Find missing integrals by relations of few monomials to degree k; yield tasks."""
         missing = (self.relations or 0) - len(self.known.integrals)
         exponents = exponents_up_to(k, self.map.dimension)
         if missing <= len(self.known.implicit):
@@ -349,7 +349,7 @@ class Search:
             yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
-        """Write out the formula of an integral of a relation, if it is still needed."""
+        """Write out the formula of an integral of a relation, if still needed; return tasks."""
         formula = written_out(integral) if integral in self.known.implicit else None
         return [] if formula is None else self._add_space(formula.as_quotient(self.map.ring))
 
@@ -383,9 +383,9 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return a task, `kind`, that finds P with P(Phi) = sign * cofactor * P up to degree k.
+        """Return a task of this `kind`: find P with P(Phi) = sign * cofactor * P up to degree k.
 
-        Tasks to degree `last`, by default of the search, follow. The cofactor None is det DPhi.
+        Tasks to `last`, by default the search's degree, follow. The cofactor None is det DPhi.
         """
 
         def run() -> Tasks:
@@ -396,7 +396,7 @@ class Search:
         return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
-        """Find and add P to degree k with P(Phi) = sign * cofactor * P; None is det DPhi."""
+        """Add P to degree k, P(Phi) = sign * cofactor (None: det DPhi) * P; return tasks."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
         known: list[Any] = []
@@ -449,7 +449,7 @@ class Search:
         return tasks
 
     def _normal_form(self, value: int) -> Tasks:
-        """Bring the polynomials of the cofactor with this `Invariants.value` into normal form."""
+        """Replace the polynomials with this cofactor value by `normal_basis`; yield tasks."""
         new = self._normal_forms.update(value)
         self.version += 1
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
@@ -501,7 +501,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield a task to prove quotients in `space` as integrals, in up to `longest` seconds."""
+        """Yield a task, `kind`: prove that quotients of `space` are integrals, in `longest` s."""
         map, degree = self.map, max(degree_of(P) for P in space)
         cost = sum(map.cost_of_pullback(P, degree) for P in space)
 

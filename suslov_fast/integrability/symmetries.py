@@ -163,10 +163,10 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
 
 
 def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield the solutions; columns of `values` combine the values of monomials at the solutions.
+    """Yield the solutions; `values` has a row for each monomial in the n unknowns, to some degree.
 
-    Monomials are in n variables up to a degree. Solutions are eigenvectors of the multiplication
-    of the first `low` monomials by a random linear form.
+    Its columns combine the values of the monomials at solutions. These are eigenvectors of the
+    multiplication of the first `low` monomials by a random linear form.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}

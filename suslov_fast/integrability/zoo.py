@@ -17,7 +17,7 @@ from .rational_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:
-    """Return ``make(F, n)``, by default a field, F(x) = f(x1, ..., xn); n = 0: count them in f."""
+    """Return the field of F(x) = f(x1, ..., xn), or ``make(F, n)``; n = 0 counts f's arguments."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 

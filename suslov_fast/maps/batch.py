@@ -76,7 +76,7 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class StepMethod(NamedTuple):
-    """The steps of a method: a kernel, and the data for its calls, see `maps.Discretization`."""
+    """The steps of one method of a map: a kernel, and functions for its arguments and its cost."""
 
     kernel: Kernel
     # Returns the arguments of the kernel for (body, eps, batch).
@@ -171,7 +171,7 @@ class BatchRun:
         return self.final[np.newaxis], turns
 
     def of_one(self) -> FloatArray | None:
-        """Return the next state of one field or map; None if a run has to take the step."""
+        """Return the next state of a single state of a field or map; None if `to` has to step."""
         if self.steps.kernel is not field_steps or self.problem.batch:
             return None
         return step_of_one(self.arguments, self.omega0[0])

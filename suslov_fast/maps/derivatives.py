@@ -45,7 +45,7 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
 
 
 def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: Any, n: int) -> Any:
-    """Return states n + 1, which follow x, states n, and the derivatives (B, D, D) of this step."""
+    """Take a step from x (B, D), states n; return states n + 1, and its derivatives (B, D, D)."""
     (own, stages), values, eps = kernel_arguments
     if (f := own.of) is not None:
         slopes = f.jacobian(x.T, f.table_of(values.T))
@@ -61,7 +61,7 @@ def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: A
 
 
 def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
-    """Return states `stop` after x, states `start`; `notes` receive carry, status, failed_at."""
+    """Return states number `stop` from x, number `start`; `notes` get carry, status, failed_at."""
     carry, status, failed_at = notes
     final, saved = x.copy(), np.empty((0, *x.shape))
     span = 0, len(x), start, stop, 0, 0
@@ -187,7 +187,7 @@ def growth(
 
 
 def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return `status`; in three dimensions positive ones become 0: they mean no poles."""
+    """Return `status`, with 0 for `PASSED_POLE` if runs of this map do not look for poles."""
     if any(steps.notes_poles for steps in problem.map.methods.values()):
         return status
     return np.minimum(status, 0)

@@ -44,13 +44,13 @@ def _matrix(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density 1 / det A(x) (...) of the invariant measure of Kahan's map."""
+    """Return the values (...) of 1 / det A(x), the density of the measure that the map keeps."""
     with np.errstate(all="ignore"):
         return np.asarray(1.0 / np.linalg.det(_matrix(problem)))
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues (..., D) of f' (..., D, D) at steady states, for `multipliers`."""
+    """Return the eigenvalues (..., D) of `slopes`, f' at steady states, for `multipliers`."""
     return np.linalg.eigvals(slopes).astype(complex)
 
 

@@ -17,7 +17,7 @@ from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return an array (..., D), broadcast to the batch, as rows (B, D); a row has `axes` axes."""
+    """Return an array, broadcast to the batch, as rows (B, ...) that have its last `axes` axes."""
     split = array.ndim - axes
     inner = array.shape[split:]
     if array.shape[:split] != batch:

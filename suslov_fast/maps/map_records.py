@@ -104,7 +104,7 @@ def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, in
 
 
 def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
-    """Return eps, 1 for a `Map`; TypeError if missing, or not left out in name(map, others)."""
+    """Check and return eps, 1.0 for a `Map`; errors show the call of a map, name(map, others)."""
     if isinstance(system, Map):
         if eps is not None:
             raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")

@@ -32,7 +32,7 @@ def _cost_in_3d(D: int, arguments: Any) -> float:
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return the relative time of a step: between one in O(n) and one by elimination, O(n**3)."""
+    """Return the time of a step relative to 3D: O(n), and a part of the O(n**3) of elimination."""
     return 16.0 * D + D**3 / 30.0
 
 

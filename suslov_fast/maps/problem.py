@@ -59,7 +59,7 @@ def check(
     attitude: Any = False,
     method: str | None = None,
 ) -> Problem:
-    """Check the arguments of a public function that takes states of a body, and a step size.
+    """Check the arguments of a public function, states of a body and eps; return a `Problem`.
 
     States may be NaN. They have the components of the body, unless `components` are other names.
     Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for

@@ -274,7 +274,7 @@ class _Equations:
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray) -> FloatArray:
-        """Return f' (`slopes`) with zero eigenvalues of integrals made negative, for stability."""
+        """Return `slopes`, f'; eigenvalues 0 due to integrals become negative, for stability."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -386,7 +386,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]:
-    """Return y (..., k), and three masks: y is an equilibrium, is degenerate, is in a family."""
+    """Return variables y (..., k), and masks: is an equilibrium, is degenerate, is in a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)

@@ -32,7 +32,7 @@ class Derivatives(dict[str, Any]):
 
     @classmethod
     def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
-        """Return {name: part(index)}: the index is slice(D) for "x0", a column for a parameter."""
+        """Return {name: part(i)}; i selects columns: slice(D) for "x0", else one number."""
         others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
@@ -200,7 +200,7 @@ def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
 
 
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the `EventTimes` of events: sign * time, ascending; inf for NaN and values below 0."""
+    """Return the `EventTimes`: sign (1 or -1) * time, ascending; inf if that is negative or NaN."""
     later = [event for event in events if event.times is not None]
     if not later:
         return NO_EVENT_TIMES
@@ -224,7 +224,7 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
 def warn_of_times_that_never_come(
     events: tuple[Event, ...], sign: int, last: float, count: int
 ) -> None:
-    """Warn of events with no sign * time from 0 to `last`, the last of `count` times of states."""
+    """Warn of events with no time up to the end, sign * `last`; not if `count` (of times) is 0."""
     for k, event in enumerate(events if count else ()):
         if event.times is None:
             continue

@@ -257,7 +257,7 @@ def _with_derivatives(
     request: SolverRequest,
     actions: tuple[EventAction, ...],
 ) -> tuple[SolverResult, FloatArray]:
-    """Return the motion, and its derivatives (n, ..., D, C): C columns, by x0 first, by `names`."""
+    """Return the motion and its derivatives by `names` (n, ..., D, C), columns by x0 first."""
     parameters = tuple(name for name in names if name != "x0")
     groups = with_events(field, actions, parameters, True) if actions else None
     columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)

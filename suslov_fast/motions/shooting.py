@@ -113,7 +113,7 @@ class OfMotion:
         return not (abs(then - now) > _OF_FORCE * change).any()  # where there is a number
 
     def between_changes(self, x: FloatArray, T: float) -> FloatArray:
-        """Return the state of the motion from x amid the longest time without an event, until 2 T.
+        """Return the state in the middle of the longest time without events, from x to time 2 T.
 
         An orbit from a state on a surface would end before the event or after it.
         """

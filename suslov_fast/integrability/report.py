@@ -64,7 +64,7 @@ class Report:
 
     @property
     def growth(self) -> Growth:
-        """The `Growth` of the degrees; "unclear" if, by `planar`, the recurrence is accidental."""
+        """The `Growth` of the degrees; "unclear" if its entropy differs from that of `planar`."""
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
         if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):
             return by_degrees

@@ -369,7 +369,7 @@ class Search:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
-        """Return the task that tries the next candidate cofactor of degree k, and adds another."""
+        """Return a task: try the next of `candidates`, cofactors of degree k; add a like task."""
 
         def run() -> Tasks:
             for candidate in candidates:

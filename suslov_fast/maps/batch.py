@@ -129,7 +129,7 @@ class BatchRun:
 
     @property
     def told_by_signs(self) -> Any:
-        """True where a component that changed its sign showed the pole, and not det A < 0."""
+        """True where the sign of a component, which changed, showed the pole, not det A < 0."""
         if not self.steps.notes_poles:
             return False
         return self.carry[0].reshape(self.problem.batch) < 0

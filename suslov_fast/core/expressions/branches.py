@@ -33,7 +33,7 @@ class Branches:
                    where f jumps come first, then kinks, where f only bends
     jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
     P              how many other parameters f has; they come before the branches
-    shifts         places in `kinds` of tables of p + q, where q is constant along a step
+    shifts         places in `kinds` of tables at arguments p + q, with q constant along a step
     """
 
     def __init__(self, kinds, jumps, P, shifts):
@@ -53,11 +53,11 @@ def watch_of(f, kinds, jumps):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
     `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
-    of them. The program reads the values of all surfaces at x and at y, sides and levels of the
-    surfaces of events (see `TrajectoryRows`), and the table of f. The first result is the fraction
-    of the line before the first crossing, or 1 without a crossing. The second is 1 if a surface is
-    crossed, else 0. The third is 1 if f jumps at a crossed surface, else 0. The others are, for
-    each kink, the branch at y, 1 or 0; for a table, its argument.
+    of them. The program reads the values of all surfaces at x and at y; for surfaces of events the
+    side of x, and the level at which they act (`TrajectoryRows.side`); and the table of f.
+    The first result is the fraction of the line before the first crossing, or 1 without a crossing.
+    The second is 1 if a surface is crossed, else 0. The third is 1 if f jumps at a crossed surface,
+    else 0. The others are, for each kink, the branch at y, 1 or 0; for a table, its argument.
     """
     choice_number, count = f.D + f.P - sum(map(branch_count, kinds)), len(f.watched.results)
     side, of_changes = 2 * count, f.events.surfaces if f.events else 0
@@ -169,11 +169,13 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
     Both are `Expressions`. Values below number `first` are the state and the other parameters.
-    `chosen` is three dicts by the number of a condition: kinds of all conditions, kinds of kinks,
-    and the numbers of the parameters that hold branches. `shifted` is {number of a value of a
-    table: (p, q)} for arguments p + q, where q is constant along a step. Return four results: {old:
-    new operand in `fixed`}; surfaces, operands in `fixed`; branches at a state, operands in
-    `tests`; and {number of a value of a table: operand of q in `fixed`}.
+    `chosen` has three dicts {number of a condition: ...}: kinds of all conditions, kinds of kinks,
+    and numbers of the first parameters that hold their branches. `shifted` is {number of a table's
+    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. The first
+    result is {old operand: its operand in `fixed`}. The second has for each condition an operand in
+    `fixed`: the difference of the compared numbers, or the argument of `floor` or of a table (p for
+    p + q). The third has for each condition the operand in `tests` of its branch at a state. The
+    fourth is {number of a table's value: operand of q in `fixed`}.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
@@ -256,7 +258,10 @@ def _watch(f, kinds, jumps, choices):
 
 
 def _derived(f, choices):
-    """Return the `Program` that computes f's table where it depends on the parameters `choices`."""
+    """Return the `Program` of the entries of f's table that are functions of branches.
+
+    f's table has functions of parameters alone; `choices` are the parameters that hold branches.
+    """
     of = depending(f.fixed, choices).difference(choices)
     results = [a for a in f.table if a in of]
     return Program(needed_for(f.fixed, results), results)
@@ -290,7 +295,7 @@ def _choices(tests, kinds, jumps, branches, first):
 
 
 def _finite(values, argument):
-    """Clip a table's `argument` to finite numbers, in `values`; return the operand. NaN stays."""
+    """Add to `values` a table's `argument`, clipped to finite numbers; return it. NaN stays."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
 
 

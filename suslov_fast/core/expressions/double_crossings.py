@@ -145,10 +145,10 @@ def _rates_of(f, humps):
 def _list_of(f, tested, by_states, kinks, humps, inside):
     """Return the program `told` of `DoubleCrossings`: it decides if a step crosses surfaces twice.
 
-    `tested` has (place, operand, kind, number of the parameter of its branch) for each surface.
-    `by_states`, `kinks` and `humps` are numbers of values: values that depend on more than clocks,
-    surfaces where f bends, and surfaces that may have humps. `inside` is how many phases and how
-    many rates a point has.
+    `tested` has for each surface its place in the results of `f.watched`, its operand, the kind of
+    its condition, and the number of the parameter of its branch (None for events). The next three
+    are numbers of values: `by_states` depend on more than clocks, at `kinks` f bends, and `humps`
+    may have extrema between points. `inside` is how many results `phases` and `rates` have.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_ENDS) * count
@@ -216,9 +216,9 @@ def _told(points, rates, rounding, tolerance):
 
     `points` are the values of s at five points of the step. e is an error of interpolation between
     them, and m the least value, negative beyond the surface. e / |m| is MOST if interpolation or
-    rates alone show two crossings. `rates` is None, or has the rates of s at the points, and sizes
-    within which they count as 0. Distances from s = 0 below `rounding` are no crossings. An |m|
-    below `tolerance` counts as `tolerance`.
+    rates alone show two crossings. `rates` is None, or has two lists for the points: ds/du with the
+    fraction u of the step, and sizes within which it counts as 0. Distances from s = 0 below
+    `rounding` are no crossings. An |m| below `tolerance` counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
@@ -272,8 +272,8 @@ def _of_quartic(coefficients, u):
 def _is_steep(rates, zeros):
     """Return the truth value that the rates of a surface s show a sharp minimum of s in a step.
 
-    `rates` are ds/du at five points; within the sizes `zeros` they count as 0. The minimum is where
-    the rates rise through 0, if the straight line through both misses a rate beside them.
+    `rates` are ds/du at five points; within the sizes `zeros` they count as 0. A minimum is between
+    a negative and a positive rate. It is sharp if the line through both misses a neighbouring rate.
     """
     found = None
     for k, (u, v) in enumerate(pairwise(_ENDS)):
@@ -289,11 +289,11 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state):
-    """Return {number of a value in `operations`: its size}, the scale of its rounding error.
+    """Return {number of a value: size}, where the size is the scale of its rounding error.
 
-    The size of a sum or difference is the sum of the sizes of both operands, other sizes are about
-    the modulus. `state` is {number of a value that is given or in `operations`: its operand in
-    `values`}. Sizes are `Number`s in `values`.
+    The program `values` contains a copy of `operations`: `state` is {number of an input or value:
+    its operand in the copy}. Sizes are `Number`s, added to `values`. The size of a sum or
+    difference is the sum of the sizes of both operands; other sizes are about the modulus.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:

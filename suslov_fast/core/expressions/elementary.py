@@ -37,19 +37,19 @@ _UPPER = from_bits(0xFFFF_FFFF_F800_0000)  # without the last 27 bits, products 
 
 
 def _sum(a, b):
-    """Return a + b as (high, low), where abs(a) >= abs(b), a = 0 or the sum is exact."""
+    """Return a + b as a sum (high, low), if abs(a) >= abs(b), a = 0 or a + b needs no rounding."""
     high = a + b
     return high, b - (high - a)
 
 
 def _difference(a, b):
-    """Return a - b as (high, low), where abs(a) >= abs(b), a = 0 or the difference is exact."""
+    """Return a - b as a sum (high, low), if abs(a) >= abs(b), a = 0 or a - b needs no rounding."""
     high = a - b
     return high, (a - high) - b
 
 
 def _split(a):
-    """Return (upper, lower) with the exact sum a: upper has 26 bits, and lower at most 27."""
+    """Return (upper, lower) with upper + lower = a: upper has 26 bits, and lower at most 27."""
     if isinstance(a, float):
         upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
         return from_bits(upper), a - from_bits(upper)
@@ -394,7 +394,10 @@ def _is_odd(shifted):
 
 
 def _signed(x, shifted, *signs):
-    """Return x, negated for each negative of `signs` and if n mod 4 > 1; `shifted` = n + _SHIFT."""
+    """Return x, negated once for each negative number in `signs`, and once if n mod 4 > 1.
+
+    n counts quarters of a turn; `shifted` is n + _SHIFT, which has n in its last bits.
+    """
     x = x.then("bits_xor", shifted.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
     for sign in signs:
         x = x.then("bits_xor", sign.then("bits_and", -0.0))

@@ -21,7 +21,7 @@ from .programs import Expressions, Program, dot, emitted, needed_for, renumbered
 from .tables import is_table
 from .values import operand_of
 
-# A value, its rate, the sums of the moduli of the terms of both, and of the slopes.
+# Of a surface: its value, its rate, the sums of moduli of the terms of both, and of the slopes.
 OF_SURFACE = 5
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that jump
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all around a state
@@ -239,10 +239,11 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return the parts `tau` and `column` of `EventSet`, {name: `EventProgram`}, for event k.
+    """Return {name: `EventProgram`}: the parts `tau` and `column` of `EventSet` for event k.
 
-    They change a column of derivatives of the state: by the initial state if q is None, else by the
-    parameter with number by[q]. `action` is the `EventAction` of event k.
+    They change a column v, the derivative of the state by the initial state if q is None, else by
+    parameter by[q]. `tau`, for events on surfaces, finds minus the derivative of the event's time.
+    `column` finds v after the event. `action` is the `EventAction` of event k.
     """
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)

@@ -61,7 +61,7 @@ class ElapsedTime:
     def _act(self, action, results):
         """Return the `EventAction` `action`, rewritten for clocks that count from 0.
 
-        `results` is a pair: operands before rewriting of its surface, and of its new state.
+        `results` is a pair: old operands of its surface and of its new state, each a list or None.
         """
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
@@ -115,7 +115,7 @@ class ElapsedTime:
         return self.values.emit("fadd", found.q, found.p)
 
     def _value(self, name, operands):
-        """Rewrite the operation `name`; return its operand, or a `_Pair`: clock plus constant."""
+        """Rewrite operation `name` on old `operands`; return its new operand or its `_Pair`."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -145,7 +145,7 @@ class ElapsedTime:
         return number
 
     def _scales(self, name, operands):
-        """Return True if (p + q) a or (p + q) / a is a `_Pair` p + q: a is constant in a step."""
+        """Return True for a product or quotient (`name`) by an operand constant along a step."""
         rigid = [self._is_rigid(a) for a in operands]
         return rigid[1] if name == "fdiv" else any(rigid)
 

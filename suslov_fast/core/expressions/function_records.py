@@ -41,7 +41,7 @@ class Function(NamedTuple):
         return operand_of(self.formula(*map(values.number, operands)))
 
     def partials(self, emit, *operands_and_value):
-        """Add partial derivatives by `emit`; return their operands. Arguments: operands, value."""
+        """Add partial derivatives by `emit`; return operands. The value is the last argument."""
         found = self.derivative(*[Number(emit, a) for a in operands_and_value])
         return [*map(operand_of, found if isinstance(found, tuple) else (found,))]
 
@@ -165,7 +165,7 @@ def _ceil(a):
 
 
 def interp(values, x, knots, heights, left, right):
-    """Add np.interp at operand x to the program `values`, same bits; return its operand."""
+    """Add np.interp(x, knots, heights, left, right) to `values`, same bits; return its operand."""
     emit = values.emit
     result = emit(of_line(knots, heights), x)
     for truth, knot, end, beyond in (

@@ -46,7 +46,7 @@ def _sum(*operands):
 
 
 def _of_list(name):
-    """Return the elementary function `name`, as "exp", for arrays, by its expression program."""
+    """Return the elementary function `name`, like "exp", for arrays, by its expression program."""
 
     def of_arrays(*arrays):
         operations, result = list_of(name)

@@ -110,7 +110,10 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the kind of `name` on kinds `of`, or None: it may change unseen between points."""
+    """Return the `_Kind` of the value of instruction `name` on operands with the `_Kind`s `of`.
+
+    It is None if the value may change between points of a step without a trace at the points.
+    """
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("select", "fabs"):

@@ -42,13 +42,13 @@ class Values:
     def total(self, start, products):
         """Return the operand of start + a c + ..., for the pairs (a, c) in `products`, in order.
 
-        The result is None if `start` is None and there are no pairs. Pairs with a factor that
-        depends on parameters alone, and pairs without one, stand in separate "sum" operations.
+        `start` is an operand, or None for 0; without pairs, too, the result is None. Pairs with a
+        factor that depends on parameters alone stand in "sum" operations of their own.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return the operand of start + a c + ..., for `factors` [a, c, ...], as in `total`."""
+        """Return the operand of start + a c + ..., as `total`, with `factors` [a, c, ...]."""
         own, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *own, *factors)

@@ -133,7 +133,7 @@ class RightHandSide:
         return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
-        """Return `table_of(parameters)`; `Variational` keeps scales of the old `table`, too."""
+        """Return the table for new parameters; only `Variational` reads `table`, the old one."""
         return self.table_of(parameters)
 
     def value(self, x, table):
@@ -228,7 +228,7 @@ def _both(emit, *truths):
 
 
 def _common_factors(instruction, operands, factors, D):
-    """Return, as bits, the components that make `instruction` on `operands` 0 if they are 0.
+    """Return, as bits, each component i for which `instruction` on `operands` is 0 where x_i = 0.
 
     `factors` is {number of a value: such bits of it}; components are 0 to D - 1.
     """

@@ -36,10 +36,11 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 
 
 class Sparse:
-    """The plan of elimination in A = 1 - s J = L D U, with entries of J at `places` (i, j).
+    """The plan of elimination in A = 1 - s J = L D U, as arrays that machine code reads.
 
-    `fill` is the pattern after elimination, from `filled`. Columns and rows are places in the order
-    of pivots, except in `lower` and `upper`. A span is a run of consecutive rows in a column.
+    J has entries at `places` (i, j). `order` has the unknowns in the order of pivots, and `fill` is
+    the pattern of A after elimination, from `filled`. Rows and columns are numbered in the order of
+    pivots, except in `lower` and `upper`. A span is a run of consecutive rows in a column.
 
     order        (D,) the unknowns in the order of pivots
     offsets      (D + 1, 6) `ColumnOffsets` of each column
@@ -98,7 +99,10 @@ def _below_and_above(sets):
 
 
 def _spans(columns, rows):
-    """Return (3, -) column, first row, row count of each run of places; small gaps are filled."""
+    """Return an array (3, n): column, first row and row count of each span, a run of rows.
+
+    `columns` and `rows` are places of entries in order; gaps of less than NEAR rows are included.
+    """
     is_first = np.ones(len(rows), bool)
     is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
     begin = np.flatnonzero(is_first)

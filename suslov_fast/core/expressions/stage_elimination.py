@@ -13,7 +13,7 @@ class Elimination:
 
     factors   `Program` that reads the entries of J (in the order of `pattern`) and s; its results
               are the inverse pivots, and the numbers below and above the diagonal
-    pivots    the number of pivots that the pattern does not fix at 1
+    pivots    how many pivots are not always 1: the first results of `factors` are their inverses
     solution  `Program` that reads these results and g (D); its results are v (D)
 
     `pattern` are the places (i, j) of J, `order` are the unknowns in the order of pivots, and
@@ -39,14 +39,17 @@ class Elimination:
 
 
 class _Products(Values):
-    """Values with an operation for each product in a sum, so that long code can be divided."""
+    """Values that write a sum of products as single products and additions, not as one "sum".
+
+    So machine code can be divided into blocks of few operations, which LLVM compiles faster.
+    """
 
     def total_of(self, start, factors):
         return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
 
 
 class _Scaled:
-    """The matrix s J, with the interface of `symbolic_elimination.Matrix`."""
+    """The matrix s J, with the methods of a `Matrix` that `Factors` calls to eliminate."""
 
     def __init__(self, values, pattern):
         self.values, self.numbers = values, {place: k for k, place in enumerate(pattern)}
@@ -58,7 +61,7 @@ class _Scaled:
 
 
 def operations_of(fill):
-    """Return about how many operations factorisation takes; `fill`: the pattern with fill-in."""
+    """Return about how many operations the factors take; `fill` is a pattern made by `filled`."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

@@ -35,8 +35,8 @@ def places_of(indices, D):
 class Matrix:
     """Operands of the matrix N = h f'(x) and of h f(x), for terms v x_j x_k of f_i, where x_D = 1.
 
-    `indices` (3, n) has i, j, k of the terms, `halves` the operands of h v, and `x` of the state.
-    Operations are added to `values`.
+    `indices` (3, n) has i, j, k of the terms, `halves` the operands of h v with h = eps / 2, and
+    `x` the operands of the state. Operations are added to `values`.
     """
 
     def __init__(self, indices, D, values, x, halves):
@@ -68,7 +68,7 @@ class Matrix:
             self.columns[i].add(j)
 
     def entry(self, i, j):
-        """Return operands of N_ij and its part that `right_side` multiplies by x_j; None is 0."""
+        """Return two operands, N_ij and its part that `right_side` multiplies by x_j; None is 0."""
         if (i, j) not in self.entries:
             early = self.values.total(None, self.early.get((i, j), []))
             others, linear = self.products.get((i, j), []), self.linear.get((i, j))
@@ -151,8 +151,7 @@ class Factors:
     def forward(self, k, start, right):
         """Return the operand of g_k = start + sum_i m_ki g_i, the right side k after elimination.
 
-        The sum is over earlier pivots i. `start` is the right side at first, and `right` is {i:
-        g_i}.
+        The sum is over earlier pivots i. `right` is {i: g_i}, `start` the right side at first.
         """
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)
@@ -180,7 +179,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *sizes]) > limit
 
     def is_good(self):
-        """Return a truth value with fewer operations; it implies `is_accurate` and pivots > 0."""
+        """Return a truth value that implies `is_accurate` and pivots > 0, by fewer operations."""
         pivots, largest = [*map(self.values.number, self.pivot.values())], [0.0]
         for k in self.pivot:
             if self.original[k] not in (None, self.diagonal[k]):
@@ -189,7 +188,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
-        """Return the "min" or "max" (`instruction`) of numbers, functions of parameters first."""
+        """Return the "min" or "max" (`instruction`); functions of parameters are joined first."""
         fixed, others = [], []
         for a in numbers:
             a = self.values.number(a) if isinstance(a, float) else a
@@ -197,7 +196,7 @@ class Factors:
         return joined(instruction, [joined(instruction, fixed), *others])
 
     def _least_constant(self):
-        """Return the least pivot that is always 1: 1, or infinity if there is no such pivot."""
+        """Return 1 if the pattern fixes some pivot at 1, else infinity, for use in a minimum."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
 
@@ -206,8 +205,7 @@ def elimination_order(pattern, D):
 
     The degree of an unknown is the number of other unknowns that are left in its row or column.
     Among equal degrees the next pivot has the shortest chain of pivots that it depends on, because
-    processors evaluate independent operations in parallel. `pattern` contains places (i, j) of
-    entries.
+    processors evaluate independent operations in parallel. `pattern` has places (i, j).
     """
     neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
     for i, j in pattern:

@@ -13,9 +13,9 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Add the arrays `names` of a `Sparse` plan to `text`; return their addresses as attributes.
+    """Add the arrays `names` of a `Sparse` plan to `text`; return an object with their addresses.
 
-    Other attributes are counts: D, `entries` of J, `of_lower` of L, and `of_upper` of U.
+    Its other attributes are counts: D, `entries` of J, `of_lower` of L, and `of_upper` of U.
     """
     lengths = {
         "D": plan.order,
@@ -29,14 +29,14 @@ def _parts(text, plan, *names):
 
 
 def _between(text, begin, end):
-    """Add a loop to `text`; yield its integer, from `begin` to end - 1. There may be none."""
+    """Add a loop to `text`; yield its integer, from `begin` to end - 1; none if begin >= end."""
     with text.when(begin < end):
         for n in text.each(end - begin):
             yield begin + n
 
 
 def _offsets(text, parts, j):
-    """Return the `ColumnOffsets` of columns j and j + 1; `parts` is the result of `_parts`."""
+    """Return where columns j and j + 1 of A begin: two `ColumnOffsets`, read at `parts.offsets`."""
     offsets = Integers(text, parts.offsets + j * (8 * len(SLOT)))
     return tuple(ColumnOffsets(*(offsets[k + first] for k in SLOT)) for first in (0, len(SLOT)))
 
@@ -44,9 +44,9 @@ def _offsets(text, parts, j):
 def _along(text, parts, begin, end, row_0, numbers=0):
     """Add loops to `text` over the rows in the spans begin, ..., end - 1; a span is a run of rows.
 
-    Yield a text, the address of a row in a column, and the address of its number in L or U.
-    `row_0` is the address of row 0, and `numbers` of the first number. If W is 1, a loop takes
-    AT_ONCE rows as lanes of a wider text. `parts` is the result of `_parts`.
+    Yield the text for a loop's body, the address of a row in a column, and the address of the row's
+    number in L or U. `row_0` is the address of row 0, and `numbers` of the first number. If W is 1,
+    one loop takes AT_ONCE rows as lanes of a wider text. `parts` is the result of `_parts`.
     """
     inner, size = Code(max(text.W, AT_ONCE), text), text.size
     with text.when(begin < end):
@@ -74,7 +74,7 @@ def add_factors(text, name, plan):
     """Add void name(from, table, to, scratch) to `text`: it factors A = 1 - s J by a `Sparse` plan.
 
     It reads the entries of J and s at `from`, and writes the inverse pivots (D), L and U at `to`.
-    At `scratch` is room for a column (D).
+    At `scratch` is room for a column (D); `table` is not read.
     """
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")

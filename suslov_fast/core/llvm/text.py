@@ -240,7 +240,7 @@ class Intervals:
         self.base = text.constants(numbers, name).base
 
     def holding(self, x, less=0.0):
-        """Return the address of the low end of the interval with x + less inside, by bisection."""
+        """Return the address of the low end of the interval that holds x + less, in one lane."""
         for now in self.text.rounds(Carried(at=self.base, half=self.half)):
             above = now.at + now.half * 8
             is_above = x >= Shared(x.text, above)[0] - less
@@ -411,7 +411,7 @@ class Code:
             put(self, inputs, k + first)
 
     def copy_numbers(self, source, step, target, other, count):
-        """Add a loop over k < count: copy 8 bytes from source + k step to target + k other."""
+        """Copy 8 bytes for each k < count in a loop: from source + k step to target + k other."""
         for k in self.each(count):
             number = self.load("i64", source + k * step)
             self.store("i64", number, target + k * other)
@@ -498,7 +498,7 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function of loop variables `carried` that adds a loop over these indices.
+        """Return a function that adds a loop over `indices`; its argument is `carried` of `each`.
 
         Indices that are not consecutive stand in an array, and its address is computed here.
         """
@@ -526,7 +526,7 @@ class Code:
         return Array(self, base, first)
 
     def arrays(self, base, rows):
-        """Return `Array`s as attributes, from a named tuple of first rows; row 0 is at `base`."""
+        """Return an object of `Array`s by name; `rows` has first rows, and row 0 is at `base`."""
         firsts = rows._asdict().items()
         return SimpleNamespace(**{name: Array(self, base, first) for name, first in firsts})
 
@@ -545,7 +545,7 @@ class Code:
         return Index(self, self.new(f"zext i32 {number} to i64"))
 
     def apply(self, kernel, **inputs):
-        """Add the operations of a scalar kernel to inputs by name; return {name: result}."""
+        """Add the operations of a scalar `kernel` on `inputs` by name; return {name: result}."""
         values = {k: self.value(inputs[name]) for k, name in enumerate(kernel.inputs)}
         self.carry_out(kernel.operations, values, None)
         truths = {
@@ -679,7 +679,10 @@ class Code:
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
     def _of_large_angles(self, name, value):
-        """Return `name` (sin, cos, tan) of the C library where an angle is large, else `value`."""
+        """Return sin, cos or tan (`name`) of %x0, the argument of the function in this text.
+
+        It is from the C library in lanes where abs(%x0) >= LARGE_ANGLE, and `value` in others.
+        """
         is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 

@@ -1,8 +1,7 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
-Lanes solve A(x) x_next = x + (eps/2) l x + eps c (see `pivoting`) without row exchanges. A(x) is
-filled by columns, so that each coefficient is read once. If a lane loses digits,
-`pivoting.solve_lane` takes its step.
+Lanes solve A(x) x_next = x + (eps/2) l x + eps c without row exchanges. A(x) is filled by columns,
+to read each coefficient once. If a lane loses digits, `pivoting.solve_lane` takes its step.
 """
 
 import functools
@@ -70,8 +69,8 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
     `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
     `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
-    `carry` (1, B) gets the first states beyond poles; `status` and `failed_at` (B,) are updated. If
-    a lane loses digits, `solve_at` is compiled, and the steps are taken again.
+    `carry` (1, B) gets n of first states beyond poles; `status` and `failed_at` (B,) are updated.
+    If a lane loses digits, `solve_at` is compiled, and the steps are taken again.
     """
     (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
     own = slice(begin, end)
@@ -112,8 +111,7 @@ def fill(spans, coefficients, states, columns, a):
     With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of
     N, plus x, is the right side. Rows of `spans` are (j, k, first i, count, first index) of terms
     with equal j and k. `coefficients` (1 or W, T) are h v in this order; `columns` (W, D + 1, D) is
-    memory for N. All lanes use a coefficient before the next is read: coefficients take most
-    memory.
+    memory for N. A coefficient is read once for all lanes: coefficients take most memory.
     """
     W, D = states.shape
     for l in range(W):
@@ -138,11 +136,11 @@ def fill(spans, coefficients, states, columns, a):
 
 @function
 def solve_rows(a):
-    """Solve a system a (D, D + 1) without row exchanges; the solution replaces the last column.
+    """Solve a system without row exchanges: `a` (D, D + 1) is A, then the right side.
 
-    Return True if no digits were lost (see `gauss.keeps_digits`), and True if det A < 0. Factors of
-    A replace A, with inverse pivots on the diagonal. Rows are eliminated one after the other,
-    because a row stays in the first cache. Loops over a row are SIMD because j is unsigned.
+    The solution replaces the right side, and factors of A replace A, with inverse pivots on the
+    diagonal. Return True if no pivot is relatively small, and True if det A < 0. Rows are
+    eliminated in order, so that a row stays in the first cache. Unsigned j makes row loops SIMD.
     """
     D, least, largest, negative = len(a), np.inf, 1.0, False
     for i in range(D):
@@ -172,7 +170,7 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Replace a state by the next one with `solve_lane`; return -status, plus 256 if det A < 0.
+    """Take the step of a state in place, with pivoting; return -status, plus 256 if det A < 0.
 
     Arguments but D and T are addresses: of i, j, k (`indices`) and eps v / 2 (`half`) of the T
     terms v x_j x_k of f_i, of the state x, and of `memory` for D (D + 3) numbers.
@@ -189,9 +187,10 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of trajectory i to lane l of two arrays (stages, lanes, T), by stage.
+    """Write h v of the terms v x_j x_k of trajectory i to lane l of two arrays (stages, lanes, T).
 
-    `halves` has the order of terms, `coefficients` the order of spans; `field` is a `Dense`.
+    h is eps / 2 times the fraction of the stage. `halves` has the order of terms, `coefficients`
+    the order of spans. `field` is a `Dense`.
     """
     values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
@@ -206,7 +205,7 @@ def take_dense_steps(part, parts, field, memory, span, carry, saved, final, stat
 
     `field` is a `Dense`, `memory` a `Memory`. `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
-    `final` (B, D) are the first states, then the last ones. `carry` (1, B) gets the first states
+    `final` (B, D) are the first states, then the last ones. `carry` (1, B) gets n of first states
     beyond poles; `status` and `failed_at` (B,) are updated.
     """
     field, memory, carry, saved = uncounted((field, memory, carry, saved))

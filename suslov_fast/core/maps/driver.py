@@ -207,7 +207,7 @@ class _Driver:
 
     # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
-        """Add code that copies a line from address `state` to the address `row` of saved states."""
+        """Add code that copies lanes in use of the line at `state` to the saved states at `row`."""
         text, one = self.text, self.text.lanes(1)
         first = line * text.W
         for l in range(text.W):
@@ -219,10 +219,10 @@ class _Driver:
                     place[k] = x[k]
 
     def save(self, line, row, state, final):
-        """Add code that writes a line to the address `row`, one trajectory after the other.
+        """Add code that copies line number `line` to saved states, one trajectory after the other.
 
-        `state` is the address of the line, `final` the line in registers. Lanes are shuffled there:
-        plain loops take 1.57 times as long. The last line may be partly empty.
+        `row` is the address of the saved states (B, D), `state` of the line; `final` are its values
+        in registers. They are shuffled: loops over lanes take 1.57 times as long.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

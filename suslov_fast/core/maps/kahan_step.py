@@ -53,13 +53,13 @@ LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
-    """Return the i for which all terms v x_j x_k of f_i (`indices`) have x_i: it keeps its sign."""
+    """Return the i where each term v x_j x_k of f_i (`indices`) has x_i, which keeps its sign."""
     i, j, k = indices
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 
 
 def _plan_of(indices, D):
-    """Return the order of pivots in 1 - N(x), its nonzeros after fill-in, and varying places.
+    """Return the order of pivots in 1 - N(x), places after fill-in, and places that depend on x.
 
     N is (eps / 2) f'; `indices` (3, T) are i, j, k of the terms v x_j x_k of f_i.
     """
@@ -188,7 +188,7 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):
-        """Return {k: x_next_k} by (1 - h f') x_next = x + h l x + 2 h c; l x + c: f to degree 1."""
+        """Return {k: x_next_k} by a system for x_next itself, where x + 2 delta would cancel."""
         values, matrix, right = self.values, self.matrix, {}
         for k in self.factors.order:
             right[k] = self.factors.forward(k, values.total(k, matrix.linear_part(k)), right)

@@ -6,14 +6,13 @@ A field consists of terms. With one more component, x_D = 1, all terms are quadr
 sum of its v x_j x_k, j <= k. The indices of the terms determine the expression program of a step
 (`kahan_step`), and `stage_code` makes machine code of it. If the increment cancels the state, or
 elimination loses digits, `pivoting_step` takes the step. A step of other methods has several
-stages, which are steps by fractions of eps (`stages`).
+stages, which are steps by fractions of eps (`stages`). States are in lines of W lanes,
+x[line, component, lane]. After a failure a trajectory is NaN.
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
 carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
             component that keeps its sign along the motion changed it, while det A > 0
-
-States are in lines of W lanes, x[line, component, lane]. After a failure a trajectory is NaN.
 """
 
 import functools
@@ -212,7 +211,7 @@ def _iterate_part(
     `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
     `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
-    `carry` (1, B) gets the first states beyond poles; `status` and `failed_at` (B,) are updated.
+    `carry` (1, B) gets n of first states beyond poles; `status` and `failed_at` (B,) are updated.
     End early if `abandoned` is not empty.
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span

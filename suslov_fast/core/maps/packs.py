@@ -38,7 +38,7 @@ def in_lines(rows, W):
 
 @functools.lru_cache(PLANS)  # because it takes longer than a few steps
 def common_table(step, stages, eps, values):
-    """Return eps v / 2 and tables of one field, cached; `eps` and `values` are bytes of arrays."""
+    """Return eps v / 2 and tables (`tables_of`) of one field, cached by bytes of eps and values."""
     values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
     halves = 0.5 * np.frombuffer(eps) * values
     table = step.table_of(np.outer(halves, fractions))
@@ -55,8 +55,8 @@ def plan_of(stages, table):
 def tables_of(scheme, values, eps, W):
     """Return eps v / 2 of the terms (lines, T, W), and tables (fractions, lines, n, W).
 
-    `values` are the v. A table is `Step.table_of` for a distinct fraction in `scheme`. The shapes
-    are (1, T, 1) and (fractions, 1, n, 1) if all trajectories have the same field.
+    `values` are the v. A table has all that a step needs of parameters alone, for a distinct
+    fraction in `scheme`. For a common field the shapes are (1, T, 1) and (fractions, 1, n, 1).
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     if len(eps) == len(values) == 1:

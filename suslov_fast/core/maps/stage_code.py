@@ -1,8 +1,7 @@
 """Machine code of one stage of a field: straight-line code made from an expression program.
 
 The code takes a line of W lanes. Its values stay in registers, and are bitwise identical to the
-values of `evaluate` in NumPy. The `driver` of steps and `text_of_stage`, for loops of users, use
-`Stage`.
+values of `evaluate` in NumPy. `driver` and `text_of_stage`, for loops of users, use `Stage`.
 """
 
 from ..llvm.text import Code, Shared, Truth, Value

@@ -23,7 +23,7 @@ from .stage_code import text_of_stage
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values):
-    """Return the code of a step, its arguments, and what must live on; eps and values are bytes."""
+    """Return a step's code, `DriverArguments` and arrays to keep alive; eps and values: bytes."""
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
     numbers = DriverArguments(
@@ -71,7 +71,10 @@ class FieldSystem(NamedTuple):
 
 
 def system_of(indices, half, D):
-    """Return the `FieldSystem` of terms at `indices` (i, j, k); `half` (stages, T) is eps v / 2."""
+    """Return a field and a step size, for compiled loops, as a `FieldSystem`.
+
+    `indices` (3, T) are i, j, k of terms v x_j x_k of f_i; `half` (stages, T) is v eps_stage / 2.
+    """
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     # The code lasts, because users may store the system anywhere.

@@ -55,7 +55,7 @@ def take(arguments, states, span, saved, notes, abandoned):
 
 
 class _StepByNumPy:
-    """The step f(x) of a map by NumPy; a call (_, x (n, D), trajectories) returns f(x) and ones."""
+    """Steps x -> f(x) of a map by NumPy, called as `_Sparse` is; the signs it returns are 1."""
 
     def __init__(self, f, parameters):
         self.f, self.table = f, f.table_of(parameters.T)

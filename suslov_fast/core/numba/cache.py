@@ -2,8 +2,7 @@
 
 Numba checks a file of its cache only against its own version and the source file of one function.
 Here the name of a function contains a digest of all sources of the package that are compiled, so
-that every edit makes new files.
-The folder must be as trusted as the code.
+that every edit makes new files. The folder must be as trusted as the code.
 """
 
 import functools

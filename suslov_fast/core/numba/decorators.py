@@ -12,8 +12,7 @@ Each is compiled in its first call, and can be called from Python; `.py_func` is
 that was compiled. Small calls of kernels of the package run as Python, and steps of whole batches
 by NumPy, with the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are
 Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that takes a constant integer is
-compiled for each value, because constants have types of their own. A loop over lanes becomes SIMD
-if
+compiled for each value, because constants have their own types. A loop over lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -162,7 +161,7 @@ class Patient:
     seconds = 0.0  # that these calls have taken
 
     def has_patience(self, seconds):
-        """Return True if a call that takes this many seconds in Python may run there."""
+        """Return True if a call of `seconds` may run in Python: all such calls take < PATIENCE."""
         settings = config.DISABLE_JIT or config.BOUNDSCHECK
         return not settings and self.seconds + seconds < PATIENCE
 
@@ -297,14 +296,18 @@ class Kernel(Patient):
         self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
     def briefly(self, seconds, *arguments):
-        """Call the kernel for all of the work: in Python if it takes few `seconds` there."""
+        """Call the kernel, as one part, in this thread: in Python, or compiled.
+
+        `seconds` is an estimate of the time in Python. The call runs in Python if no code is in the
+        cache, and all such calls of this kernel take less than PATIENCE together.
+        """
         if self.has_patience(seconds) and not self._is_kept(arguments):
             self.in_python(as_python(self.py_func), 0, 1, *arguments)
         else:
             self.serial(*arguments)
 
     def by_numpy(self, *arguments):
-        """Take the steps by NumPy if they are few and not compiled; return True if it took them."""
+        """Take steps by NumPy if they are few and the kernel is not compiled; return True if so."""
         if self.in_numpy is None or self.is_compiled:
             return False
         _, x0, _, (begin, end, start, stop, *_), *_ = arguments
@@ -395,7 +398,7 @@ def _address(dispatcher, kinds):
 
 # ------------------------------------------------------------------------------------- in kernels
 def of_kind(name):
-    """Return f for kernels; f(x, *others) calls function `name` of the type of x, a named tuple."""
+    """Return f for compiled code; f(x, *others) is type(x).<name>(x, *others), x a named tuple."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)

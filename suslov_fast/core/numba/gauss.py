@@ -41,7 +41,7 @@ def simd_min(v, w):
 
 @formula
 def keeps_digits(b, l):
-    """Return True if `eliminate` lost no digits in lane l: in `b`, no pivot is relatively small."""
+    """Return True if `eliminate` lost no digits in lane l: b[LEAST] is not far below b[LARGEST]."""
     return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 

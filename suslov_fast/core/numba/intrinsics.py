@@ -1,7 +1,6 @@
 """LLVM instructions for operations that Numba cannot express.
 
-These are calls by address, choices without branches, and stores past the caches. Instructions for
-arrays are in `arrays`.
+These are calls by address, choices without branches, and stores past the caches.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
 `gep` name their types, because pointers of later versions of llvmlite have none.
@@ -53,14 +52,17 @@ def call_code(typing, address, numbers):
 
 
 class _WithAddress(types.NamedTuple):
-    """The type of a named tuple that begins with an address of this process."""
+    """The type of a named tuple that begins with an address, which is valid in this process alone.
+
+    Because of this type, Numba caches no function that has such a tuple as a constant.
+    """
 
 
 register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Mark named tuples `cls` with an address: Numba caches no functions with a constant one."""
+    """Give named tuples of `cls` the type `_WithAddress`, to cache no address; return `cls`."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):

@@ -122,22 +122,24 @@ def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
 
 @formula
 def steady(g1, g2, h1, h2, x, nu):
-    """Return |g|**2 (w1, w2) from x and nu of `coordinates`, and g1 to h2 of `constants_of`."""
+    """Invert `coordinates`: return |g|**2 (w1, w2) from x and nu; h = (I13, I23) / sqrt(I1 I2)."""
     return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2, positive for orbits from one steady state to another; A = R |g|.
+    """Return A**2 - k**2, positive if orbits go from one steady state to another.
 
-    ell = x + k and nu are of `coordinates`. X = e ell and K = e k; for the flow e is 0.
+    A**2 = (x**2 + nu**2) / (1 + X**2) is conserved. For a state (w1, w2), x = I13 w1 + I23 w2,
+    ell = x + k and nu = (I23 I1 w1 - I13 I2 w2) / sqrt(I1 I2). X = e ell and K = e k, where
+    e = eps / (2 sqrt(I1 I2)), but 0 for the flow.
     """
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill rows B1 to D22 of lane l: numbers b, c, d12 and d22 of the closed form (see the top).
+    """Fill rows B1 to D22 of lane l: b, c, d12 and d22, the coefficients that `state` uses.
 
     `b` is the block. `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `square`
     is A**2 - k**2, `root` the root of its modulus, and R2 is R**2. If `passes`, square is positive,
@@ -168,7 +170,12 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, is_map):
-    """Fill rows B1 to MISSING of lane l of a block `b`, for its body and state; RATE is e root."""
+    """Fill rows B1 to MISSING of lane l of a block `b`: the orbit from its state 0.
+
+    The rows are coefficients (`fill_coefficients`); PASSES, 1 for an orbit from one steady state to
+    another, else 0; ROOT, sqrt(|A**2 - k**2|); R, (1 - L) / (1 + L), or 1 for the flow; RATE,
+    L = e ROOT, for `rate`; MISSING, the sign of TIMEs without a state. `is_map` is 0 or 1.
+    """
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     root_a, e = b[ROOT_A, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
@@ -303,7 +310,10 @@ def reason(b, l):
 
 @formula
 def fill_bodies(b, first, width, lanes, parameters, is_map):
-    """Fill lanes of a block `b` with bodies of `width` trajectories from `first` on; UNIT is 1."""
+    """Fill lanes of a block `b` with bodies of `width` trajectories from number `first` on.
+
+    They repeat in `lanes` lanes. `parameters` are I1, I2, I13, I23, k, eps. `is_map` is 0 or 1.
+    """
     i = first
     for l in range(lanes):
         b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
@@ -321,7 +331,7 @@ def fill_bodies(b, first, width, lanes, parameters, is_map):
 
 @formula
 def rescale(b, lanes, is_map):
-    """Divide very large and small states of a block `b` by `unit_of` the state, the row UNIT."""
+    """Divide very large and small states in `b`, and k, by a power of two, which goes to UNIT."""
     for l in range(lanes):
         if not is_ordinary(b[W1, l], b[W2, l]):
             unit = unit_of(b[W1, l], b[W2, l], b[K_, l])

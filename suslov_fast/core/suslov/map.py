@@ -51,10 +51,10 @@ class Frame(NamedTuple):
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """Return the `Frame` of a body, and e = eps / (2 sqrt(I1 I2)); m1, m2 not finite if g e = 0."""
+    """Return the `Frame` of a body and eps, and e = eps / (2 sqrt(I1 I2))."""
     root_a = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / root_a, root_a / I2
-    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
+    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))  # not finite if e g = 0
     a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / root_a) * per_g
     return Frame(e * k, a1, a2, back, m1, m2), e
 
@@ -138,7 +138,7 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Return X, u, v with (u, v) rescaled to length R sqrt(1 + X**2), X from u, v if accurate."""
+    """Return a better X, and u, v rescaled to length R sqrt(1 + X**2), because R is conserved."""
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)

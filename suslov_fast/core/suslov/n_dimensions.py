@@ -26,8 +26,7 @@ carry        (1, B), the first state beyond a step from det A < 0, 0 if there is
 
 A block of lanes is two arrays: c[J_, I_, W or INVERSE, component, lane], and b[row, lane] with
 numbers of lanes. The number of components in c is even; if m is odd, the last has J = inf and
-I = w = 0. After a failure the states and the step size of a lane are NaN, so that it needs no
-elimination.
+I = w = 0. After a failure the state and eps of a lane are NaN, so that it needs no elimination.
 """
 
 from typing import Any, NamedTuple
@@ -209,7 +208,7 @@ def start_one(system, state, c, b):
 
 @inlined
 def end_one(c, b, out, status):
-    """Write the state of a block (c, b) of one lane to `out`; return `status`, or PASSED_POLE."""
+    """Write the state of a block (c, b) to `out`; return `status`, PASSED_POLE if OK, det A < 0."""
     for i in range(len(out)):
         out[i] = c[W, i, 0]
     return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
@@ -278,7 +277,7 @@ def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status,
 
     `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1 go from state start to state stop. States with numbers that are
-    multiples of `every` go to saved[row] on. `carry` (1, B) has first states beyond poles, or 0.
+    multiples of `every` go to saved[row] on. `carry` (1, B) has n of first states past poles, or 0.
     """
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
@@ -286,9 +285,11 @@ def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status,
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate part `part` of `parts` of the trajectories by elimination.
+    """Iterate part `part` of `parts` of the trajectories, by elimination with m unknowns a step.
 
-    `parameters` are J, I and eps; `span` (begin, end, start, stop, every, row) is as in `nd_steps`.
+    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
+    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
+    multiples of `every` go to saved[row] on. `carry` (1, B) has n of first states past poles, or 0.
     """
     arrays = uncounted((omega0, carry, saved, final, status, failed_at))
     iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
@@ -296,10 +297,10 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
-    """Iterate a part of the trajectories, in O(n) a step or `by_elimination` (True or None).
+    """Iterate part `part` of `parts` of the trajectories, by elimination or in O(n) a step.
 
-    Because `by_elimination` is not False, Numba compiles one branch alone. The other arguments are
-    as in `nd_steps`; `arrays` are omega0, carry, saved, final, status and failed_at.
+    `by_elimination` is True, or None for O(n): Numba removes branches by None. `parameters`, `span`
+    and `arrays` (omega0, carry, saved, final, status, failed_at) are the arguments of `nd_steps`.
     """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
@@ -401,7 +402,7 @@ def _sums_of_all(I, w):
 
 
 def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy; return False if a step loses digits or passes a pole.
+    """Take the steps by NumPy and return True; return False if one loses digits or passes a pole.
 
     `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1 go from state start to state stop. States with numbers that are

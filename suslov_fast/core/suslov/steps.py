@@ -70,7 +70,11 @@ def state_at(b, l):
 
 @formula
 def fill_frames(b, lanes, first, width, parameters):
-    """Fill lanes of a block `b` with constants of `width` trajectories from number `first` on."""
+    """Fill `lanes` lanes of a block `b` with the `Frame`, e, I13, I23 and k of trajectories.
+
+    They are `width` trajectories from number `first` on; later lanes repeat the first one.
+    `parameters` are (I1, I2, I13, I23, k, eps).
+    """
     I1, I2, I13, I23, k, eps = parameters
     full = LANES if lanes > 1 else ONE  # constants, for SIMD
     for l in range(lanes):
@@ -283,8 +287,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
 
 
 def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take all trajectories by NumPy, with the bits of `steps`, until it is compiled; return True.
+    """Take the steps of all trajectories by NumPy, with the bits of `steps`; always return True.
 
+    `Kernel.by_numpy` calls it before `steps` is compiled; True says that the work is done.
     `parameters` are (I1, I2, I13, I23, k, eps). `span` is (begin, end, start, stop, every, row):
     trajectories begin to end - 1 go from state start to state stop. States with numbers that are
     multiples of `every` go to saved[row] on. `carry` (CARRIED, B) has what a run continues from.

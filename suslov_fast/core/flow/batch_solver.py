@@ -51,7 +51,7 @@ class SolverRequest(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, atol):
-    """Return the array (5, D) `ComponentNumbers` for f; `atol`: a number, D numbers, or None."""
+    """Return the array (5, D) of `ComponentNumbers` of each component of f; `atol`: tolerances."""
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
@@ -119,7 +119,7 @@ class EventTimes:
 
     @functools.cached_property
     def array(self):
-        """The pairs (time, event), shape (rows, n + 1, 2), and how many times are equal at most."""
+        """Pairs (time, event), shape (rows, n + 1, 2); and the most events that share one time."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -134,7 +134,7 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Move start values of clocks from x0 (B, D) to the table, so that these clocks begin at 0.
+    """Move start values of clocks from states x0 (B, D) to f's `table`: these clocks begin at 0.
 
     Return the table, x0, and the start values (B, clocks), or None in their place if all are 0.
     """
@@ -203,7 +203,7 @@ class BatchSolver:
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
 
     def run(self, threads=1, begun=None):
-        """Take all steps, or go on with `begun`, (rows, table, records) of `solve_small_batch`.
+        """Take all steps; go on from `begun`, if given: (rows, table, records) of a small batch.
 
         `report` is called in this thread from time to time; if it returns False, the steps end.
         """
@@ -225,7 +225,7 @@ class BatchSolver:
             add_starts(self.f, self.starts, self.states, self.records)
 
     def _rows(self, block):
-        """Return the `TrajectoryRows` of a block (slice) before the first step, an array (K, -)."""
+        """Return an array (K, -), `TrajectoryRows` of the slice `block` before the first step."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
@@ -235,7 +235,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take steps of a block (slice) until `abandoned` has an entry; `flat`: its rows so far."""
+        """Take all steps of slice `block`, from rows `flat` if given; stop if `abandoned` fills."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
@@ -283,7 +283,7 @@ class BatchSolver:
             self.table[which] = table
 
     def _taker(self, integrator, rows, table, W):
-        """Return `StepRunner.take` for rows of trajectories; it returns True if all are done."""
+        """Return a function that takes steps of trajectories `rows`, and returns True when done."""
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.event_times is not None:
@@ -317,7 +317,10 @@ class StepRunner:
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, event_times, equal, records):
-        """Set addresses of event times, at most `equal` equal; `take` appends to `records`."""
+        """Let `take` read `event_times`, pairs (time, event), and append actions to `records`.
+
+        `equal`, the largest number of events at one time, decides how large the buffer is.
+        """
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Records that lanes may add before there is a pause; `equal` times of events are equal.
         at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W

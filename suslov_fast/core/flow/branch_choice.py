@@ -39,8 +39,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
-    `chosen_often` counts changes at once after `chosen_at`, the last change, if no event `acted`.
-    After BACK_AND_FORTH, a lane in the state `mode` is SLIDING. `wanted` is the next length.
+    `chosen_at` is the last such time. `chosen_often` counts changes in a row, each within AT_ONCE
+    of the time after the last; an event that `acted` (1) ends the row. At BACK_AND_FORTH a lane in
+    the state `mode` becomes SLIDING. `wanted` is the next length.
     """
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
@@ -56,14 +57,14 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
 
 @scalar_kernel
 def LOOK_AHEAD(t, last, part, sign):
-    """Return `ahead`, how long to look for a surface: part * (t, or last at t = 0); `signed`."""
+    """Return a time `ahead` = part * t, or part * last at t = 0; and `signed` = sign * ahead."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
 
 
 @scalar_kernel
 def SEEK(wanted, ahead):
-    """Return the rows that start a search (`CUT`) for a surface that is crossed within `ahead`."""
+    """Return rows that start a search (`CUT`) for a surface within the time `ahead` from now."""
     return {
         "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
         "rounds": 0.0,
@@ -96,7 +97,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
 def TRACE(before, after, jumps, u):
     """Return `change`, the jump of the integral of u trace f' where f `jumps` at a surface s = 0.
 
-    It is u log|after / before|, of grad s . f before and after the jump, or 0 without a jump.
+    It is u log|after / before|, of grad s . f on both sides of the surface, or 0 if `jumps` is 0.
     """
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
@@ -104,7 +105,7 @@ def TRACE(before, after, jumps, u):
 
 @scalar_kernel
 def INFLOW(low, f_old, f_new):
-    """Return `low`, how many steps a component is tiny; 0 if the jump of f to f_new feeds it."""
+    """Return `low`, steps with a tiny component, or 0 if its rate f_old jumps to a large f_new."""
     is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
     return {"low": is_inflow.select(0.0, low)}
 
@@ -138,7 +139,10 @@ def choose(code):
 
 
 def renew(code):
-    """Choose new branches where f has jumped, and continue solutions that end before a jump."""
+    """Choose new branches where f has jumped, and where solutions have ended just before a surface.
+
+    There f has no value with the old branches; solutions continue beyond with the new branches.
+    """
     text, line, work = code.text, code.line, code.work
     if code.f.branches.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
@@ -152,7 +156,7 @@ def renew(code):
 
 
 def _look(code, x):
-    """Write the branches at the state x to the row `chosen`."""
+    """Write whether branches change at the state x, and which hold there, to the rows `chosen`."""
     code.call("branches", x, code.table, code.work.chosen)
 
 
@@ -174,7 +178,7 @@ def _jump(code, jumped):
 
 
 def _put_ahead(code, x, f, signed):
-    """Write x + signed f to the row `start`: a state about the time `signed` later."""
+    """Write x + signed f, about the state a time `signed` later, to the row `start`; f is f(x)."""
     for i in code.text.each(code.D):
         code.work.start[i] = x[i] + signed * f[i]
 
@@ -200,7 +204,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Update columns of derivatives in lanes `truth`, where f jumps, by the formula at the top."""
+    """In lanes `truth` add (f_new - f_old) tau to columns: f jumps for them a time tau earlier."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -309,7 +313,7 @@ def _put_choices(code, truth, kinds, rows, place):
 
 
 def shift_of(f, number):
-    """Return the place of q in f's table if surface `number` is of a `Table` at p + q, or None."""
+    """Return q's place in f's table, for a `Table` of p + q at surface `number`; None without q."""
     branches = f.branches
     if number not in branches.shifts:
         return None

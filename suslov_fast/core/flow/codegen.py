@@ -50,7 +50,7 @@ class StepCode(FunctionCode):
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
 
     def columns(self, x, f, count):
-        """Write the ends y_c - x of the first `count` columns to `work.ends`; f is f(x)."""
+        """Write the ends of the first `count` columns, less x, to `work.ends`; f is f(x)."""
         self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
 
     @property
@@ -115,7 +115,7 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def keep(self, rows, found, truth=None):
-        """Write found[name] to row `name` of `rows`, for all names, in lanes `truth` or in all."""
+        """Write each found[name] to the row `name` of `rows`, in lanes `truth`, or in all lanes."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))

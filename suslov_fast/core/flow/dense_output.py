@@ -37,7 +37,7 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 @scalar_kernel
 def QUARTER(t, after, taken, next, accepted, sign):
-    """Return a signed quarter of a step that ends (`after`) past requested time `next`, else 0."""
+    """Return sign * taken / 4 if an accepted step, to time `after`, passes time `next`; else 0."""
     is_inside = (accepted > 0.0) & (next < after)
     return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
 
@@ -64,7 +64,7 @@ def BETWEEN(t, taken, next):
 
 
 def weights_of_test(v):
-    """Return weights, as `weights_at`, for interpolation p(v) - x after v quarters; and for p'."""
+    """Return two dicts like `weights_at`: for the interpolation p - x at v quarters, and for p'."""
     weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
         {name: weight.real for name, weight in weights},
@@ -180,7 +180,7 @@ def _until(code):
 
 
 def _find_nodes(code):
-    """Write states and f after quarters of a step to `nodes`; reject steps inaccurate inside."""
+    """Write states and f after quarters of a step to `nodes`; reject it if interpolation fails."""
     text, line, work, D = code.text, code.line, code.work, code.D
     code.keep(work, code.apply(QUARTER, t=work.t[0], after=_until(code)))
     few, more = WEIGHTS

@@ -55,10 +55,11 @@ SIDE = scalar_kernel(_side)  # `_side` as a kernel, with the same inputs and res
 
 @scalar_kernel
 def FLAT_SIDE(side, level, value, slopes, slopes_later, has_branches):
-    """Return `side` and `level` as given, but 1 and 0 (above) where s = 0 all around the state.
+    """Return `side` and `level` of a state at a surface s = 0, but 1 and 0 if s = 0 all around it.
 
-    `has_branches` is 1 for s such as min(x, 0); other s, such as cos(x) - 1, only touch 0. `value`
-    is s, and `slopes` is sum |ds/dx_j|; `slopes_later` is the same sum a moment later.
+    `side` is 1 where s >= `level`, 0 below, STAYS if the state stays on the surface. Only s with
+    branches, such as min(x, 0), can be 0 all around (`has_branches` is 1); cos(x) - 1 just touches
+    0. `value` is s, and `slopes` is sum |ds/dx_j|; `slopes_later` is the same sum a moment later.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -75,16 +76,15 @@ def CROSSED(
     value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
     at_surface,
 ):  # fmt: skip
-    """Return whether a state has crossed a surface: `up`, `down`; new `side`, `level`; `near`.
+    """Return whether a state crossed a surface s = 0: `up`, `down`; new `side`, `level`; `near`.
 
-    A crossing is a change of `side`: 1 where s >= `level`, 0 below. It is none if the state has
-    stayed on the surface (STAYS), or if s has no value (GAP) before or after. It is none if the
-    step led there (`by_motion` is 1), but the rate leads back: an action had left the state beyond
-    by rounding. Then the level moves to the state. A step that ends just before a surface
+    `side` is 1 where s >= `level`, 0 below, STAYS on the surface, GAP where s has no value. A
+    crossing is a change between 1 and 0, where events may act (`is_here` is 1). It does not count
+    if the step led there (`by_motion` is 1), but the rate leads back: an action had left the state
+    beyond by rounding. Then the level moves to the state. A step that ends just before a surface
     (`at_surface` is 2) crosses it, too. `near` is 2 |s| after a step, 0 after an action; a state so
     near is on the surface. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the sums
-    of the moduli of their terms. `is_here` is 1 where events may act, and `jumps` is 1 if s jumps.
-    `last` is the last time of the run.
+    of the moduli of their terms. `jumps` is 1 if s jumps. `last` is the last time of the run.
     """
     shift = sign * rate * (NEARLY * t)
     is_above = (at_surface > 1.0).select(value + shift, value) >= level
@@ -114,16 +114,16 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
     more, limit, sign,
 ):  # fmt: skip
-    """Return whether an action comes again at once: its weight `more`, and its `limit` in time.
+    """Return `more`, above 0 if an action comes again at once, and `limit`, the time when it rests.
 
-    A state that an action turns back is away for 2 |r / a|, with r = ds/dt and a = dr/dt. It rises
-    by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at once, or
-    stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the last
-    action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a crossing
-    up or down, else 0. A state with |s| <= `near` is on the surface. `rate_before` is ds/dt before
-    the action, `later` is a MOMENT later; see `_side` for `value` to `rate_size`. `taken` is the
-    length, `wanted` the next one. `acted` is the time of the last action, `pause` the gap before
-    it; both are updated.
+    A state that an action at s = 0 turns back is away for 2 |r / a|, with r = ds/dt and a = dr/dt.
+    It rises by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at
+    once, or stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the
+    last action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a
+    crossing up or down, else 0. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the
+    sums of the moduli of their terms. A state with |s| <= `near` is on the surface. `rate_before`
+    is ds/dt before the action, `later` a MOMENT later. `taken` is the length, `wanted` the next
+    one. `acted` is the time of the last action, `pause` the gap before it; both are updated.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -152,15 +152,15 @@ def AFTER_EVENT(
     size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
     stiff, easy, tries, at, often, actions, part, last, longest, most,
 ):  # fmt: skip
-    """Return the next length, and the state of a lane, after actions (if their `number` is not 0).
+    """Return the rows of a lane after actions of events, such as the next length and its state.
 
-    The length `wanted` becomes a first length, if this is longer. Let `rate`, max |f_i|, be FASTER
-    times `rate_before`, at the beginning of the step, as after a dose. Then `wanted` is at most a
-    first length for a state as large as the `largest` so far. `size` is max |x_i|, `total` is sum
-    |x_i| + |f_i|. Actions accumulate if they are `endless` at one instant, or at once
-    ACTIONS_AT_ONCE times in a row: `often` + `more`. They end at the time `limit`. `at` is this
-    time, or t. `longer` bounds the ratio of two lengths. `stiff` and `easy` count steps, `tries`
-    and `actions` since the last requested time, up to `most`. `part` is the change in a first step.
+    Without actions (`number` is 0) nothing changes. `wanted` becomes a first length, of the change
+    `part`, if this is longer. Let `rate`, max |f_i|, be FASTER times `rate_before`, at the
+    beginning of the step. Then `wanted` is at most a first length for a state as large as the
+    `largest` so far. `size` is max |x_i|, `total` is sum |x_i| + |f_i|. Actions accumulate if they
+    are `endless` at one instant, or if `often` + `more` in a row, ACTIONS_AT_ONCE, come at once.
+    `at` is the time `limit` at which they end, or t. `longer` bounds the ratio of two lengths.
+    `stiff`, `easy` and `tries` count steps; `most` bounds `actions`.
     """
     is_changed = number > 0.0
     guess = first_length(size, rate, part, last)
@@ -349,7 +349,11 @@ def _look_a_moment_later(code):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let event k act in lanes `is_there` that crossed surface k, `by_motion` or by an action."""
+    """Let event k act, or record it, in lanes where the state crossed surface k in its direction.
+
+    `is_there` marks lanes where events may act, `by_motion` lanes that a step, no action, led
+    there.
+    """
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
@@ -427,9 +431,10 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _of_columns(code, f_before):
-    """Return parts of an action's record for columns of derivatives, as pairs (rows, how many).
+    """Return the rows of columns of derivatives that `record` writes, as pairs (rows, how many).
 
-    They are tau, how much earlier a displaced solution acts, and f before (`f_before`) and after.
+    They are tau of each column, and f before (`f_before`) and after the action. A solution
+    displaced by dx times the column acts a time tau dx earlier.
     """
     if not code.f.columns:
         return ()
@@ -440,9 +445,9 @@ def _of_columns(code, f_before):
 def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
     """Add code that finds tau of each column of derivatives, and changes columns in lanes `truth`.
 
-    tau is how much earlier a solution displaced by the column reaches event k. It is new in lanes
-    `by_motion`, which the step led to a surface; None at given times. Columns change if the action,
-    from the state `before` with f = `f_before`, changes the state (`is_changed`).
+    A solution displaced by dx times the column reaches event k a time tau dx earlier. tau is found
+    in lanes `by_motion`, which the step led to a surface; `by_motion` is None at given times.
+    Columns change if the action changes the state (`is_changed`), `before` with f = `f_before`.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     if not f.columns:

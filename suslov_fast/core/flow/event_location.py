@@ -68,7 +68,7 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 def QUARTIC(x, new, f, f_new, signed, f_point):
     """Return `quartic`, the factor of u**2 (1 - u)**2 that `_point` adds to the cubic, 0 for NaN.
 
-    With it the rate at POINTS[0] is `f_point`; a step `signed` leads from x, f to `new`, `f_new`.
+    With it the rate at u = POINTS[0] is `f_point`. A step of length `signed` leads x to `new`.
     """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
@@ -111,12 +111,12 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 
 
 def _guess(cut, part, weight, rounds, lengths, aim, accuracy, is_rough):
-    """Return the next length to try in a search, and the Illinois weights of both `lengths`.
+    """Return the next length to try for a step to a surface, and the Illinois weights of `lengths`.
 
-    `lengths` are (without a crossing of the surface, with a crossing). A straight line between the
-    states at both crosses the surface at the fraction `part`. `cut` is true if the last step
-    crossed it. `weight` is the last weight, `rounds` is the number of tries, and `aim` is the
-    length by Newton's method. If `is_rough`, the next length is the longer one.
+    `lengths` are (without a crossing of the surface, with a crossing). A line between the states
+    there crosses it at the fraction `part`. `cut` is true if the last step crossed it. `weight` is
+    the last weight, `rounds` is the number of tries, `aim` is the length by Newton's method. If
+    both differ by less than `accuracy`, or if `is_rough`, the longer one is next.
     """
     (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
     starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
@@ -138,7 +138,7 @@ def CUT(
     crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
     rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
 ):  # fmt: skip
-    """Return whether a step that crosses a surface is accepted, and the next length, see the top.
+    """Return whether a step near a surface is `accepted`, and the next length, which leads to it.
 
     A search for a surface starts if `starts` is 1. In a search a step aside is an ordinary step.
     The results, and inputs that are not explained here, are rows of a lane (`memory`).
@@ -267,9 +267,10 @@ def cut(code, before, total):
 
 
 def _look_at_points(code, length, from_start):
-    """Look for the first crossing at POINTS of a step; return it (`LOOK`) and the middle state.
+    """Return the first crossing between POINTS of a step (results of `LOOK`), and the middle state.
 
-    `from_start` marks lanes with `inner` = 0: there the state beyond the crossing becomes `far`.
+    `length` is the length of the step. `from_start` marks lanes that know no shorter step without a
+    crossing: there the state beyond the crossing becomes `far`.
     """
     text, line, work, of = code.text, code.line, code.work, code.integrator.double_crossings
     count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
@@ -299,7 +300,7 @@ def _look_at_points(code, length, from_start):
 
 
 def _watch(code, *names):
-    """Return where and whether surfaces are crossed between two points, under these `names`."""
+    """Return, by `names`, at which fraction, and if, a surface is crossed between two points."""
     code.call("watch", code.work.between, code.table, code.work.seen)
     return {name: code.work.seen[k] for k, name in enumerate(names)}
 
@@ -312,7 +313,10 @@ def _keep_far(code, truth, state):
 
 
 def _look_inside(code, u, x, phases, rates, quartic):
-    """Write `phases` of waves and `rates` of surfaces at x, the state at a fraction u of a step."""
+    """Write the arguments of sin, cos and tan to rows `phases`, and rates of surfaces to `rates`.
+
+    x is the state at the fraction u of a step; `quartic` has results of `find_quartic`, or is None.
+    """
     work, moving, D = code.work, code.work.moving, code.integrator.watched
     if code.integrator.double_crossings.phases:
         code.call("phases", x, code.table, phases)
@@ -329,8 +333,10 @@ def _look_inside(code, u, x, phases, rates, quartic):
 def _aim(code, inputs, has_no_search, from_start):
     """Return the inputs of `CUT` that Newton's method finds: `aim`, `since`, `left` and `place`.
 
-    `inputs` are the others, by name; `BACK` may change `place`. `has_no_search` marks lanes without
-    a search before this step, `from_start` marks lanes with `inner` = 0.
+    These are the length of a step to the surface; the longest time since a surface was crossed; the
+    time left to a surface; and the fraction of the step at the first crossing. `inputs` are inputs
+    of `CUT` so far. `has_no_search` marks lanes that have looked for no surface before this step,
+    `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)

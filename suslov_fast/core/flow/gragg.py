@@ -58,7 +58,7 @@ class ExplicitColumns(FunctionCode):
             self.in_turn(inner)
 
     def work_of_pair(self):
-        """Return an estimate of the operations in a sub-step, half of a pair of sub-steps."""
+        """Return an estimate of a sub-step's operations; if they are few, columns are unrolled."""
         return self.length + 3 * self.D
 
     def _have(self, name):
@@ -72,7 +72,7 @@ class ExplicitColumns(FunctionCode):
         return self.text
 
     def parts(self, inner):
-        """Add a loop over registers; yield x, f, work, table for lanes of the `Code` `inner`."""
+        """Add a loop over registers with the lanes of `inner`; yield x, f, work, table of each."""
         for part in self.text.each(self.text.W // inner.W):
             offset = part * (8 * inner.W)
             x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))
@@ -82,7 +82,7 @@ class ExplicitColumns(FunctionCode):
 
     # ------------------------------------------------------------------------------------- in turn
     def in_turn(self, inner):
-        """Add a loop over pairs of sub-steps of columns; `inner` is the `Code` for their lanes."""
+        """Add a loop over pairs of sub-steps, column by column, for lanes of the `Code` `inner`."""
         text, work, D = self.text, self.integrator.work, self.D
         pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
@@ -146,7 +146,10 @@ class ExplicitColumns(FunctionCode):
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
     def pair(self, work, table, double, factor):
-        """Add a += double f(b), b += factor f(a) in `work`; return f(a), {} if in `f_last`."""
+        """Add two sub-steps to the rows a and b of `work`: a += double f(b), b += factor f(a).
+
+        Return {i: rate} of f(a); or, if a call of f writes f(a) to the row `f_last`, return {}.
+        """
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
@@ -161,7 +164,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add `pair` to rows of a and b, with inlined f; return {i: rate} of f(a) at the new a."""
+        """Add `pair`, two sub-steps, to rows of a and b with inlined f; return {i: rate}, f(a)."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)

@@ -60,7 +60,8 @@ def GROWS(x, f, new, f_new, inverse, signed, grows):
 def KEEPS_SIGN(x, new, inverse, remembers, feeds):
     """Return `new`, the component x after a step, with the sign of x if it is small and decays.
 
-    Small is below NEAR allowed errors (1 / `inverse`). It decays if `remembers` = 2, `feeds` = 1.
+    Small is below NEAR allowed errors (1 / `inverse`). It decays if h df_i/dx_i < -1 (`remembers`
+    is 2), and if no small component takes from another (`feeds` is 1).
     """
     changes = _changes_sign(x, new, inverse) & (remembers > 1.0) & (feeds > 0.0)
     return {"new": changes.select(-new, new)}
@@ -78,7 +79,7 @@ def _is_fed(fed, inverse, taken):
 
 @scalar_kernel
 def REMEMBERS(x, f, fed, inverse, taken, signed):
-    """Return `remembers` = 1 if a small component, not 0, is not fed by others or grows by itself.
+    """Return `remembers` = 1 if x is small, not 0, and either unfed by others or growing by itself.
 
     `fed` is f_i with small components (|x| < NEAR / inverse) at 0; `signed` is h, `taken` |h|.
     """
@@ -106,9 +107,9 @@ def ENTRY(entry, of_row, of_column, is_diagonal, signed, feeds):
 
 @scalar_kernel
 def PIVOT(pivot, taken, length, sign):
-    """Update `length`, and the `sign` of det(1 - h J), by a pivot p of 1 - h J, 1 / p = `pivot`.
+    """Update `length`, and the `sign` of det(1 - h J), by one pivot p of 1 - h J; `pivot` is 1 / p.
 
-    `length` is the least h / (1 - p) so far, 1 - p > NEXT, h = `taken`: longer steps damp growth.
+    `length` is the least h / (1 - p) with 1 - p > NEXT: longer steps damp growth. h is `taken`.
     """
     growth = 1.0 - 1.0 / pivot
     return {
@@ -119,7 +120,7 @@ def PIVOT(pivot, taken, length, sign):
 
 @scalar_kernel
 def LONGEST(length, sign, feeds, least):
-    """Return min(least, length) if `sign` < 0 (`PIVOT`) or `feeds` = 1: growth; else `least`."""
+    """Return `least`, or `length` if less and something grows: `sign` < 0 or `feeds` = 1."""
     return {"least": ((sign < 0.0) | (feeds > 0.0)).select(smaller(length, least), least)}
 
 
@@ -129,14 +130,17 @@ def _grown(rtol):
 
 
 def _bounds(rtol, keeps):
-    """Return two sizes / allowed error: low below, grown above; `keeps` is 1 if x_i divides f_i."""
+    """Return two sizes of x_i in allowed errors: low, grown. `keeps` is 1 if x_i divides f_i."""
     few = (keeps > 0.0).select(smaller(FEW_ALONE, OF_RTOL / rtol), FEW)
     return few, (keeps > 0.0).select(4.0 * few, _grown(rtol))
 
 
 @scalar_kernel
 def FALLEN(new, largest, inverse, rtol, keeps, fallen):
-    """Return 1 if new * inverse is low but largest * inverse was not (`_bounds`), else `fallen`."""
+    """Return `fallen` = 1 if a component, `new`, is low but was large before; else keep `fallen`.
+
+    `largest` is its largest modulus, `inverse` 1 / allowed error; `keeps` is 1 if x_i divides f_i.
+    """
     few, grown = _bounds(rtol, keeps)
     has_fallen = (abs(new) * inverse < few) & (largest * inverse > grown)
     return {"fallen": has_fallen.select(1.0, fallen)}
@@ -184,7 +188,7 @@ def longest_step(code):
 
 
 def _growth(code, x, f, least):
-    """Return `_factor_alone` at x with rates f, and the longest step, <= `least`, by its pivots."""
+    """Return `feeds` of `_factor_alone`, and the longest step, <= `least`, that damps no growth."""
     work = code.work
     feeds, count = _factor_alone(code, x, f), code.integrator.pivots
     found = code.reduce(PIVOT, lambda i: {"pivot": work.factors[i]}, count, length=inf, sign=1.0)
@@ -227,7 +231,7 @@ def _find_fed(code, x, times):
 
 
 def watch_small(code, fallen):
-    """Update `low` (`LOW`) for a warning; `fallen` is 1 where a component has fallen (`FALLEN`)."""
+    """Update `low`, how many steps components are low; `fallen` is 1 where one has fallen."""
     text, line, work = code.text, code.line, code.work
     looks = (work.accepted[0] > 0.0) & ((fallen > 0.0) | (line.watches[0] > 0.0))
     with text.when(looks.any(), likely=False):

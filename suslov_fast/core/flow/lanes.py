@@ -34,7 +34,7 @@ def take_next(code, free):
 
 
 def _write_back(code, offset, number_plus_1):
-    """Write rows, table of a lane at `offset` bytes to trajectory `number_plus_1` - 1, if >= 0."""
+    """Write rows and table of the lane at byte `offset` to trajectory number_plus_1 - 1, if any."""
     text, of, integrator = code.text, code.of, code.integrator
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.branches:  # whose branches stand in the table

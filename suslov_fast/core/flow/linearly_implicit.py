@@ -49,14 +49,14 @@ def SIZE(largest, top):
 
 @scalar_kernel
 def SCALE(largest, top, mode):
-    """Return S_i, the `largest` modulus, at least a part of `top`, and S_i z_i with z = `mode`."""
+    """Return `scale`, the `largest` |x_i| or a part of `top`, and `scaled` = scale * `mode`."""
     scale = larger(largest, SMALLEST_SCALE * top) + TINY
     return {"scale": scale, "scaled": scale * mode}
 
 
 @scalar_kernel
 def RATE(product, scale, size):
-    """Return w_i = `product` / `scale`, and `size` = max |w_i| so far, the largest rate of f'."""
+    """Return `product` / `scale`, of f' times a vector, and `size`, the largest modulus so far."""
     own = product / scale
     return {"product": own, "size": larger(abs(own), size)}
 
@@ -90,7 +90,7 @@ class ImplicitColumns(FunctionCode):
                 self.column(c, N, s, of_rates[c], work.ends.from_here(c * self.D))
 
     def column(self, c, N, s, weight, ends):
-        """Add column c: N sub-steps s, and end - x in `ends`. `weight` is N times its weight."""
+        """Add column c, N sub-steps of length s; write end - x to `ends`. `weight` is N w_c."""
         text, work, D = self.text, self.work, self.D
         x, f = text.array("%x"), text.array("%f")
         a, b, right, apart = work.a, work.b, work.right, work.apart
@@ -112,7 +112,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Begin sums of states after quarters of a step; list which quarter sub-steps end, or 3."""
+        """Begin sums for states at quarters of a step; list which one each sub-step ends, or 3."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -145,7 +145,7 @@ def _plus_change(a, part, after, before):
 
 
 def find_apart(code):
-    """Write the sum that shows false implicit steps to the row `right`, from the row `f_new`."""
+    """Write the sum that shows false ends, on which all columns agree, to the row `right`."""
     text, work = code.text, code.work
     half = work.signed[0] * -0.5
     text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)

@@ -29,7 +29,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
 class TrajectoryRows(NamedTuple):
-    """The row at which each part of a trajectory's data begins; parts have one row unless noted."""
+    """The first row of each part of a trajectory's data. Parts have one row unless noted: (D)."""
 
     x: int  # the state (D)
     f: int  # f(x), and its denominators of clocks (D + denominators)
@@ -95,7 +95,7 @@ def scalars_of(firsts):
 
 
 class WorkRows(NamedTuple):
-    """The row at which each part of a workspace begins: a line of lanes, and results of a step."""
+    """The first row of each part of a step's workspace: a line of lanes, temporary results."""
 
     line: int  # `TrajectoryRows` of the trajectories
     own: int  # their numbers, integers
@@ -126,9 +126,7 @@ class WorkRows(NamedTuple):
     t: int  # time before the step
     at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
     jumped: int  # 1 where f may have jumped there
-    points: (
-        int  # surfaces at the beginning of a step and at POINTS, and inputs of `double_crossings`
-    )
+    points: int  # surfaces at the start and at POINTS, and inputs of `double_crossings`
     point: int  # the state at such a point (watched)
     quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
     moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
@@ -144,10 +142,8 @@ class WorkRows(NamedTuple):
     pair: int  # a state and f there, and what columns need beside them (4 D + 1)
     toward: int  # `OF_SURFACE` of surfaces of events at that state (5 surfaces)
     ahead: int  # the same a moment later (5 surfaces)
-    fired: (
-        int  # 1 where an event acts that was crossed upward at this instant, -1 downward, else 0,
-    )
-    #             and before it how near the surface was, and its rate (3 surfaces)
+    fired: int  # 1 where an event acts after a crossing upward at this instant, -1 downward, else
+    #             0; and before it how near the surface was, and its rate (3 surfaces)
     noted: int  # number of actions at surfaces at this instant, if there are events
     chooses: int  # 1 where branches are chosen
     chosen: int  # what `branches` returns (2 + surfaces of f)
@@ -155,6 +151,6 @@ class WorkRows(NamedTuple):
     f_old: int  # f before a jump (D)
     slopes: int  # of surfaces where f jumps, if there are columns
     gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)
-    tau: int  # how much later columns reach this instant (columns of a `Variational`)
+    tau: int  # how much earlier solutions displaced by columns reach this instant (columns)
     scratch: int  # rows that functions need
     size: int

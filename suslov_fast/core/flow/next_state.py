@@ -13,7 +13,7 @@ from .scalar_kernels import scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
     """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` has lost it.
 
-    Large is above extra + rtol * size. A smaller component may have any sign after a long step.
+    Large is above extra + rtol * size, of the `size` of x. Other components may have any sign.
     """
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
     changes = changes & (keeps > 0.0)
@@ -37,7 +37,8 @@ def SAME_SIGN(x, new, kept):
 def find_next_state(code):
     """Write the next state, f there and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, 0 if a sign is lost; and the list of sizes by name of each of `Integrator.parts`.
+    Return `kept`, 0 in lanes that lose a sign, else 1; and a list of dicts, one for x and one for
+    columns of derivatives: sizes, such as max |x_i|, from which allowed errors follow.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights

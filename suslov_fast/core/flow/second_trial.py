@@ -43,9 +43,10 @@ TINY_STEP = 2.0**-40  # part of the time
 
 @scalar_kernel
 def IS_NOISY(ratio, large, steps, longer):
-    """Return 1 if errors like rounding make the `ratio` of a step that is due for a second trial.
+    """Return `is_noisy` = 1 if a step is due and errors as small as rounding decide its `ratio`.
 
-    `large` is the ratio of other errors. Due are every eighth step, and after a trial (`longer`).
+    `ratio` is the largest error / allowed error, `large` the same of larger errors alone. Every
+    eighth of the `steps` is due, and a step after a second trial, which `longer` shows.
     """
     eighth = steps * 0.125
     is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
@@ -87,7 +88,10 @@ def MOST(change, most):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update `least`, the smaller change `most` of f at ends, and the two largest of all points."""
+    """Update `least`, `largest` and `second` by `most`, the largest change of f beside one point.
+
+    `least` is the smaller of both ends (`is_end` is 1), others are the two largest of all points.
+    """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
         "largest": larger(most, largest),
@@ -125,10 +129,11 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Return `ratio`, `of_length`, `apart`, `on_trial`, `rates` by name, after a second trial.
+    """Test steps again whose errors may be rounding, with larger allowed errors; return a dict.
 
-    `sums` has them before, see `find_errors`, and lanes without a trial keep them. `own` and
-    `of_error` are the weights of columns for the next state and its error.
+    It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has them before the trial,
+    see `find_errors`; lanes without a trial keep them. `own` and `of_error` are the weights of
+    columns for the next state and its error.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]

@@ -75,14 +75,12 @@ def prepared(f, settings, sign, B, for_each):
 def solve_small_batch(f, table, x0, request):
     """Take trajectories x0 (B, D) to the times of a `SolverRequest`, as far as one integrator goes.
 
-    Return (states, steps, records, begun):
+    `table`, (n,) or (B, n), is the table of f. Return (states, steps, records, begun):
 
     states    (count, B, D) at the times, NaN where they are not reached
     steps     (B,) numbers of steps, and `records` (arrays of the actions of events), if all
               trajectories have reached the last time, and no component fell and grew; else None
     begun     None in that case, else (rows, table, records), from which `BatchSolver.run` continues
-
-    `table` (n,) or (B, n) is the table of f.
     """
     B, starts, records, count = len(x0), None, [], len(request.times)
     if f.offsets:

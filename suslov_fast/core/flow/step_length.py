@@ -97,9 +97,10 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return `reach` and `shortest`, or 1 and 0 if `outer` is finite: if a surface is sought.
+    """Return two fractions of time, `reach` and `shortest`; in a search for a surface 1 and 0.
 
-    A step above `reach` of the time left takes all of it; below `shortest` of the time it fails.
+    A step above `reach` of the time left takes all of it. A lane ends if its next length is below
+    `shortest` of the time t. In a search `outer`, a length that crosses the surface, is finite.
     """
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
@@ -113,11 +114,11 @@ def GOAL(last, stop):
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Return `taken`, the length of this step (0 in lanes of the other integrator), and `aside`.
+    """Return `taken`, the length of this step, or 0 if lanes use the other integrator, and `aside`.
 
-    If `wanted` would pass the requested time `next`, but not `second` after it, the step ends at
-    `next`, and `aside` is 1. A length above `reach` of the time left leads to `last`. `mode` is
-    this integrator's `LaneState`. `signed` has the sign of time, `sign`.
+    `signed` is `taken` with the sign of time, `sign`. If `wanted` would pass the requested time
+    `next`, but not `second` after it, the step ends at `next`, and `aside` is 1. A length above
+    `reach`, a fraction, of the time left leads to `last`. `mode` is this integrator's `LaneState`.
     """
     rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -182,7 +183,10 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct `AFTER` at an event's time `stop`: wanted >= before; state_before instead of DONE."""
+    """Correct `wanted` and `state`, results of `AFTER`, if a step ends at an event's time `stop`.
+
+    `wanted` is at least `before`, its value before the step; at t < `last` the state is as before.
+    """
     is_there = (accepted > 0.0) & (t >= stop)
     return {
         "wanted": is_there.select(larger(wanted, before), wanted),
@@ -191,7 +195,7 @@ def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, states (ENDED: wanted < shortest * t), which have tries > most."""
+    """Return which lanes run; states, ENDED if wanted < shortest * t; and where tries > most."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)

@@ -39,9 +39,10 @@ class StormerColumns(ExplicitColumns):
             ends[i] = b[i] - x[i]
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return {i: rate} in the set A at the end of the last column, or {} if f is not inlined.
+        """Return {i: rate} of the set A at the end of the last column; {} if `call` writes them.
 
-        `a`, the end in A, gets components `of_b` of `b`, the end in B. `call` writes rates to rows.
+        The end has components A in `a` and B, `of_b`, in `b`; B is copied to `a`. `table` is f's
+        table. If f is not inlined, call(name, x) writes rates at x to rows.
         """
         for i in of_b:
             a[i] = b[i]

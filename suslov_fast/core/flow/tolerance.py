@@ -34,7 +34,7 @@ def NO_SIZE():
 
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
-    """Update `moved`, the most that clocks (`counts` 0) change, and `top`, max |x_i| or `moved`."""
+    """Update `moved`, the most a clock (`counts` 0) changes, and `top`, max of |x_i|, `moved`."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}
@@ -42,13 +42,13 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 @scalar_kernel
 def LEAST_ALLOWED(top, rtol, smallest):
-    """Return `least` = rtol * smallest * top, with top = max |x_i|, and `noisy`, its rounding."""
+    """Return `least` = rtol * smallest * top, top = max |x_i|, and `noisy`, the rounding of top."""
     return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
 
 
 @scalar_kernel
 def ALLOWED(new, largest, least, moved, extra, rtol):
-    """Return 1 / allowed error: extra + rtol max(|new|, largest), or by `least` or `moved`."""
+    """Return 1 / allowed error: max(extra + max(rtol |new|, rtol largest, least), 2**-50 moved)."""
     allowed = extra + larger(rtol * larger(abs(new), largest), least)
     return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 

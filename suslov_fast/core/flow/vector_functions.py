@@ -93,7 +93,7 @@ class ProgramFunction:
 
 
 class SparseLoops:
-    """Loops that find factors of 1 - s J, or v in (1 - s J) v = g, for a `Sparse` plan."""
+    """Loops for a large J, by its `Sparse` plan: factors of 1 - s J, or v in (1 - s J) v = g."""
 
     def __init__(self, plan, add):
         self.plan, self.add_function, self.scratch = plan, add, len(plan.order)

@@ -166,6 +166,22 @@ def test_equilibria_that_newton_reaches_from_afar():
     assert not found.status.any()
 
 
+def test_heights_of_tables_are_no_constants():
+    """A false integral held x, or y, where x' depends on the first of two tables alone."""
+    knots = np.linspace(-3, 3, 13)
+
+    def table(x, heights):
+        return np.interp(x, knots, heights)
+
+    def f(x):
+        return table(x[0], np.tanh(1 - knots)), table(x[1], -(knots**3)) + x[0]
+
+    starts = [[0.3, 0.4], [-2.0, 2.0]]
+    np.testing.assert_allclose(_near(f, starts).states, np.ones((2, 2)), atol=1e-13)
+    swapped = _near(lambda x: f(x[::-1])[::-1], starts)
+    np.testing.assert_allclose(swapped.states, np.ones((2, 2)), atol=1e-13)
+
+
 def test_equilibria_of_components_of_different_sizes():
     """A radical, whose rates k r are as large as others: the last ones were 0.2 to 2 % off."""
     k = np.array([1.0, 1e6, 1e12, 1e15])

@@ -19,8 +19,8 @@ def coefficients(f, table):
     linear integrals. Each column of C is divided by its largest entry. Values that depend on
     branches stay in m.
     """
-    kinds = () if f.branches is None else f.branches.kinds
-    choices = depending(f.fixed, range(f.D + f.P - len(kinds), f.D + f.P))
+    parameters = f.P if f.branches is None else f.branches.P
+    choices = depending(f.fixed, range(f.D + parameters, f.D + f.P))
     columns = dict(zip(f.table, table.T, strict=True))
     # Of each value the factors of its terms, and their coefficients and the sizes of these.
     terms = {a: {(): np.stack([c, abs(c)])} for a, c in columns.items() if a not in choices}

@@ -28,10 +28,7 @@ _REASONS = (
 
 
 def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArray:
-    """Return states of the map or of the flow, and warn of missing ones.
-
-    `times` (N,) or () are numbers of states of the map, or times of the flow.
-    """
+    """Return states of the flow at `times`, or of the map by number if `is_number`; warn of NaN."""
     plane, from_plane = problem.body._in_plane(problem)
     batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
     starts = flat_arrays(plane.omega, batch)

@@ -166,9 +166,10 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage` of two germs in up to `most` steps; None if their orders differ.
+        """Return the `Passage`, orders in t of images of two germs; None if their orders differ.
 
-        It is `endless` if the first `terms` powers of t are too few.
+        Germs are series in t. They take up to `most` steps of the map. If the first `terms` powers
+        of t are too few, the passage is `endless`.
         """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []

@@ -235,10 +235,11 @@ def with_constants(
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield the exponents of products of `factors` that divide the pullback of a polynomial.
+    """Yield tuples e: the product of `factors`**e divides P(F) for some polynomial P of `degree`.
 
-    The test is modulo a prime, on random lines. The product has the degree `degree` * (map.degree -
-    1), so the quotient has `degree`. If `at_infinity`, the hyperplane at infinity is a factor.
+    F are the homogeneous forms of the map. The quotient must have the degree of P, too. If
+    `at_infinity`, the product may have powers of the last coordinate as well, which are not in e.
+    The test is modulo a prime, on random lines.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)

@@ -278,7 +278,10 @@ class _Entry:
             self.parts = None if None in parts else parts  # type: ignore[assignment]
 
     def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N (number 0) or D (1), by lines s + z t for `points` t, if enough."""
+        """Return the terms of N (`number` 0) or D (1); None if they need more lines s + z t.
+
+        `points` are the vectors t of the lines, on which coefficients of powers of z are known.
+        """
         lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
         for k in range(self.degrees[number], -1, -1):
             top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)

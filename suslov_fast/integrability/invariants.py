@@ -154,9 +154,9 @@ class Invariants:
         return new
 
     def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace the generators with this cofactor value by `polynomials`; return new ones.
+        """Replace generators of the cofactor that `value` identifies; return those that change.
 
-        None are replaced if degrees differ. `basis` says how the polynomials were confirmed.
+        None change if degrees of `polynomials` differ; `basis` says how these were confirmed.
         """
         numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
         numbers.sort(key=lambda k: self.generators[k].degree)
@@ -191,7 +191,7 @@ class Invariants:
         return [f for f, _ in selected(pairs, of=itemgetter(1))]
 
     def polynomial(self, f: RationalFunction) -> Any:
-        """Return f, a product of generators, as one polynomial."""
+        """Return f, a product of polynomials, multiplied out, without a constant denominator."""
         return f.as_quotient(self.map.ring)[0]
 
     def power_product(self, powers: Sequence[int]) -> RationalFunction:
@@ -202,10 +202,7 @@ class Invariants:
 
     @property
     def integrals(self) -> tuple[RationalFunction, ...]:
-        """Independent first integrals of least degree.
-
-        They are quotients P / Q with one cofactor, and products of powers with the cofactor 1.
-        """
+        """Independent integrals of least degree: P / Q of one cofactor, products of cofactor 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
         found = independent([*sorted(self._quotients(), key=_sort_key), *products], self.p)
@@ -373,7 +370,7 @@ class NormalForms:
         self._done: dict[int, str] = {}  # spaces in normal form, by the value of the cofactor
 
     def update(self, value: int) -> list[RationalFunction]:
-        """Replace the polynomials with this cofactor value by `normal_basis`; return new ones."""
+        """Replace P of the cofactor that `value` identifies by a simpler basis; return new P."""
         known = self.invariants
         elements = known.elements(value, known.highest(value))
         space = [known.polynomial(f) for f in elements]

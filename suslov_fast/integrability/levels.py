@@ -200,7 +200,7 @@ class _Equations:
         return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
 
     def generic_point(self) -> tuple[list[Any], str]:
-        """Return a point of a generic level, and its text; one coordinate is the letter."""
+        """Return a point of a generic level, and its text: a coordinate is a symbol, no number."""
         found = []
         for j in range(self.D):
             x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]

@@ -273,7 +273,10 @@ class _RelationsOnLine:
 def _gradients_of_logarithms(
     map: RationalMap, circuit: Exponents, p: int
 ) -> dict[tuple[int, ...], Any]:
-    """Return {monomial: grad log(coefficient)} in the relation of a `circuit`, modulo p."""
+    """Return {m: grad log c} for monomials m in `circuit`, at a random point x, modulo p.
+
+    c(x) are the coefficients of the relation sum c m = 0, which holds along the orbit of x.
+    """
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
     (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)

@@ -449,7 +449,7 @@ class Search:
         return tasks
 
     def _normal_form(self, value: int) -> Tasks:
-        """Replace the polynomials with this cofactor value by `normal_basis`; yield tasks."""
+        """Replace P of the cofactor that `value` identifies by a simpler basis; yield tasks."""
         new = self._normal_forms.update(value)
         self.version += 1
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):

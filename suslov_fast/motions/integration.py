@@ -160,7 +160,7 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
-    """Return the engine's `records`, arrays of rows, as `Records`; their times are sign * t."""
+    """Return rows of `records` in order of trajectory, then time, sign * t; `starts` is (B, D)."""
     D = starts.shape[1]
     rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
     if len(starts) > 1:

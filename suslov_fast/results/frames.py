@@ -11,10 +11,7 @@ from .schema import ARGUMENTS, dims_of, in_datasets, value_of
 
 
 def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
-    """Return a run or a motion as a dataset; see `States.to_xarray`.
-
-    `batch` are the names of the axes of the batch.
-    """
+    """Return a run or a motion as a dataset; `batch` are the names of the axes of the batch."""
     from .. import __version__
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim

@@ -50,19 +50,19 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
 
 
 class DoubleCrossings(NamedTuple):
-    """Expression programs that decide whether a step crosses a surface twice, unseen at its end.
+    """Programs that find surfaces which a step crosses twice: its end alone does not show them.
 
     told         the `Program` that decides, see below; None if no surface may be crossed twice
     phases       the `Program` of the arguments of sin, cos and tan at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
-    of_clocks    True if some surfaces depend on clocks alone
-    of_states    True if some surfaces depend on other components
+    of_clocks, of_states   True if some surfaces depend on clocks alone, or on other components
 
     `told` reads values of the surfaces at five points of a step, phases and rates there, the state
-    at the middle point, rtol, and the table of f. The first result is the largest e / |m|, where e
-    is an error of interpolation between points, and m the least value of the surface. It is MOST if
-    interpolation or rates alone show two crossings. The second is 1 if values at points show two
-    crossings, else 0. The third is the largest change of a phase between two points, over pi / 2.
+    at the middle point, rtol, and the table of f. Each result is the largest of all surfaces:
+    1. e / |m|, undecided from 1 on: e is the error of interpolation between points, and m the least
+       value of the surface. It is MOST if interpolation or rates alone show two crossings.
+    2. 1 if values at points show two crossings, else 0.
+    3. The change of a phase, an argument of sin, cos or tan, between two points, over pi / 2.
     """
 
     told: Program | None = None
@@ -73,7 +73,7 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """How many results `phases` has, and how many `rates` has; 0 without the program."""
+        """[m, n]: at points of a step `phases` computes m angles, `rates` n numbers; 0 for None."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 

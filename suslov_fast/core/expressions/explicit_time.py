@@ -70,7 +70,10 @@ class ElapsedTime:
         return action._replace(surface=own[0], to=own[1])
 
     def _shift(self, operations, clocks):
-        """Rewrite `operations` into new `values`, in which the components `clocks` count from 0."""
+        """Replace `self.values` by new expressions in which the components `clocks` count from 0.
+
+        `operations` are all that results need of the old ones. Starts of clocks become parameters.
+        """
         D = len(self.results)
         first, old = D + self.P, self.values
         self.P += len(clocks)

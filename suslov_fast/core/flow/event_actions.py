@@ -401,7 +401,11 @@ def _note(code, k, fires, crosses, by_motion):
 
 
 def _act(code, k, truth, by_motion=None):
-    """Let event k act in lanes `truth`; `by_motion` marks lanes that the step led to a surface."""
+    """Let event k act in lanes `truth`: change the state, count the action and record it.
+
+    `by_motion` marks lanes that the step, not another action, led to the surface. Only there tau is
+    found: how much earlier displaced solutions act. At given times `by_motion` is None.
+    """
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)

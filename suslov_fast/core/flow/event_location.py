@@ -140,21 +140,21 @@ def CUT(
 ):  # fmt: skip
     """Return whether a step near a surface is `accepted`, and the next length, which leads to it.
 
-    A search for a surface starts if `starts` is 1. In a search a step aside is an ordinary step.
+    If `starts` is 1, a search starts: the step is taken again with other lengths, until it ends on
+    the surface. A step aside, to a requested time, moves the state only if it ends on a surface.
     The results, and inputs that are not explained here, are rows of a lane (`memory`).
 
     before, total     time at the beginning of the step; finite if f at its end is
     crossed to end    results of `LOOK`: the first crossing between points of the step
     crosses, jumps    1 if a line from x to x_next crosses a surface, and if f jumps there
-    hidden to waves   results of `DoubleCrossings.told`: the step may be taken again, shorter
-    known             bound of the step after a search, if this step exceeds HIDDEN_FROM of the time
-    whole_part, part  fractions at which straight lines cross the surface: from x to the end of this
-                      step, and from there to the state at `outer`
+    hidden            from 1 on, two crossings may be hidden between points: a shorter step is next
+    twice, waves      1: two crossings are seen; above 1: waves are too fast, a shorter step is next
+    known             limit of `whole`, the length after a search, unless this step is very short
+    whole_part, part  where lines cross, as fractions: x to x_next; x_next to the state at `outer`
     inner, outer      lengths without and with a crossing; 0 and infinity without a search
     aim               length of the step that ends on the surface, see `step_to_surface`
-    since             the longest time since a surface was crossed
+    since, goal       the longest time since a surface was crossed; the time that no step passes
     left              time to a surface of an event; if it is NEARLY 0, the step ends there
-    goal              the time that no step passes
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last

@@ -63,7 +63,10 @@ def RATE(product, scale, size):
 
 @scalar_kernel
 def MODE(product, size, seeds, mode):
-    """Return the next `mode` of the power iteration: `product` / `size` (its maximum) + `seeds`."""
+    """Return a component of `mode`, the vector of the power iteration: product / size + seeds.
+
+    `product`: f' times the last vector, `size` its maximum; if 0, `mode` stays. `seeds` is fixed.
+    """
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
@@ -145,7 +148,7 @@ def _plus_change(a, part, after, before):
 
 
 def find_apart(code):
-    """Write the sum that shows false ends, on which all columns agree, to the row `right`."""
+    """Write to `right` sums that are about 0, but large where all columns agree on a wrong end."""
     text, work = code.text, code.work
     half = work.signed[0] * -0.5
     text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)

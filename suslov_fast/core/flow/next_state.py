@@ -37,8 +37,8 @@ def SAME_SIGN(x, new, kept):
 def find_next_state(code):
     """Write the next state, f there and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, 0 in lanes that lose a sign, else 1; and a list of dicts, one for x and one for
-    columns of derivatives: sizes, such as max |x_i|, from which allowed errors follow.
+    Return `kept`, 0 where a component changes a sign that the motion keeps, else 1; and a list of
+    dicts of sizes, {"top": max |x_i|, ...}, for allowed errors: of x, and of derivatives.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights

@@ -183,9 +183,10 @@ def AFTER(
 
 @scalar_kernel
 def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct `wanted` and `state`, results of `AFTER`, if a step ends at an event's time `stop`.
+    """Correct `wanted`, the next length, and `state`, if a step ends at an event's time `stop`.
 
-    `wanted` is at least `before`, its value before the step; at t < `last` the state is as before.
+    Then `wanted` is at least `before`, its value before the step. A lane is done only at the time
+    `last` of the run: at t < `last` it gets `state_before`, its state before the step.
     """
     is_there = (accepted > 0.0) & (t >= stop)
     return {
@@ -254,11 +255,12 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return rows of an implicit lane after a step; it may end, or turn explicit if `switches` = 1.
+    """Return `wanted`, `state`, `easy`, `patience` and `trial` of an implicit lane after a step.
 
-    `rate` is |mu|, the largest eigenvalue of f'; a step is easy if rate * wanted < 2 limit. After
-    EASY of these in a row (`easy`) it turns. In the first steps, which `trial` counts down,
-    `patience` (stiff steps) then grows. It ends below `shortest` of time t, or after `most` tries.
+    It turns explicit, if `switches` is 1, after EASY easy steps in a row, which `easy` counts. They
+    have rate * wanted < 2 limit; `rate` is |mu|, the largest eigenvalue of f'. `trial` counts down
+    the first steps, with 0.6 limit. If it turns in these, `patience` grows, the number of stiff
+    steps until it is implicit again. It ends if wanted < shortest * t, or tries > most.
     """
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0

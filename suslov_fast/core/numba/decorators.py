@@ -222,10 +222,7 @@ def calling_python():
 
 
 class CFunction(Patient):
-    """A function of integers that machine code calls; it returns an integer or nothing.
-
-    It is compiled when its address is first read.
-    """
+    """A function of integers that machine code calls, compiled when its address is first read."""
 
     def __init__(self, py_func):
         self.py_func, count = py_func, py_func.__code__.co_argcount

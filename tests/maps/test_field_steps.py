@@ -188,8 +188,8 @@ def test_a_state_that_its_increment_cancels():
             exact = x * (1 - eps / 2) / (1 + eps / 2)
             alone = sf.step(sf.Field(lambda x: (-x[0],), 1), [x], eps)
             both = sf.step(sf.Field(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
-            for found in (alone[0], both[0]):
-                assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
+            assert abs(alone[0] / exact - 1) < 1e-15
+            assert abs(both[0] / exact - 1) < 3e-13
 
 
 @pytest.mark.compiled

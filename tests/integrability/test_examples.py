@@ -71,6 +71,7 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     found = report(map, degree=4, progress=lambda done, parts: done < 28)
     (integral,) = found.integrals
     assert (integral.basis, integral.degree, found.finished) == (IDENTITY, 4, False)
+    assert str(found).endswith("Not finished.")
     assert found.proved_entropy is None
     x = POINT[:2]
     assert integral(map(x)) == integral(x)

@@ -318,7 +318,7 @@ class Quantity(float):
 
 
 def labelled(value, dims=("start", "component")):
-    return xarray.DataArray(value, dims=dims[2 - np.ndim(value) :], attrs={"units": "1/s"})
+    return xarray.DataArray(value, dims=dims[2 - np.ndim(value) :])
 
 
 NOT_ARRAYS = [

@@ -87,6 +87,7 @@ ROWS = [
     # calls
     ("flow(PENDULUM, (0, 15), [1, 0])", r"system, x0; pass others by name, as time="),
     ("flow(PENDULUM, np.zeros((2, 5)), time=1)", "pass the transpose"),
+    ("sf.iterate(BODY, np.zeros((4, 3)), 0.1, 9)", "body.rotation"),
     ("flow(lambda x: (x[1], -x[0]), [1, 0, 0], time=1)", "x0 has 3 components"),
     ("sf.crossings(PENDULUM, [1, 0], ends, time=1)", "terminal=True"),
     ("BODY.I1 = 3", "make another Suslov3D"),

@@ -47,6 +47,17 @@ def test_no_ball_falls_through_a_table_that_vibrates(rtol):
     assert abs(motion.end[0] - 3 * np.sqrt(10)) < 1e-8  # of a table at rest
 
 
+def test_balls_rest_on_a_stair():
+    """The surface jumps at the edge, far from where they rest."""
+    e = np.array([0.0, 1e-12, 0.05, 0.3, 0.5, 0.8])
+    ball = Field(lambda s, e: (s[1], -9.81, 1.0), "h v x", e=e)
+    bounce = Event(lambda s: s[0] - np.where(s[2] < 50.0, 1.0, 0.0), direction=-1,
+                   to=lambda s, e: (s[0], -e * s[1], s[2]))  # fmt: skip
+    motion = flow(ball, [2.0, 0.0, 0.0], time=100.0, events=bounce)
+    assert (motion.status == Status.ACCUMULATES).all()
+    np.testing.assert_allclose(motion.end, np.sqrt(2 / 9.81) * (1 + 2 * e / (1 - e)), rtol=1e-8)
+
+
 def test_bodies_slide_along_walls(rng):
     """A wall takes the part of the velocity into it; what is left is rounding, of either sign."""
     n = rng.normal(size=(200, 2))

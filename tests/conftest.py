@@ -76,8 +76,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
-    if config.option.markexpr != "slow":  # most tests compile fields, and take few steps
-        os.environ.setdefault("SUSLOV_FAST_OPT", "0")
+    os.environ.setdefault("SUSLOV_FAST_OPT", "0")  # most tests compile fields, and take few steps
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +20,7 @@ from ..checks import (
     within,
     wrong,
 )
+from ..core.cached import cached_property
 from ..fields.exact_numbers import numbers
 from ..fields.field import Field
 from ..fields.terms import collected

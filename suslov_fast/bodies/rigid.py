@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
 from numbers import Rational
 from typing import Any, ClassVar, NamedTuple
 
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, Reals, wrong
+from ..core.cached import cached_property
 from ..fields.field import Field
 from ..fields.terms import collected
 from ..keywords import public, public_class

@@ -3,13 +3,13 @@
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
+from ..core.cached import cached_property
 from ..keywords import Answering, lacking, public
 from .exact_numbers import from_lists, to_lists
 from .latex import equations, symbol

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, arguments_of, short, wrong
+from ..core.cached import cached_property
 from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class

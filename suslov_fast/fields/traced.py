@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from textwrap import shorten
 from typing import Any, ClassVar, Self
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, short, wrong
+from ..core.cached import cached_property
 from ..keywords import public
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of

@@ -10,13 +10,13 @@ import math
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import flint
 import numpy as np
 
 from ..checks import wrong
+from ..core.cached import cached_property
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, Point, Values

@@ -10,7 +10,6 @@ import math
 import random
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -18,6 +17,7 @@ import flint
 import numpy as np
 
 from ..checks import kind_of, wrong
+from ..core.cached import cached_property
 from ..fields.base import Body
 from ..fields.field import Field
 from ..fields.names import labels

@@ -11,7 +11,6 @@ near a regular equilibrium; at a multiple root each step is half as long.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.systems import System
 from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
+from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
 from ..fields.base import Body
 from ..fields.field import system_of

@@ -6,7 +6,6 @@ import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from functools import cached_property
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
@@ -22,6 +21,7 @@ from ..checks import (
     short,
     wrong,
 )
+from ..core.cached import cached_property
 from ..core.expressions.event_formulas import EventAction
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from .. import kahan
 from ..bodies.systems import MapOrField
 from ..checks import FloatArray, wrong
+from ..core.cached import cached_property
 from ..core.maps.stages import WHOLE
 from ..keywords import public
 from ..maps import Discretization

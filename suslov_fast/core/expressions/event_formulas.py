@@ -11,10 +11,10 @@ to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / 
 At given times tau is 0. An action that another action has caused at the same instant has its tau.
 """
 
-from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
+from ..cached import cached_property
 from .derivative import gradients
 from .double_crossings import sizes_of
 from .programs import Expressions, Program, dot, emitted, needed_for, renumbered

@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 
+from ..cached import cached_property
 from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import evaluate
@@ -93,7 +94,7 @@ class RightHandSide:
     work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
 
-    @functools.cached_property
+    @cached_property
     def key(self):
         """A text that is different for right-hand sides with different programs."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch

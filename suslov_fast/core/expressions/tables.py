@@ -5,10 +5,11 @@ right-hand side with fixed branches contains the numbers of one interval in plac
 the cost of a step does not depend on the number of knots.
 """
 
-import functools
 import hashlib
 
 import numpy as np
+
+from ..cached import cached_property
 
 # An infinite argument lies beyond all knots; a product of the slope 0 with it would be NaN.
 LARGEST = float(np.finfo(float).max)
@@ -42,7 +43,7 @@ class Table(str):
         low, _, height, slope = self.rows[:, np.searchsorted(self.rows[0, 1:], x, "right")]
         return slope * (x - low) + height
 
-    @functools.cached_property
+    @cached_property
     def derivative(self):
         """The derivative, a `Table` of slopes; at a knot, the slope to the right."""
         low, _, _, slopes = self.rows

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..cached import cached_property
 from ..llvm.compiler import address_of, compiled
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
@@ -117,7 +118,7 @@ class EventTimes:
             return self
         return EventTimes(self.times[trajectories], self.which[trajectories])
 
-    @functools.cached_property
+    @cached_property
     def array(self):
         """Pairs (time, event), shape (rows, n + 1, 2); and the most events that share one time."""
         rows, n = self.times.shape

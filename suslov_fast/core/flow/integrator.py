@@ -1,7 +1,6 @@
 """The explicit and the implicit integrator of a right-hand side: their functions and rows."""
 
-import functools
-
+from ..cached import cached_property
 from ..expressions.double_crossings import POINTS, DoubleCrossings
 from ..expressions.event_formulas import OF_SURFACE, read_by
 from ..expressions.partitioned import part_of, sets_of
@@ -171,7 +170,7 @@ class Integrator:
             functions["solve"] = ProgramFunction(elimination.solution, count + D)
         return count
 
-    @functools.cached_property
+    @cached_property
     def key(self):
         """A tuple that identifies the code of this integrator."""
         return self.f.key, self.is_implicit, self.has_atol, self.sets is None

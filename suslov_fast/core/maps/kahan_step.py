@@ -26,6 +26,7 @@ import functools
 
 import numpy as np
 
+from ..cached import cached_property
 from ..expressions.numpy_evaluation import evaluate
 from ..expressions.programs import Values, length_of
 from ..expressions.symbolic_elimination import (
@@ -130,7 +131,7 @@ class Step:
             self.after[k] = self.values.total(k, [(2.0, half)])
         return found
 
-    @functools.cached_property
+    @cached_property
     def key(self):
         """A key that identifies the operations of this step."""
         return type(self), self.indices.tobytes(), self.D
@@ -139,7 +140,7 @@ class Step:
         """Return the `ExtendedStep`, with derivatives; it has no operations if it is too long."""
         return _extended_step(self)
 
-    length = functools.cached_property(lambda self: length_of(self.usual))
+    length = cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
 
     def _add_tests(self, increments):

@@ -6,6 +6,7 @@ exists if all components of f(x) are finite; otherwise the trajectory ends.
 
 import functools
 
+from ..cached import cached_property
 from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..expressions.programs import Expressions, Program, Values, emitted
 from ..expressions.values import joined
@@ -82,7 +83,7 @@ class MapStep(ExtendedStep):
                 found.add(number)
         return [a in found for a in self.after[:D]]
 
-    @functools.cached_property
+    @cached_property
     def key(self):
         return repr((self.D, self.values.operations, self.after, self.table))
 

@@ -36,6 +36,7 @@ import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
+from ..cached import cached_property
 from .arrays import array_at, pack
 from .cache import is_kept, use_cache
 from .interrupts import uninterrupted
@@ -229,7 +230,7 @@ class CFunction(Patient):
         self.kinds, self.words = (types.int64,) * count, (ctypes.c_int64,) * (1 + count)
         self.compiled = _cached(numba.njit(**_OPTIONS), py_func)
 
-    @functools.cached_property
+    @cached_property
     def _address_of_code(self):
         with _compiling():
             return _address(self.compiled, self.kinds)
@@ -248,7 +249,7 @@ class CFunction(Patient):
             return ctypes.cast(self._callback, ctypes.c_void_p).value
         return self._address_of_code
 
-    @functools.cached_property  # which keeps it alive
+    @cached_property  # which keeps it alive
     def _callback(self):
         function = as_python(self.py_func)
 

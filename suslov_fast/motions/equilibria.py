@@ -285,7 +285,7 @@ class _Equations:
         """Sizes of f for `is_zero`: sums |f'| u (..., k) at given states, u: component sizes."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
-        return terms
+        return np.where(np.isfinite(terms), terms, 0.0)  # where f' is infinite f must be 0
 
     def is_zero(self, y: FloatArray) -> Any:
         """Return True where f is 0 up to rounding, as near multiple roots."""

@@ -207,6 +207,23 @@ def test_clocks_keep_their_values():
     assert (found.states.tolist(), found.eigenvalues.shape) == ([3.0], (0,))
 
 
+def test_infinite_slopes_and_values_are_no_equilibria():
+    for f in (lambda x: (1 + np.sqrt(x[0]),), lambda x: (x[0] + 0 * x[1], 3 + np.sqrt(x[1]))):
+        system = Field(f, len(f(np.ones(2))))
+        with pytest.warns(UserWarning, match="have no result"):
+            found = equilibria(system, np.zeros(system.dimension))
+        assert (found.status, np.isnan(found.states).all()) == (sf.Status.NOT_FOUND, True)
+    with pytest.warns(UserWarning, match="have no result"):
+        found = equilibria(sf.Map(lambda x: (5 + np.sqrt(x[0]),), 1), [0.0])
+    assert np.isnan(found.states).all()
+    with pytest.warns(UserWarning, match="1 of 2 starts have no result"):
+        found = _near(lambda x, a: (x[0] / a - 1,), [0.8], a=[0.0, 1.0])
+    np.testing.assert_array_equal(found.states, [[np.nan], [1.0]])
+    assert found.status.tolist() == [sf.Status.NONFINITE, sf.Status.OK]
+    with pytest.warns(UserWarning, match="a multiple root"):
+        assert _near(lambda x: (np.sqrt(x[0]),), [0.0]).states == 0.0
+
+
 def test_families_of_equilibria():
     bound = _near(lambda x: (x[2] - 3 * x[0] * x[1],) * 2 + (3 * x[0] * x[1] - x[2],), [1, 1.1, 1])
     a, b, c = bound.states

@@ -182,6 +182,32 @@ def test_choices_of_constants_do_not_hide_a_missing_state():
         iterate(map, [[1.0, 0.0], [3.0, 0.0]], 4)
 
 
+@pytest.mark.parametrize(
+    "choice",
+    [
+        lambda p: np.where((p > 0) & (p < 2), p, 1.5),
+        lambda p: np.maximum(p, 0.5),
+        np.sign,
+        lambda p: np.where(p > 0, np.where(p > 2, p, 3.0), 0.25),
+    ],
+    ids=["where", "maximum", "sign", "twice"],
+)
+def test_choices_between_parameters(choice):
+    """Alone, and beside a choice of states by the same truth value, with columns, too."""
+    p = np.array([-1.0, 1.0, 2.0, 3.0])
+    map = Map(lambda x, p: (choice(p) * x[0], np.where(p > 0, x[1], -x[1])), 2, p=p)
+    run = iterate(map, [3.0, 5.0], steps=2)
+    assert np.array_equal(run.final[:, 0], choice(p) ** 2 * 3.0)
+    assert np.array_equal(run.states[1, :, 1], [-5.0, 5.0, 5.0, 5.0])
+    assert np.array_equal(iterate(map[3], [3.0, 5.0], steps=2).final, run.final[3])
+    expected = np.sort([np.log(abs(choice(p))), 0 * p], axis=0)[::-1].T
+    np.testing.assert_allclose(lyapunov_exponents(map, [3.0, 5.0], 4), expected, atol=1e-12)
+    constants, out = sf.compiled.system(map[0]), np.zeros(2)
+    memory = sf.compiled.work(constants)
+    assert sf.compiled.step_system(constants, np.array([3.0, 5.0]), out, memory) == Status.OK
+    assert np.array_equal(out, run.states[1, 0])
+
+
 def test_long_lists_have_the_same_bits(monkeypatch):
     """NumPy takes maps of more operations than LLVM compiles soon."""
     x = starts(MAPS["lattice"], 9)

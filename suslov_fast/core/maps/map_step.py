@@ -51,6 +51,12 @@ class MapStep(ExtendedStep):
     def with_columns(self):
         return _with_columns(self.of)
 
+    def _separate_fixed(self):
+        super()._separate_fixed()
+        # With truth values, which choices between parameters need; steps compute their own again.
+        both = self.values.fixed | self.values.fixed_truths
+        self.fixed = [operation for operation in self.values.operations if operation[1] in both]
+
     def _add_columns(self, entries, D):
         number, found = self.values.number, []
         for c in range(D):

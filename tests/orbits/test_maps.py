@@ -171,6 +171,23 @@ def test_ends_are_those_of_a_loop(B):
     )
 
 
+@pytest.mark.parametrize("power", [lambda x, p: x**p, lambda x, p: p**x], ids=["x**p", "p**x"])
+def test_powers_do_not_hide_a_missing_state(power):
+    """NaN**0 and 1**NaN are 1; the orbit has ended all the same, and other orbits go on."""
+    p = np.array([0.0, 1.0, 2.0])
+    map = Map(lambda x, p: (power(x[0], p),), "x", p=p)
+    run = iterate(map, [[[np.nan]], [[0.5]]], 2, on_singular="ignore")
+    assert run.failed_at.tolist() == [[0] * 3, [-1] * 3]
+    assert np.isnan(run.states[:, 0]).all()
+    np.testing.assert_allclose(run.final[1, :, 0], power(power(0.5, p), p), rtol=1e-15)
+    for k in range(3):
+        constants, out = sf.compiled.system(map[k]), np.zeros(1)
+        memory = sf.compiled.work(constants)
+        status = sf.compiled.step_system(constants, np.array([np.nan]), out, memory)
+        assert status == Status.NONFINITE
+        assert np.isnan(out).all()
+
+
 def test_choices_of_constants_do_not_hide_a_missing_state():
     """f(NaN) may be a number; the orbit has ended all the same, in iterate, step and loops."""
     map = Map(lambda x: (np.where(x[0] > 0, 1 / (x[0] - 1), 2.0), 0.5), 2)

@@ -15,7 +15,9 @@ from .kahan_step import ExtendedStep
 # NumPy takes longer programs, which LLVM would compile for seconds, and multiplies derivatives with
 # more products (measured on coupled lattices).
 LONGEST, MOST_WORK = 10_000, 4000
-_PASSES_NAN_ON = {"select": slice(1, None), "max": slice(0), "min": slice(0)}
+# Operands that pass NaN on, if not all do: max and min have one number if the other is NaN, and
+# NaN**0 = 1**NaN = 1.
+_PASSES_NAN_ON = {"select": slice(1, None), **dict.fromkeys(("max", "min", "pow"), slice(0))}
 
 
 class MapStep(ExtendedStep):

@@ -288,6 +288,17 @@ def test_members_of_a_family(rng, D):
             assert np.array_equal(own, exponents[k])
 
 
+@pytest.mark.parametrize("D", [4, 40])
+@pytest.mark.parametrize("method", ["auto", "order4"])
+def test_empty_batches(rng, D, method):
+    field, none = sf.Field.from_terms(rng.normal(size=(D, D, D)) / D), np.zeros((0, D))
+    run = sf.iterate(field, none, 0.1, 3, method=method)
+    assert run.states.shape == (4, 0, D)
+    assert run.status.shape == (0,)
+    assert sf.step(field, none, 0.1, method=method).shape == (0, D)
+    assert sf.lyapunov_exponents(field, none, 0.1, 3, method=method).shape == (0, D)
+
+
 def populations(rng, n=20):
     """Return a family of 2 lattices n x n of populations, which keep their signs."""
     cells = np.arange(n * n).reshape(n, n)

@@ -82,7 +82,7 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
             saved[row, own] = final[own]
             row += 1
     D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
-    W = min(LANES, end - begin)
+    W = max(min(LANES, end - begin), 1)  # an empty batch has no lanes
     for_each = threads, len(fractions), W if max(map(len, parameters)) > 1 else 1, T
     shapes = (W, D, D + 1), (W, D + 1, D), (W, D)
     memory = Memory(

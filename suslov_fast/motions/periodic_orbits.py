@@ -59,7 +59,7 @@ class PeriodicOrbit(NamedTuple):
     """True if the orbit attracts: moduli of nontrivial multipliers are below 1 - 1e-6.
 
     Trivial is one multiplier 1 of the flow, unless the equations depend on time, and one for each
-    known integral."""
+    known integral; none is known with events that change states."""
 
     def __getattr__(self, name: str) -> NoReturn:
         raise lacking(self, name)
@@ -160,7 +160,8 @@ def periodic_orbit(
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
-    return _result(search, _integrals(body))
+    acts = any(event.to is not None for event in acting)  # they may change what f keeps
+    return _result(search, 0 if acts else _integrals(body))
 
 
 def _checked_start(system: Any, x0: Any) -> FloatArray:

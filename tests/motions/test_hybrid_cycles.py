@@ -73,3 +73,15 @@ def test_a_relay_that_drives_an_oscillator():
     phases = {"time": 5 * orbit.period, "transient": 20 * orbit.period}
     exponents = lyapunov_exponents(relay, orbit.state, **phases)
     np.testing.assert_allclose(exponents, [0.0, -0.1], atol=1e-5)
+
+
+def test_integrals_that_events_do_not_keep_leave_out_no_multiplier():
+    """Kicks change the energy of an oscillator: a speed 1 + d becomes 1 + k d each turn."""
+    field = Field.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, "q p")
+    for k, is_stable in ((1.5, False), (0.5, True)):
+        kick = Event(lambda x: x[0], direction=1, to=lambda x, k=k: (x[0], 1 + k * (x[1] - 1)))
+        orbit = periodic_orbit(field, [0.0, -1.0], 6.28, events=kick)
+        np.testing.assert_allclose(np.sort(orbit.multipliers.real), sorted([1.0, k]), atol=1e-9)
+        assert orbit.stable is is_stable
+    marker = Event(lambda x: x[0])  # which changes nothing
+    assert periodic_orbit(field, [0.1, -1.0], 6.28, events=marker).stable

@@ -155,3 +155,11 @@ def test_a_clock_that_equals_a_number_is_an_event():
     with pytest.raises(ValueError, match=r"Event\(times=\[10\]"):
         Field(lambda s: (np.where(s[1] == 10, 5.0, -s[0]), 1.0), "x t")
     Field(lambda s: (np.where(s[0] == 0, 1.0, np.sin(s[0]) / s[0]), 1.0), "x t")
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_a_clock_is_copied_to_another_component(factor):
+    field = Field(lambda s: (0.1 * s[0], 0.0, 1.0), "x last t")
+    event = Event(times=[3.0], to=lambda s: (s[0], s[2] * factor, s[2]))
+    found = flow(field, [1.0, -1.0, 10.0], time=5.0, events=event).final
+    np.testing.assert_allclose(found, [np.exp(0.5), 13.0 * factor, 15.0], rtol=1e-9)

@@ -229,3 +229,27 @@ def test_derivatives_of_crossings_and_their_files(tmp_path):
         assert events != replace(events, _time_by=np.zeros((len(events.time), 4)))
     alone = motion.member(1).events.derivatives["x0"].time
     np.testing.assert_array_equal(alone, motion.events.derivatives["x0"].time[-len(alone) :])
+
+
+def test_fields_that_were_computed_before_do_not_matter():
+    """They differ in a branch beyond a surface, in the number of variables, or in a lag."""
+    for factor in (0.3, 2.0):
+        field = Field(lambda x, c=factor: (np.where(x[0] > 1.0, c, 0.7) * x[0],), 1)
+        found = flow(field, [0.5], time=3.0, derivatives="x0").final
+        np.testing.assert_allclose(found, [np.exp(factor * (3 - np.log(2) / 0.7))], rtol=1e-8)
+    flow(Field(lambda x: (-x[0],), 1), [1.0], time=1.0, derivatives="x0")
+    found = flow(Field(lambda x: (-x[0], -x[1]), 2), [1.0, 2.0], time=1.0).final
+    np.testing.assert_allclose(found, np.exp(-1) * np.array([1, 2]), rtol=1e-8)
+
+    knots, heights = np.arange(4.0), [0.0, 1.0, 5.0, 0.0]
+
+    def lagged(height):
+        def f(s, a, b):
+            return (0.1 * (s[1] - a) + 0.01 * (s[1] - b)) * s[0] + height(s[1], a, b), 1.0
+
+        return flow(Field(f, "x t", a=0.5, b=2.0), [0.0, 0.1], time=6.0).final[0]
+
+    for place, lag in enumerate((0.5, 2.0)):
+        found = lagged(lambda t, *lags, k=place: np.interp(t - lags[k], knots, heights))
+        right = lagged(lambda t, a, b, lag=lag: np.interp(t, knots + lag, heights))
+        assert abs(found / right - 1) < 1e-8

@@ -65,7 +65,10 @@ class ElapsedTime:
         """
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
-        to = to and [a if a in self.offsets else self._whole(a) for a in to]  # a clock stays
+        to = to and [
+            a if a == i and i in self.offsets else self._whole(a)  # a clock that stays
+            for i, a in enumerate(to)
+        ]
         own = [of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)]
         return action._replace(surface=own[0], to=own[1])
 

@@ -96,12 +96,14 @@ class RightHandSide:
 
     @cached_property
     def key(self):
-        """A text that is different for right-hand sides with different programs."""
+        """A text that is different for right-hand sides with different machine code."""
         lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
-        lists += self.double_crossings, self.aim, self.branch_program
-        lists += self.slopes, self.slope_places
-        kinds = None if self.branches is None else self.branches.kinds
-        return repr((self.D, self.table, kinds, *lists, self.events))
+        lists += self.double_crossings, self.aim, self.branch_program, self.derived
+        lists += self.slopes, self.slope_places, self.surfaces, self.denominators
+        lists += self.of_one_sign, self.steady, self.offsets, self.events
+        branches = None if self.branches is None else (self.branches.kinds, self.branches.shifts)
+        columns = () if self.of is self else (self.columns, self.has_trace, self.of.key)
+        return repr((self.D, self.table, branches, *lists, columns))
 
     def _find_properties(self, values):
         """Find clocks and components of one sign; add denominators of clocks to `values`."""

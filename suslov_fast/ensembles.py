@@ -63,8 +63,8 @@ def ensemble(
     system : Field, Map or a body
         A single one, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
-        Initial states, or a function that takes the number of a chunk, and returns the states
-        (..., n, D) of this chunk; n is the same for all chunks.
+        Initial states, or a function of the number of a chunk that returns its states (..., n, D),
+        with the same n for all chunks. A store is known by ``x0(0)`` alone.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a store of Zarr.
     time, eps, steps : optional

@@ -397,3 +397,13 @@ def test_long_lists_of_states_are_those_of_arrays(rng):
         rows[150] = [0.0, 0.0, 0.0]
         with pytest.raises(ValueError, match="rows of equal length"):
             sf.step(field, rows, 0.01)
+
+
+@pytest.mark.parametrize("shape", [(4,), (), (3, 4), (3, 1), (20, 1), (0, 4)])
+def test_states_of_a_family_of_many_terms_broadcast(shape):
+    rng = np.random.default_rng(0)
+    family, x = Field.from_terms(rng.normal(size=(4, 20, 20, 20))), rng.normal(size=(*shape, 20))
+    whole = np.broadcast_to(x, (*np.broadcast_shapes(shape, (4,)), 20))
+    for k in range(4):
+        assert (family(x)[..., k, :] == family[k](whole[..., k, :])).all()
+        assert (family.jacobian(x)[..., k, :, :] == family[k].jacobian(whole[..., k, :])).all()

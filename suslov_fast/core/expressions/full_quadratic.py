@@ -44,7 +44,10 @@ class DenseRightHandSide:
         `table` (P, ...) contains the coefficients. Machine code adds terms in the same order.
         """
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
-        x, own = (np.reshape(a, (D, -1, *(np.shape(a)[1:] or [1] * axes))) for a in (x, table))
+        x, own = (
+            np.reshape(a, (D, rows, *[1] * (axes + 1 - np.ndim(a)), *np.shape(a)[1:]))
+            for a, rows in ((x, 1), (table, 1 + D + D * D))
+        )
         products = own[:, 1 + D :].reshape(D, D, D, *own.shape[2:]) * x[:, 0]
         shape = D, *np.broadcast_shapes(own.shape[2:], x.shape[2:])
         constant = np.broadcast_to(own[:, 0], shape)

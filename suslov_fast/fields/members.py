@@ -110,7 +110,11 @@ class Members:
     def _column(self, name: str) -> FloatArray:
         """Return the values of a parameter that varies along exactly one axis, else raise."""
         values = {n: np.asarray(a, np.float64) for n, a in self._scalars.items()}
-        columns = {n: a for n, a in values.items() if 0 < a.size == max(a.shape, default=0)}
+        columns = {
+            n: a
+            for n, a in values.items()
+            if 0 < a.size == max(a.shape, default=0) == self.shape[np.argmax(a.shape) - a.ndim]
+        }
         if name in columns:
             return columns[name]
         if not self.shape:

@@ -5,7 +5,7 @@ import pytest
 from children import TWO_THREADS
 from hybrid import amounts
 
-from suslov_fast import Event, Field, Status, Suslov3D, crossings, flow
+from suslov_fast import Event, Field, IntegrationWarning, Status, Suslov3D, crossings, flow
 
 DECAY = Field(lambda x: (-x[0],), "x")
 GUT = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood",
@@ -79,6 +79,17 @@ def test_resets_fill_the_buffer_of_records():
     assert found.trajectory.tolist() == [k for k in range(20) for _ in range(999)]
     right = np.tile(0.01 * np.arange(1, 1000), 20)
     np.testing.assert_allclose(found.time, right, atol=1e-10)
+
+
+def test_events_that_act_in_turn_without_end_beside_many_that_record():
+    f = Field(lambda s: (1.0, 0.0 * s[1], 0.0 * s[2]), "x y k")
+    back = Event("x", direction=1, to=lambda s: (np.where(s[2] > 0, -1.0, s[0]), -s[1], s[2] - 1))
+    forth = Event("x + 0.5", direction=-1, to=(lambda s: (np.where(s[2] > 0, 1.0, s[0]), *s[1:])))
+    recorders = [Event(f"y - {0.9 * j / 21 - 0.45}") for j in range(1, 21)]
+    with pytest.warns(IntegrationWarning, match="one another without end"):
+        motion = flow(f, [[-1.0, 0.5, 60.0]] * 8, time=3.0, events=[back, forth, *recorders])
+    assert (motion.status == Status.ACCUMULATES).all()
+    np.testing.assert_array_equal(motion.events.count, 43)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-13])

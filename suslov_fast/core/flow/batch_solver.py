@@ -13,7 +13,7 @@ from ..llvm.compiler import address_of, compiled
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
-from .event_actions import MOST_AT_ONCE
+from .event_actions import most_records
 from .event_records import size_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
@@ -320,17 +320,17 @@ class StepRunner:
     def point_to_events(self, event_times, equal, records):
         """Let `take` read `event_times`, pairs (time, event), and append actions to `records`.
 
-        `equal`, the largest number of events at one time, decides how large the buffer is.
+        `equal` is the largest number of events at one time.
         """
         f, arguments, self.records = self.integrator.f, self.arguments, records
-        # Records that lanes may add before there is a pause; `equal` times of events are equal.
-        at_once = 2 * (equal + 2 * f.events.surfaces + int(MOST_AT_ONCE)) * self.W
-        count = arguments[SLOT.count]
-        self.buffer = np.empty((4 * (at_once + count), size_of(f)))
+        # In all lanes before there is a pause: a trajectory may begin and take a step.
+        at_once = 2 * most_records(f.events, equal) * self.W
+        full = 4 * arguments[SLOT.count] + 512 * self.W
+        self.buffer = np.empty((full + at_once, size_of(f)))
         arguments[SLOT.event_times] = address_of(event_times)
         arguments[SLOT.event_time_bytes] = event_times.strides[0] if len(event_times) > 1 else 0
         arguments[SLOT.records] = address_of(self.buffer)
-        arguments[SLOT.full] = len(self.buffer) - at_once
+        arguments[SLOT.full] = full
 
     def take(self):
         """Take steps until the budget is spent; return whether all trajectories are done."""

@@ -292,6 +292,19 @@ def _most(events):
     return MOST_AT_ONCE + events.surfaces
 
 
+def most_records(events, equal):
+    """Return how many records a trajectory may add at one instant; `equal` given times are equal.
+
+    Events on surfaces act in rounds, and an event acts in all rounds but the last. Events that only
+    record may do so in each.
+    """
+    recorders = sum(map(events.only_records, range(events.surfaces)))
+    if recorders == events.surfaces:
+        return equal + recorders
+    rounds = int(_most(events))
+    return equal + rounds * (1 + recorders) + events.surfaces
+
+
 def _act_at_surfaces(code, is_there, by_motion, again):
     """Add code that lets events act on the surfaces that a state has crossed, until no event acts.
 

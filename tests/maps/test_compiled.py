@@ -144,7 +144,8 @@ def test_what_does_not_exist_is_nan():
     assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
     assert np.isnan(compiled.step(rotor, 1e9, 2e9)).all()  # too large
     square = system(sf.Field.from_terms([[[1]]]), 0.5)  # x' = x**2
-    nd = system(sf.SuslovND(J=[1.0, 1.0, 1.0], I=[0.5, -0.75, 0.5]), 1.0)
+    body = sf.SuslovND(J=[1.0, 1.0, 1.0], I=[0.5, -0.75, 0.5])
+    nd, gauss = system(body, 1.0), system(body, 1.0, method="gauss")
     for constants, x, status in (
         (unit, [0.25, -1.125], sf.Status.SINGULAR),
         (unit, [0.25, np.nan], sf.Status.NONFINITE),
@@ -152,6 +153,10 @@ def test_what_does_not_exist_is_nan():
         (square, [np.nan], sf.Status.NONFINITE),
         (nd, [1.0, -1.0, 1.5], sf.Status.SINGULAR),
         (nd, [1.0, np.nan, 1.5], sf.Status.NONFINITE),
+        (gauss, [1.0, -1.0, 1.5], sf.Status.SINGULAR),
+        (gauss, [1.0, np.nan, 1.5], sf.Status.NONFINITE),
+        (gauss, [np.nan, 1.0, 1.5], sf.Status.NONFINITE),
+        (gauss, [np.nan] * 3, sf.Status.NONFINITE),
     ):
         out = np.array(x)
         assert step_system(constants, out, out, work(constants)) == status

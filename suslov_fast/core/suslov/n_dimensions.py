@@ -231,7 +231,7 @@ def gauss_step_of_one(system, state, out, memory):
     """Write the state after `state`, by elimination in `memory`, to `out`; return its status."""
     ((c, b, for_solve), a), status = memory, OK
     start_one(system, state, c, b)
-    if eliminate_all(c, b, a, 1) > 0:
+    if eliminate_all(c, b, a, 1) > 0 or np.isnan(c[W, 0, 0]):  # `accept` leaves out NaN
         status = eliminate_one(c, b, 0, for_solve)
     return end_one(c, b, out, status)
 

@@ -415,6 +415,8 @@ def _totals(C: FloatArray) -> FloatArray:
     totals = np.zeros((k, k))
     if not C.any():
         return np.eye(k)
+    if not np.isfinite(C).all():  # of a parameter without a value
+        return totals
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
     free = rows[int((values > _RANK * values[0]).sum()) :]
     pivots = []

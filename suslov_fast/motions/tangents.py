@@ -81,7 +81,7 @@ def exponents_of(
         found.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
         return exponents, found
     transient *= _LESS if actions else 1.0
-    total, before = transient + time, 0.0
+    total, before, goes_on = transient + time, 0.0, True
     for where, f, table in groups:
         x, count = starts[where], len(starts[where])
         own = event_times if event_times is None or where is ALL else event_times.of(where)
@@ -100,7 +100,7 @@ def exponents_of(
         before += share * total
         if not goes_on:
             break
-    return exponents, found
+    return exponents, found._replace(is_stopped=not goes_on)
 
 
 def _slowest_first(slopes: FloatArray) -> FloatArray:
@@ -168,7 +168,7 @@ class _Run:
             by_frame = self.has_frames & (by_frame | is_slow)
             for take, own in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
                 for m in np.unique(level[active & own]):
-                    which = np.flatnonzero(active & own & (level == m))
+                    which = np.flatnonzero(active & own & (level == m) & (self.status == Status.OK))
                     is_good, is_easy = take(which, time * 2.0**-m, m == _MOST)
                     at[which[is_good]] += _UNITS >> m
                     level[which[~is_good]] += 1

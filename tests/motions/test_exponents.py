@@ -1,5 +1,6 @@
 """Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
 
+import warnings
 from itertools import pairwise
 
 import naive
@@ -201,6 +202,23 @@ def test_motion_of_families_that_end():
     assert np.isnan(found[1])
     stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
     assert np.isfinite(stopped).any()
+
+
+def test_motion_of_a_batch_ends_at_the_time_of_each():
+    field = sf.Field(lambda x: (x[0] ** 2,), "x")
+    for starts in ([[1.0]], [[1.0], [-4.0]]):
+        with pytest.warns(sf.IntegrationWarning, match="at t = 1$"):
+            found = sf.lyapunov_exponents(field, starts, time=2.0)
+        assert np.isnan(found).sum() == 1
+
+
+def test_motion_of_families_that_progress_stops():
+    linear = np.array([[[-1.0, 0.0], [1.0, -2.0]], [[-1.0, 0.5], [1.0, -2.0]]])
+    family = sf.Field.from_terms(np.zeros((2, 2, 2, 2)), linear=linear)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = sf.lyapunov_exponents(family, [1.0, 0.5], time=200.0, progress=lambda *of: False)
+    assert np.isnan(found).all(axis=1).tolist() == [False, True]
 
 
 @pytest.mark.parametrize(("rate", "time"), [(2.0, 2000.0), (1000.0, 100.0)])

@@ -93,6 +93,10 @@ def test_steps_are_composed(name, method, rng):
         assert (alone.states == run.states[:, k]).all()
     assert (run.states[:, 9] == x[9]).all()  # eps = 0
     assert (sf.step(field, x, eps, method=method) == run.states[1]).all()
+    for every in (13, 2**61, 2**62):  # beyond the last step
+        first = sf.iterate(field, x, eps, 12, method=method, save_every=every)
+        assert np.array_equal(first.states, x[np.newaxis])
+        assert np.array_equal(first.final, run.states[12])
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -104,6 +104,7 @@ class _Lines:
         would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
         stages, in_python = len(self.scheme.stages.fractions), False
+        every = min(every, stop + 1)  # times stages, it is an integer of 64 bits
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
         address = code_of(text_of_steps, self.scheme.step, self.W, self.for_each, saved.size > 0)

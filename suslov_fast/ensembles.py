@@ -212,7 +212,8 @@ def _digest(value: Any) -> str:
     if isinstance(value, np.ndarray):
         found = str(value.shape).encode() + value.tobytes()
     else:
-        found = json.dumps(value, default=lambda each: each.to_dict()).encode()
+        own = value.item() if isinstance(value, np.generic) else value
+        found = json.dumps(own, default=lambda each: each.to_dict()).encode()
     return hashlib.sha256(found).hexdigest()[:16]
 
 

@@ -150,6 +150,15 @@ def test_workers_write_the_same(tmp_path, processes, monkeypatch):
                 ensemble(BODY, starts, tmp_path / "d", eps=0.1, steps=2, chunks=2, client=client)
 
 
+def test_numbers_of_numpy_are_numbers(tmp_path):
+    own = {"eps": np.float32(0.5), "steps": np.int64(4), "save_every": np.int64(2)}
+    run = ensemble(BODY, X0, tmp_path / "a", **own)
+    assert run.identical(ensemble(BODY, X0, tmp_path / "a", eps=0.5, steps=4, save_every=2))
+    own = {"time": np.float64(1.0), "stiff": np.True_}
+    run = ensemble(BODY, X0, tmp_path / "b", **own)
+    assert run.identical(ensemble(BODY, X0, tmp_path / "b", time=1.0, stiff=True))
+
+
 def test_the_store_of_another_run_is_refused(tmp_path):
     store, options = tmp_path / "run", {"eps": 0.1, "steps": 20}
     ensemble(BODY, X0, store, chunks=3, **options)

@@ -171,6 +171,22 @@ def test_ends_are_those_of_a_loop(B):
     )
 
 
+@pytest.mark.parametrize("B", [1, 2, 9])
+def test_a_sum_of_components_may_overflow(B):
+    """An orbit ends where a component is infinite, not before."""
+    map = Map(lambda x: (10 * x[0], 10 * x[1]), 2)
+    x = np.array([[1e306, 1e306], [-1e307, 1e307], [1.0, 2.0]])[np.arange(B) % 3]
+    run = iterate(map, x, 3, on_singular="ignore")
+    assert run.failed_at.tolist() == [[3, 2, -1][k % 3] for k in range(B)]
+    assert np.array_equal(run.states[1], 10 * x)
+    assert np.array_equal(run.states[2, ::3], 100 * x[::3])
+    constants, out = sf.compiled.system(map), np.zeros(2)
+    memory = sf.compiled.work(constants)
+    assert sf.compiled.step_system(constants, 10 * x[0], out, memory) == Status.OK
+    assert np.array_equal(out, 100 * x[0])
+    np.testing.assert_allclose(lyapunov_exponents(map, x[0], 2), math.log(10), rtol=1e-15)
+
+
 @pytest.mark.parametrize("power", [lambda x, p: x**p, lambda x, p: p**x], ids=["x**p", "p**x"])
 def test_powers_do_not_hide_a_missing_state(power):
     """NaN**0 and 1**NaN are 1; the orbit has ended all the same, and other orbits go on."""

@@ -88,13 +88,13 @@ def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
     -------
     Equilibria
         A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status` (...) and
-        `stable` (...). Variables with a constant rate, such as time, keep the value that they have
-        in `near`, and count neither in the condition nor in the eigenvalues. If Newton's method
-        does not converge at once, shorter steps begin, and then ``scipy.optimize.root``, by its
-        methods "hybr" and "lm"; what they find may be far. States are NaN, with a negative status,
-        where no equilibrium is found. The status is `DEGENERATE` where f' is singular in floats: at
-        a multiple root, where states have 7 digits, and on a family of equilibria, where the result
-        is a member near the given state.
+        `stable` (...). Variables with a constant rate in all members, such as time, keep the value
+        that they have in `near`, and count neither in the condition nor in the eigenvalues. If
+        Newton's method does not converge at once, shorter steps begin, and then
+        ``scipy.optimize.root``, by its methods "hybr" and "lm"; what they find may be far. States
+        are NaN, with a negative status, where no equilibrium is found. The status is
+        `DEGENERATE` where f' is singular in floats: at a multiple root, where states have 7 digits,
+        and on a family of equilibria, where the result is a member near the given state.
 
     Raises
     ------
@@ -223,11 +223,12 @@ class _Equations:
     units    sizes of the components (..., k), however small
     """
 
-    def __init__(self, field: Any, x: FloatArray, totals: Any = None) -> None:
+    def __init__(self, field: Any, x: FloatArray, totals: Any = None, own: Any = None) -> None:
         self.field, self.x = field, x
         lists = field._listed_right_hand_sides
         steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
-        self.own = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
+        moving = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
+        self.own = moving if own is None else own
         self.start = x[..., self.own]
         self.totals = self._all_totals() if totals is None else totals
         self.is_total: Any = self.totals.any(axis=-1)
@@ -250,12 +251,12 @@ class _Equations:
 
     def member(self, index: tuple[int, ...]) -> _Equations:
         """Return the equations of one state, by its index in the batch."""
-        own, totals = self.field, self.totals
-        if own.shape:
-            place = index[len(index) - len(own.shape) :]
-            place = tuple(0 if n == 1 else i for i, n in zip(place, own.shape, strict=True))
-            own, totals = own[place], totals[place] if totals.ndim > 2 else totals
-        return _Equations(own, self.x[index], totals)
+        field, totals = self.field, self.totals
+        if field.shape:
+            place = index[len(index) - len(field.shape) :]
+            place = tuple(0 if n == 1 else i for i, n in zip(place, field.shape, strict=True))
+            field, totals = field[place], totals[place] if totals.ndim > 2 else totals
+        return _Equations(field, self.x[index], totals, self.own)
 
     def whole(self, y: FloatArray) -> FloatArray:
         """Return states (..., D) with the variables y; the others keep their given values."""

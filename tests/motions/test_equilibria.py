@@ -228,6 +228,16 @@ def test_infinite_slopes_and_values_are_no_equilibria():
         assert _near(lambda x: (np.sqrt(x[0]),), [0.0]).states == 0.0
 
 
+def test_a_clock_of_one_member_is_no_equilibrium():
+    """y' = 1, y' = 0 and y' = 1 - y beside x' = x - x**2."""
+    q, linear, c = np.zeros((3, 2, 2, 2)), np.zeros((3, 2, 2)), np.zeros((3, 2))
+    q[:, 0, 0, 0], linear[:, 0, 0], linear[2, 1, 1], c[[0, 2], 1] = -1, 1, -1, 1
+    with pytest.warns(UserWarning, match="1 of 3 starts have no result"):
+        found = equilibria(Field.from_terms(q, linear, c), [0.8, 0.2])
+    np.testing.assert_allclose(found.states, [[np.nan] * 2, [1.0, 0.2], [1.0, 1.0]], rtol=1e-14)
+    assert found.status[0] == sf.Status.NOT_FOUND
+
+
 def test_families_of_equilibria():
     bound = _near(lambda x: (x[2] - 3 * x[0] * x[1],) * 2 + (3 * x[0] * x[1] - x[2],), [1, 1.1, 1])
     a, b, c = bound.states

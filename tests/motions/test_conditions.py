@@ -155,3 +155,15 @@ def test_stairs_of_the_state():
     falling = field(lambda s: (1.0 - 2 * (s[0] > levels).sum(),), "x")
     with pytest.warns(sf.IntegrationWarning, match="slide"):
         assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("apart", [0.0, 2e-16, 1e-15, 1e-13, 1e-11])
+def test_an_event_just_beyond_the_end_of_a_branch(apart, stiff):
+    f = sf.Field(lambda s: (np.where(s[1] < 10, np.sqrt(10 - s[1]), 1.0), 1.0), "z t")
+    times = np.array([10 * (1 + apart), 12.0])
+    event = sf.Event(times=times, to=("z + 5", "t"))
+    motion = sf.flow(f, [0.0, 0.0], time=times, events=event, stiff=stiff)
+    assert motion.events.time.tolist() == times.tolist()
+    right = 10**1.5 / 1.5 + np.array([5.0, 12.0])
+    np.testing.assert_allclose(motion.states, np.stack([right, times], 1), atol=1e-6)

@@ -18,7 +18,7 @@ import itertools
 from math import inf
 
 from ..expressions.tables import Table, is_table
-from ..expressions.values import larger
+from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Intervals
 from . import dense_output
 from .codegen import StepCode
@@ -72,20 +72,22 @@ def SEEK(wanted, ahead):
 
 
 @scalar_kernel
-def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last):
+def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
     """Return the rows of a trajectory that goes on at the time t + ahead, beyond a surface.
 
+    It does not pass `stop`, an event's next given time; `signed` is its time from t, with `sign`.
     `chosen_often` counts changes within AGAIN t after `chosen_at`. After BACK_AND_FORTH of them the
     state is SLIDING; else it is `first_state`, running, or DONE at the time `last`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
-    slides, after = often >= BACK_AND_FORTH, t + ahead
+    slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
     state = slides.select(float(LaneState.SLIDING), first_state)
-    is_done = (after >= last) & (state < LaneState.DONE)
+    is_done = (after >= last) & (after < stop) & (state < LaneState.DONE)
     return {
         "chosen_at": t,
         "chosen_often": often,
         "slides": slides.select(1.0, 0.0),
+        "signed": sign * (after - t),
         "wanted": 16.0 * ahead,
         "outer": inf,
         "t": is_done.select(last, after),
@@ -257,11 +259,12 @@ def _go_on(code, ended):
         is_first = found["ahead"].equals(0.0) & (work.chosen[1] > 0.0)
         found = {name: is_first.select(own[name], a) for name, a in found.items()}
     goes_on = ended & (found["ahead"] > 0.0)
-    t, after = line.t[0], code.apply(GOES_ON, ahead=found["ahead"])
-    is_saved = goes_on & (after.pop("slides") < 1.0)
+    t, stop = line.t[0], line.stop[0] if code.integrator.events else text.value(inf)
+    after = code.apply(GOES_ON, ahead=found["ahead"], stop=stop)
+    is_saved, signed_after = goes_on & (after.pop("slides") < 1.0), after.pop("signed")
 
     def passed():
-        return is_saved & (line.next[0] <= t + found["ahead"])
+        return is_saved & (line.next[0] <= t + found["ahead"]) & (line.next[0] < stop)
 
     with text.when(passed().any(), likely=False):
         for now in text.rounds(Carried()):
@@ -270,7 +273,7 @@ def _go_on(code, ended):
             dense_output.save(code, passed().bits(), work.start)
             now.goes_on = passed().any()
     code.keep(line, after, goes_on)
-    _put_ahead(code, work.new, work.f_new, found["signed"])
+    _put_ahead(code, work.new, work.f_new, signed_after)
     for i in text.each(code.D):
         work.new.choose(goes_on, i, work.start[i])
     work.accepted.choose(goes_on, 0, 1.0)

@@ -118,9 +118,10 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
 
     `signed` is `taken` with the sign of time, `sign`. If `wanted` would pass the requested time
     `next`, but not `second` after it, the step ends at `next`, and `aside` is 1. A length above
-    `reach`, a fraction, of the time left leads to `last`. `mode` is this integrator's `LaneState`.
+    `reach`, a fraction, of the time left leads to `last`, also a length TINY at this time, where an
+    event has yet to act. `mode` is this integrator's `LaneState`.
     """
-    rest, to_next, to_second = last - t, larger(next - t, TINY), second - t
+    rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
 
     def not_past(length):

@@ -177,3 +177,15 @@ def test_a_pole_in_a_sub_step(method):
         out = np.empty(1)
         found = compiled.step_system(system, np.array(starts[1]), out, compiled.work(system))
         assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
+
+
+@pytest.mark.parametrize("D", [2, 18])
+def test_exponents_tell_a_pole_in_a_sub_step_of_the_first_step(D):
+    """With D = 18, too, where NumPy takes the derivatives of sub-steps one by one."""
+    field = sf.Field(lambda x: (x[0] ** 2 + 1, *(-each for each in x[1:])), D)
+    x = np.ones((2, D))
+    x[:, 0] = 6.0, 2.0
+    run = sf.iterate(field, x, 0.25, 20, method="order4", on_singular="ignore")
+    assert run.first_pole.tolist() == [1, 2]
+    with pytest.warns(IntegrationWarning, match=r"2 of 2 .*trajectory 0 at step 1\)"):
+        sf.lyapunov_exponents(field, x, 0.25, 20, method="order4")

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..llvm.compiler import address_of
-from ..numba.status import NONFINITE
+from ..numba.status import NONFINITE, OK
 from .stages import distinct
 
 PLANS = 32  # fields for which tables are kept from call to call
@@ -76,11 +76,12 @@ def note_undefined(states, notes):
     """Set statuses of trajectories to NONFINITE where state 0, in `states` (B, D), has a NaN.
 
     `notes` are the arrays status, failed_at, set to 0 for these trajectories, and poles, set to 0.
+    Statuses and poles of the first step stay, which stages that are taken one by one begin with.
     """
     status, failed_at, poles = notes
-    poles[:] = 0.0
+    poles[status == OK] = 0.0
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.
     total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
     if not math.isfinite(total):
-        undefined = np.isnan(states).any(axis=1)
+        undefined = np.isnan(states).any(axis=1) & (status >= 0)
         status[undefined], failed_at[undefined] = NONFINITE, 0

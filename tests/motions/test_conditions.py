@@ -167,3 +167,11 @@ def test_an_event_just_beyond_the_end_of_a_branch(apart, stiff):
     assert motion.events.time.tolist() == times.tolist()
     right = 10**1.5 / 1.5 + np.array([5.0, 12.0])
     np.testing.assert_allclose(motion.states, np.stack([right, times], 1), atol=1e-6)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-13, -1e-15, -1e-13])
+def test_an_event_just_at_the_end_of_a_branch_in_the_state(apart):
+    f = sf.Field(lambda s: (s[1], 0.0, np.where(s[0] < 1, np.sqrt(1 - s[0]), 1.0)), "x y z")
+    event = sf.Event(times=[10 * (1 + apart)], to=("x", "y", "z + 5"))
+    motion = sf.flow(f, [0.0, 0.1, 0.0], time=12.0, events=event)
+    np.testing.assert_allclose(motion.final, [1.2, 0.1, 20 / 3 + 7], atol=1e-6)

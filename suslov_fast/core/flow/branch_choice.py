@@ -39,8 +39,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
-    `chosen_at` is the last such time. `chosen_often` counts changes in a row, each within AT_ONCE
-    of the time after the last; an event that `acted` (1) ends the row. At BACK_AND_FORTH a lane in
+    `chosen_at` is the last such time without an event: right after one that `acted` (1) a solution
+    may end before a surface, and go on. `chosen_often` counts changes in a row, each within AT_ONCE
+    of the time after the last; an event ends the row. At BACK_AND_FORTH a lane in
     the state `mode` becomes SLIDING. `wanted` is the next length.
     """
     is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
@@ -49,7 +50,7 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
         state.equals(mode) | state.equals(float(LaneState.TOO_MANY))
     )
     return {
-        "chosen_at": t,
+        "chosen_at": (acted > 0.0).select(chosen_at, t),
         "chosen_often": often,
         "state": slides.select(float(LaneState.SLIDING), state),
     }

@@ -156,9 +156,9 @@ class Suslov(BodyOfEquations):
         """Return the first integral F of the map, which is constant along its orbits.
 
         In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 l**2), with
-        l = I13 Omega1 + I23 Omega2 + k. In n dimensions F is that of the two coordinates to which
-        :meth:`SuslovND.reduced` takes the body, or the energy over 2 a b where I = 0, with the
-        first two different J.
+        l = I13 Omega1 + I23 Omega2 + k (Lemma 1 of Dragovic and Gajic, arXiv:0807.2966). In n
+        dimensions F is that of the two coordinates to which :meth:`SuslovND.reduced` takes the
+        body, or the energy over 2 a b where I = 0, with the first two different J.
 
         Parameters
         ----------
@@ -177,10 +177,6 @@ class Suslov(BodyOfEquations):
         NotIntegrableError
             If no F is known for a body in n dimensions. Its :func:`kahan.modified_energy` is
             nearly conserved.
-
-        Notes
-        -----
-        Lemma 1 of Dragovic and Gajic, arXiv:0807.2966.
 
         Examples
         --------
@@ -234,6 +230,7 @@ class Suslov(BodyOfEquations):
         With x = I13 Omega1 + I23 Omega2, the third equation of motion is
         ``x' = lambda + (I1 - I2) Omega1 Omega2``, and its discretization is
         (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
+        See equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
 
         Parameters
         ----------
@@ -248,10 +245,6 @@ class Suslov(BodyOfEquations):
         ndarray(float, shape=(...) or (..., n - 1, n - 1))
             Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With
             eps, NaN and one :class:`IntegrationWarning` for a state on a pole of the map.
-
-        Notes
-        -----
-        Equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
 
         Examples
         --------

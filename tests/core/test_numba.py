@@ -76,6 +76,7 @@ LOADED = rf"data loaded from .*/(?:{NAMES})_"
 def folder(tmp_path):
     core, source = tmp_path / "package" / "core", Path(decorators.__file__).parent
     shutil.copytree(source, core, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(source.parent / "cached.py", core.parent)
     for name, text in FILES.items():
         (tmp_path / "package" / name).write_text(text)
     return tmp_path

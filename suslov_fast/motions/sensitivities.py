@@ -20,7 +20,7 @@ from ..maps.kernel_arguments import flat_arrays
 
 @dataclass
 class WithColumns:
-    """What `integration.solve` takes in place of a field, with derivatives (columns) or events."""
+    """A stand-in for a field in `integration.solve`, with derivatives (columns) or events."""
 
     shape: tuple[int, ...]
     _right_hand_sides: list[OfMembers]

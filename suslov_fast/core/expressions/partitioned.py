@@ -85,7 +85,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """How a value of f depends on the state, to find if it may change unseen between points."""
+    """The dependence of a value of f on the state: it may change unseen between points, or not."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False

@@ -129,7 +129,7 @@ def SECOND(
 
 
 def try_again(code, own, of_error, sums):
-    """Test steps again whose errors may be rounding, with larger allowed errors; return a dict.
+    """Test steps with errors that may be rounding again, by larger allowed errors; return a dict.
 
     It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has them before the trial,
     see `find_errors`; lanes without a trial keep them. `own` and `of_error` are the weights of

@@ -24,7 +24,7 @@ LANES = 8
 
 
 class Dense(NamedTuple):
-    """What `take_dense_steps` needs of fields: the terms v x_j x_k of each f_i, in spans, and eps.
+    """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, in spans, and eps.
 
     A span, for `fill`, is all terms with equal j and equal k in consecutive equations i; x_D is 1.
     """

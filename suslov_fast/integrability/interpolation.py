@@ -339,10 +339,5 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
 
 def _recurrence(values: Sequence[int], p: int) -> Any:
     """Return the characteristic polynomial of the shortest linear recurrence of values modulo p."""
-    n = len(values)
-    last, R = flint.nmod_poly([0] * n + [1], p), flint.nmod_poly([*values[::-1]], p)
-    last_C, C = flint.nmod_poly([], p), flint.nmod_poly([1], p)
-    while 2 * R.degree() >= n:  # Euclid's algorithm for z^n and the polynomial of `values`
-        q = last // R
-        last, R, last_C, C = R, last - q * R, C, last_C - q * C
-    return C
+    shortest = flint.fmpz_mod_poly_ctx(flint.fmpz_mod_ctx(p)).minpoly([*values])
+    return flint.nmod_poly([*map(int, shortest.coeffs())], p)

@@ -129,7 +129,7 @@ def test_workers_write_the_same(tmp_path, processes, monkeypatch):
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     with (
         LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=processes, dashboard_address=None
+            n_workers=2, threads_per_worker=1, processes=processes, dashboard_address=":0"
         ) as cluster,
         Client(cluster) as client,
     ):

@@ -145,6 +145,8 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
 
 def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
     """Return states without the names that a table or series of pandas gives them."""
+    if type(value) is np.ndarray:  # for speed in small calls, here and below
+        return value
     if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
         return value[[*labels]].to_numpy()
     if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
@@ -207,7 +209,8 @@ def _floats(name: str, value: Any) -> FloatArray:
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     """Return True if all numbers are finite, False if NaN is among them; raise if not allowed."""
-    if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
+    numbers = array if array.ndim == 1 else array.ravel()
+    if array.size <= _FEW and math.isfinite(sum(numbers.tolist())):
         return True
     finite = np.isfinite(array)
     if finite.all():

@@ -22,30 +22,52 @@ Examples
 255
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numba import types
 from numba.extending import overload
+from numpy.typing import ArrayLike
 
-from .checks import MOMENTS, FloatArray, Reals, instance, real_number, within, wrong
+from .checks import (
+    MOMENTS,
+    FloatArray,
+    Reals,
+    instance,
+    one_number,
+    real_number,
+    within,
+    wrong,
+)
+from .core.flow.held import OF_ANOTHER, PARAMETERS, TIME, MotionSystem, motion_system_of
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
+from .core.numba.intrinsics import with_item
 from .core.suslov.map import BodySystem, one_step
 from .core.suslov.n_dimensions import GaussSystem, NDSystem
 from .fields.base import Body
+from .fields.field import Field
+from .fields.right_hand_sides import of_one
 from .keywords import public
 from .maps import eps_of, map_of
+from .motions.event import Event
+from .motions.events import actions_of, batch_of, checked_events, event_times_of
+from .motions.motion_arguments import RTOL, checked_settings, either_map_or_motion
 
 __all__ = [
     "BodySystem",
     "FieldSystem",
     "GaussSystem",
+    "MotionSystem",
     "NDSystem",
+    "end",
     "step",
     "step_system",
     "system",
+    "with_parameters",
+    "with_time",
     "work",
 ]
 
@@ -54,8 +76,8 @@ def __dir__() -> list[str]:
     return __all__
 
 
-System = BodySystem | NDSystem | FieldSystem
-_memory, _one_step = of_kind("memory"), of_kind("one_step")
+System = BodySystem | NDSystem | FieldSystem | MotionSystem
+_memory, _one_step, _end = of_kind("memory"), of_kind("one_step"), of_kind("end")
 
 
 def _single(body: Any, eps: Reals) -> float:
@@ -76,8 +98,23 @@ def step(system: BodySystem, omega1: float, omega2: float) -> tuple[float, float
 
 
 @public
-def system(body: Body, /, eps: Reals | None = None, *, method: str = "auto") -> System:
+def system(
+    body: Body,
+    /,
+    eps: Reals | None = None,
+    *,
+    method: str = "auto",
+    time: float | None = None,
+    rtol: float = RTOL,
+    atol: ArrayLike | None = None,
+    max_step: float | None = None,
+    stiff: bool | None = None,
+    events: Event | Sequence[Event] = (),
+) -> System:
     """Return the constants of one body or field and one step size, or of a map, for compiled loops.
+
+    With `time` a step is the motion of a field over this time, as :func:`suslov_fast.flow` computes
+    it, with the same bits. At a terminal event the state is that of the event.
 
     Parameters
     ----------
@@ -87,6 +124,10 @@ def system(body: Body, /, eps: Reals | None = None, *, method: str = "auto") -> 
         Step size in time, positive or negative; left out for a `Map`.
     method : str
         As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
+    time : float
+        In place of eps: the time of the motion, positive or negative.
+    rtol, atol, max_step, stiff, events
+        As in :func:`suslov_fast.flow`, for motions. ``stiff=False`` compiles half as much.
 
     Returns
     -------
@@ -107,8 +148,48 @@ def system(body: Body, /, eps: Reals | None = None, *, method: str = "auto") -> 
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
+    others = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    both = (0.0, 0) if time is None else (eps, None)
+    if either_map_or_motion("system", *both, time, method=method, events=events, **others):
+        return _motion(body, one_number("time", time), checked_settings(body, **others), events)
     step_size = _single(body, eps_of("system", body, eps))
     return map_of(body, method).methods[method].system(body, step_size)
+
+
+def _motion(field: Any, time: float, settings: Any, events: Any) -> MotionSystem:
+    """Return the motion of a single field over a time."""
+    instance("system", field, Field)
+    acting, sign = checked_events(events), -1 if time < 0.0 else 1
+    if shape := field.shape + batch_of(acting):
+        received = f"a batch of shape {shape}: make a system for each"
+        raise wrong("system", "a single field, with events of the same times for all", received)
+    f, given = of_one(field, actions_of(field, acting) if acting else ())
+    event_times = event_times_of(acting, sign, ()) if acting else None
+    own = given if f.is_dense else given[: len(field._inputs)]
+    return motion_system_of(f, settings, event_times, given, own, time)
+
+
+@for_users
+def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSystem:
+    """Return the motion with other parameters (n,), which are in the order of ``system.parameters``.
+
+    It reads this array at each step, so that a loop may write to it; nothing is compiled.
+    """
+    if len(parameters) != len(system.parameters):
+        raise ValueError("with_parameters: pass as many as system.parameters has")
+    return with_item(system, PARAMETERS, parameters)
+
+
+@for_users
+def with_time(system: MotionSystem, time: float) -> MotionSystem:
+    """Return the motion over another time, of the same sign if there are events at given times."""
+    return with_item(system, TIME, float(time))
+
+
+@for_users
+def end(system: MotionSystem, work: tuple[Any, ...]) -> float:
+    """Return the time at which the last motion ended, such as that of a terminal event."""
+    return _end(uncounted(system), uncounted(work)[1])
 
 
 @for_users
@@ -136,7 +217,10 @@ def step_system(
     D, (dimension, memory) = system.dimension, uncounted(work)
     if (len(x) != D) | (len(out) != D) | (dimension != D):
         raise ValueError("step_system: x, out and work must have the dimension of the system")
-    return _one_step(uncounted(system), uncounted(x), uncounted(out), memory)
+    status = _one_step(uncounted(system), uncounted(x), uncounted(out), memory)
+    if status == OF_ANOTHER:
+        raise ValueError("step_system: work must be that of the system")
+    return status
 
 
 def _check(x, out):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from ..checks import FloatArray, arguments_of
+from ..core.cached import cached_property
 from ..core.expressions.programs import in_order
 from ..core.maps.map_step import MapStep, map_step
 from ..keywords import public_class
@@ -111,7 +112,7 @@ class Map(Traced):
         """The list of operations of a step."""
         return map_step(self._equations.right_hand_side)
 
-    @property
+    @cached_property
     def _rows(self) -> Any:
         """The parameters (..., P) of all members."""
         return np.moveaxis(self._inputs, 0, -1)

@@ -87,6 +87,31 @@ def of_equations(
     Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
     differentiate f by, `twice` asks for second derivatives, and `actions` are events.
     """
+    f, given = _with_inputs(equations, parameters, names, twice, actions)
+    count = math.prod(parameters.shape[1:])
+    table = f.table_of(given).reshape(len(f.table), count)
+    return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+
+def of_one(field: Any, actions: tuple[EventAction, ...] = ()) -> tuple[RightHandSide, FloatArray]:
+    """Return the right-hand side of a single field, and all its parameters (P,)."""
+    equations, inputs, D = field._equations, field._inputs, field.dimension
+    if equations is None:
+        places, _ = field._own_terms.floats
+        if is_full(places, D) and not actions:
+            return full_quadratic(places, inputs, D)
+        equations = equations_of(places.tobytes(), D)
+    return _with_inputs(equations, inputs, (), False, actions)
+
+
+def _with_inputs(
+    equations: Equations,
+    parameters: FloatArray,
+    names: tuple[str, ...],
+    twice: bool,
+    actions: tuple[EventAction, ...],
+) -> tuple[RightHandSide, FloatArray]:
+    """Return the right-hand side of all members as `of_equations`, and its parameters (P, ...)."""
     if not actions:
         equations, constants = _of_known_form(equations)
         own = np.empty((len(constants), *parameters.shape[1:]))
@@ -97,9 +122,7 @@ def of_equations(
     shape, P = parameters.shape[1:], len(parameters)
     given = np.zeros((f.P, *shape))  # choices and starts of clocks are last, of no state yet
     given[:P], given.T[..., P : P + len(constants)] = parameters, constants
-    count = math.prod(shape)
-    table = f.table_of(given).reshape(len(f.table), count)
-    return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+    return f, given
 
 
 def of_terms(

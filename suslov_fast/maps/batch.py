@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, is_false, short, wrong
 from ..core.maps.kernel import field_steps
-from ..core.maps.step_system import FieldSystem, step_of_one
+from ..core.maps.step_system import FieldSystem, steps_of_one
 from ..core.numba.decorators import Kernel
 from ..core.numba.status import OK, PASSED_POLE
 from ..core.suslov import orientations
@@ -170,16 +170,19 @@ class BatchRun:
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
         return self.final[np.newaxis], turns
 
-    def of_one(self) -> FloatArray | None:
-        """Return the next state of a single state of a field or map; None if `to` has to step."""
+    def of_one(self, count: int = 1, every: int = 0, saved: Any = None) -> FloatArray | None:
+        """Return state number `count` of a single state of a field or map, as `steps_of_one`."""
         if self.steps.kernel is not field_steps or self.problem.batch:
             return None
-        return step_of_one(self.arguments, self.omega0[0])
+        return steps_of_one(self.arguments, self.omega0[0], count, every, saved)
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
         """Continue to state `stop`, or until `report` ends it; states n * `every` go to `saved`."""
         if report is None:
-            self._all_to(stop, every, saved)
+            if self.n or (after := self.of_one(stop, every, saved)) is None:
+                self._all_to(stop, every, saved)
+            else:
+                self.final[:], self.n = after, stop
             return
         row, length = 0, self._length(every)
         for until in chain(range(length, stop, length), [stop]):

@@ -34,7 +34,7 @@ from .events import (
     warn_of_starts_at_rest,
     warn_of_times_that_never_come,
 )
-from .integration import SolverResult, empty_result, solve
+from .integration import SolverResult, empty_result, solve, without_ends
 from .motion import Motion
 from .motion_arguments import (
     checked_settings,
@@ -211,15 +211,26 @@ def solved(
     if not found.is_good:
         warn_of_ends(found, x, batch)
         warn_of_growth(found, body._labels, batch)
+    if batch:
+        states = found.states.reshape((len(times), *batch, body.dimension))
+    else:
+        states = found.states[:, 0]  # sooner than by `reshape`
+    if found.is_good:
+        end, status = without_ends(batch)
+    else:
+        end, status = found.t.reshape(batch), found.status.reshape(batch)
     motion = Motion._of(
         {
-            "states": found.states.reshape((len(times), *batch, body.dimension)),
+            "states": states,
             "time": times,
             "body": body,
-            "status": found.status.reshape(batch),
-            "end": found.t.reshape(batch),
+            "status": status,
+            "end": end,
             "steps": found.steps.reshape(batch),
-            **settings._asdict(),
+            "rtol": settings.rtol,
+            "atol": settings.atol,
+            "max_step": settings.max_step,
+            "stiff": settings.stiff,
             "_by": names,
             "_derivatives": of_columns,
             "events": None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.flow.batch_solver import BatchSolver, SolverRequest
+from ..core.flow.held import STATUS
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
@@ -20,11 +22,6 @@ from ..status import Status
 _IN_THREADS = 64
 # Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
-# By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
-STATUS = np.full(LaneState.ACCUMULATES + 2, Status.TOO_MANY_STEPS, np.int8)
-STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = Status.OK, Status.ENDED
-STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = Status.NONFINITE, Status.SLIDING
-STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = Status.STOPPED, Status.ACCUMULATES
 
 
 class Records(NamedTuple):
@@ -59,6 +56,13 @@ class SolverResult(NamedTuple):
     records: Any = None  # `Records`, if there are events; of `_of_group` as in `BatchSolver`
     grown: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if there are none
     is_good: bool = False  # True if it is known that there is nothing to warn of
+
+
+@lru_cache(64)
+def without_ends(batch: tuple[int, ...]) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Return ends, NaN, and statuses, OK, that nobody can write to, so that results share them."""
+    ends = np.full(batch, np.nan)
+    return np.ndarray(batch, np.float64, ends.tobytes()), np.ndarray(batch, np.int8, bytes(ends.size))
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
@@ -103,9 +107,13 @@ def solve(
     B, count = len(starts), len(request.times)
     if not B:
         return empty_result(starts, count)
-    groups = right_hand_sides(field._right_hand_sides, field.shape, batch)
+    groups = field._right_hand_sides
+    if field.shape:
+        groups = right_hand_sides(groups, field.shape, batch)
     where, f, table = groups[0]
-    if where is ALL:
+    if not field.shape:
+        found = _of_group(f, table[0], starts, request)
+    elif where is ALL:
         found = _of_group(f, table, starts, request)
     else:
         found = _of_groups(groups, starts, request)
@@ -122,9 +130,7 @@ def _of_group(
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, steps, records, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
-            ends = np.empty(B)
-            ends.fill(np.nan)
-            status = np.zeros(B, np.int8)
+            ends, status = without_ends((B,))
             return SolverResult(states, ends, steps, status, False, records, None, True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,8 @@ def checked_settings(
 ) -> Settings:
     """Return the settings that the engine uses, and results keep; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # which raises
+    if atol is max_step is stiff is None and type(rtol) is float:  # for speed in small calls
+        return _by_rtol(rtol)
     number = checks.real_number("rtol", rtol)
     if not isinstance(number, float) or not _LEAST <= number <= _MOST:
         raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
@@ -100,11 +103,20 @@ def checked_settings(
     return Settings(number, atol, max_step, None if stiff is None else bool(stiff))
 
 
+@functools.lru_cache(64)
+def _by_rtol(rtol: float) -> Settings:
+    if not _LEAST <= rtol <= _MOST:
+        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    return Settings(rtol)
+
+
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
     """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
     x = checks.states("x0", x0, system._labels)
+    if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
+        return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 

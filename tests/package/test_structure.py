@@ -92,7 +92,7 @@ ARROWS = {
     "ensembles": "checks keywords status fields maps orbits results motions",
     "plots": "checks keywords status bodies results orbits motions",
     "integrability": "core checks keywords fields bodies",
-    "compiled": "core checks keywords fields maps",
+    "compiled": "core checks keywords fields maps motions",
     "command": "words fields bodies results orbits motions plots integrability",
     "__main__": "command",
 }

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..cached import cached_property
+from ..expressions.programs import Program
 from ..llvm.compiler import address_of, compiled
+from ..llvm.text import Code, Index
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
@@ -19,6 +21,7 @@ from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
+from .vector_functions import ProgramFunction
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -102,6 +105,21 @@ def code_of(integrator, W, for_each):
     return integrator.codes[W, for_each]
 
 
+def code_of_table(f):
+    """Return the `Address` of code of f's table (n,), which it writes behind parameters (P,)."""
+    return compiled(("table", f.key), functools.partial(_text_of_table, f), 1)
+
+
+def _text_of_table(f, name):
+    text, count = Code(1), f.D + f.P
+    ProgramFunction(Program(f.fixed, f.table), count).add(text, f"{name}_table", False)
+    text.begin(name, "parameters")
+    parameters = Index(text, "%parameters")
+    text.invoke(f"{name}_table", parameters - 8 * f.D, 0, parameters + 8 * f.P, 0)
+    text.add("  ret i64 1")
+    return text.finished()
+
+
 class EventTimes:
     """The given times of events, ascending, in one row for all trajectories or one row for each.
 
@@ -144,14 +162,20 @@ def counted_from_start(f, table, x0):
     starts = x0[:, [*f.offsets]]
     if not np.count_nonzero(starts):
         return table, x0, None
-    of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
-    own = f.of
+    own, x0 = f.of, x0.copy()
     count = own.P if f.branches is None else f.branches.P  # after them there are branches
+    if f is own and len(x0) == 1:  # NumPy takes ten times as long
+        both = np.zeros(own.P + len(f.table))
+        both[:count] = table.ravel()[:count]
+        for clock, number in f.offsets.items():
+            both[number - own.D], x0[0, clock] = x0[0, clock], 0.0
+        code_of_table(f).call(address_of(both))
+        return both[own.P :].reshape(table.shape), x0, starts
+    of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
     inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
     table = np.broadcast_to(table, (*inputs.shape[:-1], table.shape[-1]))
-    x0 = x0.copy()
     x0[:, [*f.offsets]] = 0.0
     return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
 
@@ -159,7 +183,8 @@ def counted_from_start(f, table, x0):
 def add_starts(f, starts, states, records):
     """Add start values (B, clocks) of clocks to states (count, B, D), also to states in records."""
     clocks = np.array([*f.offsets])
-    states[..., clocks] += starts
+    for clock, start in zip(f.offsets, starts.T, strict=True):
+        states[..., clock] += start
     for rows in records:
         own = starts[rows[:, 0].view(np.int64)]
         for first in (3, 3 + f.D):

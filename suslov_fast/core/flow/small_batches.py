@@ -1,7 +1,7 @@
 """Small batches of trajectories, in memory that is kept from call to call.
 
 Allocating memory would take longer than the steps. Steps and bits are those of `BatchSolver`, which
-continues if a trajectory changes to the other integrator, or ends.
+continues if a trajectory ends, or if one of several changes to the other integrator.
 """
 
 import functools
@@ -27,12 +27,16 @@ from .code_arguments import SLOT
 from .memory import BEGINS, LaneState
 
 _KEPT = 1024  # times that memory is kept of
+# What calls of a runner set.
+_OF_CALLS = SLOT.times, SLOT.states, SLOT.state_bytes, *range(SLOT.event_times, SLOT.full + 1)
 _NAN = array("d", [math.nan])
 _GREW = array("d", [3.0]).tobytes()  # of a component, see `growing_components.LOW`
 
 
 class _PreparedRunner(StepRunner):
     """A `StepRunner` of B trajectories, kept for later calls; each has a table if `for_each`."""
+
+    other = None  # of the other integrator, with a workspace of its own
 
     def __init__(self, f, settings, sign, B, for_each):
         integrator = integrator_of(f, bool(settings.stiff), settings.atol is not None)
@@ -43,6 +47,8 @@ class _PreparedRunner(StepRunner):
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
         self.x, self.low = rows[:, : f.D], rows[:, places.low : places.far]
+        if B == 1:
+            self.low = both.data[places.low : places.far]  # NumPy copies it in twice the time
         self.state, self.steps = rows[:, places.state], rows[:, places.steps]
         first = both.copy()  # what calls begin with
         self.first_table, self.source = first[count:].reshape(shape), None
@@ -62,6 +68,21 @@ class _PreparedRunner(StepRunner):
         self.now[:] = self.first
         self.x[:] = x0
 
+    def turn(self, runner):
+        """Return the runner of the other integrator than `runner`, for the same single trajectory."""
+        if runner is not self:
+            return self
+        own = self.integrator
+        if self.other is None:
+            integrator = integrator_of(own.f, not own.is_implicit, own.has_atol)
+            both = self.numbers, self.kept[1]
+            self.other = StepRunner(integrator, self.W, self.rows, self.table, *both)
+        for slot in _OF_CALLS:
+            self.other.arguments[slot] = self.arguments[slot]
+        if own.f.events:
+            self.other.records, self.other.buffer = self.records, self.buffer
+        return self.other
+
 
 @functools.lru_cache(64)
 def prepared(f, settings, sign, B, for_each):
@@ -74,6 +95,8 @@ def prepared(f, settings, sign, B, for_each):
 
 def solve_small_batch(f, table, x0, request):
     """Take trajectories x0 (B, D) to the times of a `SolverRequest`, as far as one integrator goes.
+
+    A single trajectory goes to the end, with both.
 
     `table`, (n,) or (B, n), is the table of f. Return (states, steps, records, begun):
 
@@ -102,6 +125,11 @@ def solve_small_batch(f, table, x0, request):
         runner.point_to_events(event_times, equal, records)
     while not runner.take():
         pass
+    own = runner
+    while B == 1 and runner.state[0] < LaneState.DONE:  # it turned to the other integrator
+        own = runner.turn(own)
+        while not own.take():
+            pass
     states = np.ndarray((count, B, f.D), np.float64, states)
     if runner.state.tolist().count(LaneState.DONE) < B or _GREW in runner.low.tobytes():
         own = runner.table.copy() if f.branches else None

@@ -22,7 +22,7 @@ from .stage_code import text_of_stage
 
 
 @functools.lru_cache(PLANS)
-def _prepared(step, stages, eps, values):
+def _prepared(step, stages, eps, values, saves):
     """Return a step's code, `DriverArguments` and arrays to keep alive; eps and values: bytes."""
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
@@ -30,26 +30,35 @@ def _prepared(step, stages, eps, values):
         x=0, lines=1, block=1, steps=len(plan), plan=address_of(plan), stages=len(plan), until=-1,
         budget=1,
     )  # fmt: skip
-    code = code_of(text_of_steps, step, 1, False, False)
+    code = code_of(text_of_steps, step, 1, False, saves)
     return code, array("q", [*numbers, 0]), (table, plan)
 
 
-def step_of_one(arguments, x):
-    """Return the state that follows x (D,); None if only the kernel of steps can take the step.
+def steps_of_one(arguments, x, count=1, every=0, saved=None):
+    """Return state number `count` from x (D,); None if only the kernel of steps can take the steps.
 
-    `arguments` are a `Scheme`, values and eps. A call takes a sixth of the time of the kernel.
+    States 0, `every`, ... go to `saved` (rows, D) if `every` is not 0. `arguments` are a `Scheme`,
+    values and eps. A call takes a sixth of the time of the kernel.
     """
     (step, stages), values, eps = arguments
-    if not step.usual or not math.isfinite(sum(x.tolist())):
+    parts = len(stages.fractions)
+    work = count * parts * (step.length or 1)
+    if not (step.usual and 0 < work <= _SHORT and math.isfinite(sum(x.tolist()))):
         return None
-    code, template, _ = _prepared(step, stages, eps.tobytes(), values.tobytes())
+    code, template, _ = _prepared(step, stages, eps.tobytes(), values.tobytes(), every > 0)
     x, numbers = x.copy(), template[:]
+    numbers[SLOT.steps] = count * parts
+    if every:
+        saved[0], numbers[SLOT.row] = x, address_of(saved) + saved.strides[0]
+        numbers[SLOT.row_bytes] = saved.strides[0]
+        numbers[SLOT.until] = numbers[SLOT.between] = min(every, count + 1) * parts - 1
     at, _ = numbers.buffer_info()
     numbers[SLOT.x] = address_of(x)
     numbers[SLOT.ended] = numbers[SLOT.passed] = at + 8 * len(SLOT)
     return x if code.call(at) == DONE else None
 
 
+_SHORT = 10**6  # operations of steps, after which Python handles Ctrl-C
 _maps = {}  # steps of maps by the addresses of their codes, which last
 
 

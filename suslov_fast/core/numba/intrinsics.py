@@ -8,6 +8,7 @@ Each function brings its own typing and lowering, because an overload is itself 
 
 from llvmlite import ir
 from numba import types
+from numba.core import errors
 from numba.core.imputils import lower_constant
 from numba.extending import (
     intrinsic,
@@ -78,6 +79,23 @@ def _constant_with_address(context, builder, kind, value):
     others = zip(kind[1:], value[1:], strict=True)
     others = [context.get_constant_generic(builder, *pair) for pair in others]
     return context.make_tuple(builder, kind, [address, *others])
+
+
+@intrinsic
+def with_item(typing, named, place, value):
+    """Return a named tuple with another value, of the same type, at the constant index `place`."""
+    if not isinstance(place, types.IntegerLiteral):
+        raise errors.RequireLiteralValue("place")
+    if value != named.types[place.literal_value]:
+        name = named.fields[place.literal_value]
+        raise errors.NumbaTypeError(f"{name} must be of type {named.types[place.literal_value]}")
+
+    def emit(context, builder, signature, arguments):
+        result = builder.insert_value(arguments[0], arguments[2], place.literal_value)
+        context.nrt.incref(builder, named, result)
+        return result
+
+    return named(named, place, value), emit
 
 
 # ------------------------------------------------------------------------------------------ stores

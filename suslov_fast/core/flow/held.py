@@ -1,0 +1,208 @@
+"""The motion of one state over a time, for loops of users: a step in memory that they hold.
+
+Steps and bits are those of `BatchSolver`: the code of both integrators takes turns in one call.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numba.decorators import function
+from ..numba.intrinsics import call_code, with_address
+from ..numba.status import (
+    ACCUMULATES,
+    ENDED,
+    NONFINITE,
+    OK,
+    SLIDING,
+    STOPPED,
+    TOO_MANY_STEPS,
+)
+from .batch_solver import (
+    NO_EVENT_TIMES,
+    code_of,
+    code_of_table,
+    components_of,
+    integrator_of,
+    numbers_of,
+)
+from .code_arguments import NUMBER, SLOT
+from .event_actions import most_records
+from .event_records import size_of
+from .memory import BEGINS, LaneState
+
+# By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
+STATUS = np.full(LaneState.ACCUMULATES + 2, TOO_MANY_STEPS, np.int8)
+STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = OK, ENDED
+STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
+STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
+_IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
+_STOPPED, _ACCUMULATES = LaneState.STOPPED, LaneState.ACCUMULATES
+OF_ANOTHER = -128  # in place of a status: the memory is that of another system
+_ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
+_made = {}  # codes, which last, f, settings and event times, by address and constants
+
+
+class Plan(NamedTuple):
+    """Integers of a `MotionSystem`: addresses, and where parts begin in `constants` and memory."""
+
+    implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
+    of_table: int  # address of the code of `code_of_table`, 0 if the table has all parameters
+    is_bounded: int  # 1 if steps are at most a part of the time
+    # In `constants`, after the rows of `ComponentNumbers`:
+    event_times: int  # pairs (time, event); 0 without events
+    template: int  # what memory has from `numbers` to `table` before a motion
+    # In memory, after `CodeArguments` and the address of the code:
+    ended: int  # the time at which the motion ended
+    state: int  # at the time
+    numbers: int  # `SharedNumbers`
+    times: int  # the time, and two infinite ones
+    rows: int  # `TrajectoryRows`
+    inputs: int  # all parameters of f
+    table: int  # which follows them
+    work: int  # workspace of the first integrator
+    other: int  # of the implicit one
+    records: int
+    size: int
+    # In the rows:
+    t: int
+    lane_state: int
+    at: int  # the time at which actions accumulate
+
+
+PLAN = Plan(*range(len(Plan._fields)))
+_ARGUMENTS = len(SLOT) + 1
+_CLOCKS = len(PLAN)  # pairs follow: clocks, and numbers of the parameters that are their starts
+
+
+@with_address
+class MotionSystem(NamedTuple):
+    """A field and a time, for compiled loops; unpickling makes its code again."""
+
+    # Few fields, because a call from Python takes 0.1 us for each.
+    address: int  # of the code of the integrator with which a motion begins
+    plan: Any  # `Plan`, as an array
+    constants: Any
+    parameters: Any  # (n,), the first of the parameters of f
+    time: float
+    dimension: int
+
+    def __reduce__(self):
+        (_, *made), plan = _made[self.address, self.constants.tobytes()], self.plan
+        given = self.constants[plan[PLAN.inputs] - plan[PLAN.table] :]
+        return motion_system_of, (*made, given, self.parameters, self.time)
+
+
+PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
+
+
+def motion_system_of(f, settings, event_times, given, parameters, time):
+    """Return the motion of f over a time as a `MotionSystem`; its code lasts.
+
+    `given` (P,) are all parameters of f, which begin with `parameters`, those that may change.
+    """
+    modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
+    integrators = [integrator_of(f, mode, settings.atol is not None) for mode in modes]
+    codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
+    of_table = 0 if f.is_dense else code_of_table(f)
+    (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
+    row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
+    row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
+    at_once = 0
+    if f.events:
+        row[rows.stop : rows.stop + 2] = times[0, 0]
+        at_once = 2 * most_records(f.events, equal) * size_of(f)
+    parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
+    ends = np.cumsum([5 * f.D, times.size]).tolist()
+    constants = np.concatenate([components_of(f, settings.atol), times, *parts], axis=None)
+    works = [integrator.work.size for integrator in integrators]
+    sizes = [_ARGUMENTS, 1, f.D, *map(len, parts), len(f.table), works[0], works[-1], at_once]
+    plan = [codes[-1], of_table, integrators[0].is_bounded, ends[0] * bool(f.events), ends[1]]
+    plan += [*np.cumsum(sizes).tolist(), rows.t, rows.state, rows.at]
+    for clock, number in f.offsets.items():
+        plan += [clock, number - f.of.D]
+    _made[int(codes[0]), constants.tobytes()] = (codes, of_table), f, settings, event_times
+    own = np.array(parameters, np.float64)
+    return MotionSystem(int(codes[0]), np.array(plan), constants, own, float(time), f.D)
+
+
+@function
+def motion_memory(system):
+    """Return the array in which all calls of `motion_of_one` work."""
+    plan = system.plan
+    memory = np.zeros(plan[PLAN.size])
+    arguments, at = memory[:_ARGUMENTS].view(np.int64), memory.ctypes.data
+    arguments[len(SLOT)] = system.address
+    arguments[SLOT.rows], arguments[SLOT.count] = at + 8 * plan[PLAN.rows], 1
+    arguments[SLOT.table] = at + 8 * plan[PLAN.table]
+    arguments[SLOT.numbers] = at + 8 * plan[PLAN.numbers]
+    arguments[SLOT.times] = at + 8 * plan[PLAN.times]
+    arguments[SLOT.states] = at + 8 * plan[PLAN.state]
+    arguments[SLOT.records] = at + 8 * plan[PLAN.records]
+    return memory
+
+
+@function
+def motion_of_one(system, x0, out, memory):
+    """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
+    plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
+    if (len(memory) != plan[PLAN.size]) | (arguments[len(SLOT)] != system.address):
+        return OF_ANOTHER
+    D, time, sign = system.dimension, abs(system.time), -1.0 if system.time < 0.0 else 1.0
+    first, x, numbers = plan[PLAN.numbers], memory[plan[PLAN.rows] :], memory[plan[PLAN.numbers] :]
+    inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
+    for k in range(plan[PLAN.table] - first):
+        memory[first + k] = constants[plan[PLAN.template] + k]
+    is_finite = time - time == 0.0
+    for i in range(D):
+        x[i] = x0[i]
+        is_finite &= x0[i] - x0[i] == 0.0
+    if not is_finite or (time == 0.0 and plan[PLAN.event_times] == 0):
+        for i in range(D):
+            out[i] = x[i] if is_finite else np.nan
+        return OK if is_finite else NONFINITE
+    for k in range(min(len(system.parameters), len(inputs))):
+        inputs[k] = system.parameters[k]
+    for k in range(_CLOCKS, len(plan), 2):  # these begin at 0
+        inputs[plan[k + 1]], x[plan[k]] = x[plan[k]], 0.0
+    if plan[PLAN.of_table] != 0:
+        call_code(plan[PLAN.of_table], (inputs.ctypes.data,))
+    else:
+        for k in range(len(inputs)):
+            memory[plan[PLAN.table] + k] = inputs[k]
+    numbers[NUMBER.last], numbers[NUMBER.sign], memory[plan[PLAN.times]] = time, sign, time
+    if plan[PLAN.is_bounded]:
+        numbers[NUMBER.longest] = min(numbers[NUMBER.longest], time / 32.0)
+    arguments[SLOT.components] = constants.ctypes.data
+    arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
+    state, code, work = 0, system.address, plan[PLAN.work]
+    while state < _DONE:
+        arguments[SLOT.work] = memory.ctypes.data + 8 * work
+        arguments[SLOT.following] = 0
+        is_done = np.int64(0)
+        while is_done == 0:
+            arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
+            is_done = call_code(code, (arguments.ctypes.data,))
+        state = np.int64(x[plan[PLAN.lane_state]])
+        code, work = system.address, plan[PLAN.work]
+        if state == _IMPLICIT:
+            code, work = plan[PLAN.implicit], plan[PLAN.other]
+    memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
+    first = plan[PLAN.state] if state == _DONE else plan[PLAN.rows]
+    for i in range(D):
+        out[i] = memory[first + i] if state in (_DONE, _STOPPED) else np.nan
+    for k in range(_CLOCKS, len(plan), 2):
+        if inputs[plan[k + 1]] != 0.0:
+            out[plan[k]] += inputs[plan[k + 1]]
+    return np.int64(STATUS[state])
+
+
+@function
+def end_of_motion(system, memory):
+    """Return the time at which the last motion in this memory ended."""
+    return memory[system.plan[PLAN.ended]]
+
+
+# What `compiled` calls for a system of this kind.
+MotionSystem.memory, MotionSystem.one_step = motion_memory, motion_of_one
+MotionSystem.end = end_of_motion

@@ -1,0 +1,140 @@
+"""Motions over a time as steps of compiled loops: the bits and statuses of `flow`."""
+
+import pickle
+
+import numpy as np
+import pytest
+from numba import njit, prange
+
+import suslov_fast as sf
+from suslov_fast import Event, Field, compiled
+from suslov_fast.compiled import step_system, system, with_parameters, with_time, work
+
+pytestmark = [
+    pytest.mark.slow_to_compile,
+    pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning"),
+]
+
+PENDULUM = Field(lambda x, u: (x[1], u - np.sin(x[0])), "q v", u=0.0)
+VAN_DER_POL = Field(lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2, mu=1000.0)
+BALL = Field(lambda x, g: (x[1], -g), "h v", g=9.81)
+DRIVEN = Field(lambda s, w: (s[1], -(s[0] ** 3) + np.cos(w * s[2]), 1.0), "x v t", w=1.3)
+BOUNCE = Event("h", direction=-1, to=lambda x: (x[0], -0.9 * x[1]))
+CASES = {
+    "smooth": (PENDULUM, [1.0, 0.3], (0.0, 1e-3, 20.0, -3.0), ()),
+    "stiff in parts": (VAN_DER_POL, [2.0, 0.5], (1.0, 2000.0), ()),  # turns to and fro
+    "a late clock": (DRIVEN, [0.4, 0.1, 1.7e9], (0.0, 5.0, -5.0), ()),
+    "relay": (Field(lambda x: (x[1], -np.where(x[0] > 0, 1, -2)), 2), [0.5, 1.0], (9.0,), ()),
+    "table": (
+        Field(lambda s: (np.interp(s[1], [0, 1, 2], [0, 1, -1]) - s[0], 1.0), "x t"),
+        [0.2, 0.3],
+        (1.0, 4.0),
+        (),
+    ),
+    "functions of parameters": (
+        Field(lambda x, a, b: (np.sin(a * b) * x[1], -np.exp(-a / b) * x[0]), 2, a=0.3, b=0.7),
+        [1.0, 0.5],
+        (4.0,),
+        (),
+    ),
+    "a pole": (Field(lambda x: (x[0] ** 2,), 1), [0.5], (1.0, 20.0), ()),
+    "no value": (PENDULUM, [np.nan, 1.0], (1.0,), ()),
+    "bounces": (BALL, [1.0, 0.0], (0.1, 3.0), BOUNCE),
+    "without end": (BALL, [1.0, 0.0], (100.0,), BOUNCE),
+    "terminal": (BALL, [1.0, 0.0], (3.0,), [BOUNCE, Event("h", direction=1, terminal=True)]),
+    "doses": (
+        Field(lambda x, k: (-k * x[0],), "c", k=0.1),
+        [1.0],
+        (0.0, 10.0, 60.0),
+        Event(times=[0, 24, 48], to=lambda x: (x[0] + 100,)),
+    ),
+    "terms": (Field.from_terms([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]]), [0.3, 0.2], (7.0,), ()),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("others", [{}, {"atol": 1e-10}, {"stiff": True}, {"max_step": 50.0}])
+def test_has_the_bits_of_flow(name, others):
+    field, x0, times, events = CASES[name]
+    first = system(field, time=1.0, events=events, **others)
+    out, memory = np.empty(len(x0)), work(first)
+    for time in times:
+        own = first
+        own = system(field, time=time, events=events, **others) if time < 0 else own
+        own = with_time(own, time)
+        motion = sf.flow(field, x0, time=time, events=events, **others)
+        for _ in range(2):  # the memory is as good as new
+            assert step_system(own, np.array(x0), out, memory) == motion.status
+            assert out.tobytes() == motion.final.tobytes()
+        if motion.status != 0 and not np.isnan(x0[0]):
+            assert compiled.end(own, memory) == motion.end
+
+
+@njit
+def controlled(system, x, steps):
+    memory, u = work(system), np.zeros(1)
+    own = with_parameters(system, u)
+    for k in range(steps):
+        u[0] = -0.5 * x[1] - 0.1 * x[0]
+        own = with_time(own, 0.1 + 0.01 * (k % 3))
+        step_system(own, x, x, memory)
+    return x
+
+
+def test_parameters_and_time_change_within_a_loop():
+    x = y = np.array([1.0, 0.3])
+    for k in range(20):
+        own = PENDULUM.with_parameters(u=-0.5 * y[1] - 0.1 * y[0])
+        y = sf.flow(own, y, time=0.1 + 0.01 * (k % 3)).final
+    assert controlled(system(PENDULUM, time=1.0), x.copy(), 20).tobytes() == y.tobytes()
+
+
+@njit(parallel=True)
+def in_threads(system, x):
+    for k in prange(len(x)):
+        step_system(system, x[k], x[k], work(system))
+    return x
+
+
+def test_threads_have_memory_of_their_own():
+    x = np.random.default_rng(0).uniform(-1, 1, (50, 2))
+    states = sf.flow(PENDULUM, x, time=2.0).final
+    assert np.array_equal(in_threads(system(PENDULUM, time=2.0), x), states)
+
+
+def test_parameters_are_those_of_the_field():
+    for a, b in np.random.default_rng(1).uniform(0.1, 3, (5, 2)):
+        field, x0, (time,), _ = CASES["functions of parameters"]
+        own, out = system(field, time=time), np.empty(2)
+        step_system(own._replace(parameters=np.array([a, b])), np.array(x0), out, work(own))
+        assert out.tobytes() == sf.flow(field.with_parameters(a=a, b=b), x0, time=time).final.tobytes()
+
+
+def test_a_system_can_be_pickled():
+    own, (a, b) = system(VAN_DER_POL, time=3.0), np.empty((2, 2))
+    system(VAN_DER_POL, time=3.0, rtol=1e-4)  # of the same code
+    again = pickle.loads(pickle.dumps(own))
+    for each, out in ((own, a), (again, b)):
+        step_system(each, np.array([1.0, 0.5]), out, work(each))
+    assert a.tobytes() == b.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"eps": 0.1, "time": 1.0}, "eps must be left out beside time"),
+        ({"time": 1.0, "method": "order4"}, "method must be left out"),
+        ({"eps": 0.1, "rtol": 1e-3}, "rtol must be left out"),
+        ({"time": [1.0, 2.0]}, "time must be a number"),
+    ],
+)
+def test_refuses_arguments_of_the_other_kind(arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        system(VAN_DER_POL, **arguments)
+    with pytest.raises(ValueError, match="that of the system"):
+        step_system(system(PENDULUM, time=1.0), *np.ones((2, 2)), work(system(BALL, time=1.0)))
+    with pytest.raises(ValueError, match="as many"):
+        with_parameters(system(PENDULUM, time=1.0), np.zeros(2))
+    family = Field(lambda x, a: (a * x[0],), 1, a=[1.0, 2.0])
+    with pytest.raises(ValueError, match="single field"):
+        system(family, time=1.0)

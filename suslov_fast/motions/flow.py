@@ -41,7 +41,7 @@ from .motion_arguments import (
     checked_starts,
     checked_times,
     warn_of_ends,
-    warn_of_growth,
+    warn_of_lost_components,
     warn_of_tables,
     warn_of_times,
 )
@@ -87,8 +87,8 @@ def flow(
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-60 of
-        the largest component's if that is more. One warning names a component that fell below that
-        and grew to 1,000 times it again, or a tenth of its own size: pass ``atol=0``.
+        the largest component's if that is more. A trajectory in which a component loses its
+        digits, because it is small, and grows again by itself, is computed again with ``atol=0``.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
@@ -210,7 +210,7 @@ def solved(
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
         warn_of_ends(found, x, batch)
-        warn_of_growth(found, body._labels, batch)
+        warn_of_lost_components(found, batch)
     if batch:
         states = found.states.reshape((len(times), *batch, body.dimension))
     else:

@@ -54,7 +54,7 @@ class SolverResult(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Any = None  # `Records`, if there are events; of `_of_group` as in `BatchSolver`
-    grown: NDArray[np.int64] | None = None  # (B,), see `BatchSolver`; None if there are none
+    doubtful: NDArray[np.bool_] | None = None  # (B,), see `BatchSolver`
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
 
@@ -137,15 +137,14 @@ def _of_group(
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
     ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
-    others = engine.is_stopped, engine.records, engine.grown
+    others = engine.is_stopped, engine.records, engine.doubtful
     return SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
     whole, report = empty_result(starts, len(request.times)), request.report
-    B, done, records = len(starts), 0, []
-    grown = np.full(B, -1)
+    done, records, doubtful = 0, [], np.zeros(len(starts), bool)
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
         event_times = request.event_times and request.event_times.of(where)
@@ -157,12 +156,12 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
             numbers = rows[:, 0].view(np.int64)
             numbers[:] = where[numbers]
         records += part.records
-        if part.grown is not None:
-            grown[where] = part.grown
+        if part.doubtful is not None:
+            doubtful[where] = part.doubtful
         done += len(request.times) * len(where)
         if part.is_stopped:
             break
-    return SolverResult(*whole[:4], part.is_stopped, records, grown)
+    return SolverResult(*whole[:4], part.is_stopped, records, doubtful)
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:

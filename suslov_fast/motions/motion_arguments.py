@@ -167,14 +167,13 @@ def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> 
         checks.warn("; ".join(texts), IntegrationWarning)
 
 
-def warn_of_growth(found: SolverResult, names: Any, batch: tuple[int, ...]) -> None:
-    """Warn once of components that fell near their allowed errors, and grew again."""
-    if found.grown is None or not (which := found.grown >= 0).any():
+def warn_of_lost_components(found: SolverResult, batch: tuple[int, ...]) -> None:
+    """Warn once of components that fell below the range of numbers, and would grow again."""
+    if found.doubtful is None or not found.doubtful.any():
         return
-    index = spell(first_index(which.reshape(batch)))
-    name = names[int(found.grown[int(np.argmax(which))])]
+    index, own = spell(first_index(found.doubtful.reshape(batch))), found.doubtful
     checks.warn(
-        f"{np.count_nonzero(which)} of {which.size} solutions have a component that fell near "
-        "its allowed error, or below it, and grew far above it again, perhaps without right "
-        f"digits (first: {name} of trajectory {index}): pass atol=0, or an atol of its own"
+        f"{np.count_nonzero(own)} of {own.size} solutions have a component that fell below 1e-300, "
+        f"where numbers lose their digits, and would grow again (first: trajectory {index}): solve "
+        "for its logarithm"
     )

@@ -31,6 +31,7 @@ from ..core.flow.batch_solver import (
     SolverRequest,
     counted_from_start,
 )
+from ..core.flow.memory import LaneState
 from ..fields.right_hand_sides import with_events
 from ..maps.kernel_arguments import ALL
 from ..status import Status
@@ -86,7 +87,6 @@ def exponents_of(
         x, count = starts[where], len(starts[where])
         own = event_times if event_times is None or where is ALL else event_times.of(where)
         run = _Run(f, table, x, moving, request._replace(event_times=own))
-
         share = count / max(len(starts), 1) / total
 
         def told(done: float, share: float = share, before: float = before) -> bool:
@@ -95,6 +95,8 @@ def exponents_of(
         goes_on = transient == 0.0 or run.over(transient, told)
         run.begin()
         goes_on = goes_on and run.over(time, lambda done: told(transient + done))
+        if goes_on and run.again.any():
+            goes_on = run.repeat(x, transient, time, lambda done: told(total))
         exponents[where] = run.exponents()
         found.t[where], found.status[where] = run.t, run.status
         before += share * total
@@ -144,6 +146,7 @@ class _Run:
         self.Q = _slowest_first(slopes)
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
+        self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
         self.begin()
 
     def begin(self) -> None:
@@ -151,6 +154,24 @@ class _Run:
         B = len(self.x)
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
+
+    def repeat(
+        self, x: FloatArray, transient: float, time: float, report: Callable[[float], bool]
+    ) -> bool:
+        """Compute trajectories with an alarm again, from their starts in x, with atol = 0."""
+        (which,) = np.nonzero(self.again)
+        table = self.table if self.table.ndim == 1 else self.table[which]
+        times = self.event_times and self.event_times.of(which)
+        request = SolverRequest(
+            np.array([time]), 1, self.settings._replace(atol=0.0), self.threads, None, times
+        )
+        run = _Run(self.f, table, x[which], self.moving, request)
+        goes_on = transient == 0.0 or run.over(transient, report)
+        run.begin()
+        goes_on = goes_on and run.over(time, report)
+        for name in ("logs", "duration", "dead", "t", "status"):
+            getattr(self, name)[which] = getattr(run, name)
+        return goes_on
 
     def over(self, time: float, report: Callable[[float], bool]) -> bool:
         """Advance by `time`; return False if report(time done) is False, which ends the run."""
@@ -200,8 +221,9 @@ class _Run:
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
         request = self._request(length, self._event_times_of(which))
-        engine = BatchSolver(self.tangent, table, start, request, states)
+        engine = BatchSolver(self.tangent, table, start, request, states, self.lost[which])
         engine.run(self.threads)
+        self._note_alarms(engine, which)
         (end,), status = states, STATUS[engine.state]
         ended = status != Status.OK
         columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
@@ -227,7 +249,7 @@ class _Run:
             of_trace = end[is_good, -1] / sizes[is_good] - logs[:, :-1].sum(axis=1)
         logs[:, -1] = np.where(matters[is_good, -1], logs[:, -1], of_trace)
         self.logs[go] += np.where(lives[is_good], logs, 0.0)
-        self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.x[go], self.Q[go], self.lost[go] = end[is_good, :D], Q[is_good], engine.lost[is_good]
         self.passed[go] += passed[is_good]
         self.count[go] += 1
         self.duration[go] += length
@@ -253,8 +275,10 @@ class _Run:
         start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)
-        engine = BatchSolver(frame, table, start, self._request(length), states)
+        request = self._request(length)
+        engine = BatchSolver(frame, table, start, request, states, self.lost[which])
         engine.run(self.threads)
+        self._note_alarms(engine, which)
         (end,), ended = states, STATUS[engine.state] != Status.OK
         if starts is not None:
             end[:, [*self.f.offsets]] += starts
@@ -268,10 +292,15 @@ class _Run:
         go = which[is_good]
         diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
         self.logs[go] += end[is_good, -n:] + np.log(diagonal[is_good])
-        self.x[go], self.Q[go] = end[is_good, :D], Q[is_good]
+        self.x[go], self.Q[go], self.lost[go] = end[is_good, :D], Q[is_good], engine.lost[is_good]
         self.duration[go] += length
         self.t[go] += length
         return is_good, is_good & (4.0 * off <= most)
+
+    def _note_alarms(self, engine: BatchSolver, which: NDArray[np.int64]) -> None:
+        """End the trajectories `which` that `engine` would compute again, with atol = 0."""
+        alarm = which[engine.state == LaneState.AGAIN]
+        self.again[alarm], self.status[alarm] = True, Status.TOO_MANY_STEPS
 
     def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:
         """Return the times of events left for trajectories `which`, counted from their present."""

@@ -1,4 +1,4 @@
-"""Components that fall below their allowed errors and grow again: right, or warned of once."""
+"""Components that lose digits and grow again: the trajectory is computed again with atol = 0."""
 
 import warnings
 
@@ -30,11 +30,9 @@ def in_logarithms(f, x0, time):
     return np.exp(solve_ivp(rates, (0.0, time), np.log(x0), **options).y[:, -1])
 
 
-def is_right_or_warned(f, names, x0, time, right, **options):
+def is_right(f, names, x0, time, right, **options):
     found, texts = solved(field(f, names), x0, time, **options)
-    is_right = np.allclose(found, right, rtol=1e-3, atol=1e-6)
-    ends = options.get("stiff") is False and np.isnan(found).any()  # which is told of as well
-    return is_right or (len(texts) == 1 + ends and "atol=0" in texts[-1])
+    return np.allclose(found, right, rtol=1e-3, atol=1e-9) and not texts
 
 
 def sir(s):
@@ -67,9 +65,9 @@ CASES = {
     "options",
     [{}, {"rtol": 1e-12}, {"atol": 1e-12}, {"stiff": True}, {"stiff": False}, {"asked": 41}],
 )
-def test_growth_is_right_or_warned_of(name, options):
+def test_growth_is_right(name, options):
     """Right values by LSODA in logarithms; the laser's noise is below an atol of 1e-12."""
-    assert is_right_or_warned(*CASES[name], **options)
+    assert is_right(*CASES[name], **options)
 
 
 def test_with_atol_0_growth_is_right():
@@ -86,24 +84,25 @@ def foxes(a):
     ("a", "x0", "rtol"),
     [
         (3, [5.0, 1.0], 1e-6),
-        (30, [1.5, 1.5], 1e-3),
-        (1, [5.0, 1.0], 1e-4),
-        (22.7, [1.39, 2.14], 1e-4),
         (30.095, [1.9435, 1.4353], 1e-7),
     ],
 )
-def test_foxes_that_fall_near_their_allowed_error_are_told_of(a, x0, rtol):
-    """The foxes fall to 33, 3.5, 70, 170 and 65 allowed errors; the last ones in a single step."""
-    assert len(solved(field(foxes(a), "x y"), x0, 40.0, rtol=rtol)[1]) == 1
+def test_foxes_that_fall_near_their_allowed_error_have_digits(a, x0, rtol):
+    """The foxes fall to 33 and 65 allowed errors; the last ones in a single step."""
+    found, right = (
+        solved(field(foxes(a), "x y"), x0, 40.0, rtol=rtol, **k)[0] for k in ({}, {"atol": 0})
+    )
+    np.testing.assert_array_equal(found, right)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])
-def test_what_others_feed_is_not_warned_of(rtol):
+def test_what_others_feed_is_not_computed_again(rtol):
     """Components of relaxation oscillations and of Robertson's reaction, which begins at 0."""
     cycle = field(lambda s: (s[1], 1000 * (1 - s[0] ** 2) * s[1] - s[0]), "x v")
     reaction = field(robertson, "a b c")
-    assert not solved(cycle, [2.0, 0.0], 2000.0, rtol=rtol)[1]
-    assert not solved(reaction, [1.0, 0.0, 0.0], 1e9, rtol=rtol)[1]
+    assert sf.flow(reaction, [1.0, 0.0, 0.0], time=1e9, rtol=rtol).steps < 180
+    if rtol < 1e-6:
+        assert sf.flow(cycle, [2.0, 0.0], time=2000.0, rtol=rtol).steps < 300
 
 
 def test_decay_and_rotation_below_allowed_errors_take_long_steps():
@@ -118,8 +117,8 @@ def test_decay_and_rotation_below_allowed_errors_take_long_steps():
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(30, marks=pytest.mark.slow)])
-def test_random_epidemics_are_right_or_warned_of(count):
-    rng = np.random.default_rng(7)
+def test_random_epidemics_are_right(count):
+    rng, told = np.random.default_rng(7), 0
     for _ in range(count):
         birth, removal = 10 ** rng.uniform(-2.5, -1), 10 ** rng.uniform(1, 2.3)
         rate = rng.uniform(2, 40) * (removal + birth)
@@ -130,11 +129,14 @@ def test_random_epidemics_are_right_or_warned_of(count):
 
         x0, time = [rng.uniform(0.5, 0.99), 10 ** rng.uniform(-5, -2)], rng.uniform(20, 60)
         right = in_logarithms(epidemic, x0, time)
-        assert is_right_or_warned(epidemic, "S I", x0, time, right)
+        found, texts = solved(field(epidemic, "S I"), x0, time)
+        assert texts or np.allclose(found, right, rtol=1e-3, atol=1e-9)
+        told += bool(texts)
+    assert told <= count // 10  # of those that fall below 1e-300
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
-def test_random_lasers_go_on_or_are_warned_of(count):
+def test_random_lasers_go_on(count):
     """Light grows from noise that is below its allowed error."""
 
     def light(s, pump, level, gain, noise):
@@ -149,16 +151,70 @@ def test_random_lasers_go_on_or_are_warned_of(count):
         right = in_logarithms(lambda s, values=values: np.array(light(s, **values)), x0, time)
         for options in ({}, {"atol": 1e-12}, {"atol": 1e-9}, {"stiff": True}):
             found, texts = solved(field(light, "n I", **values), x0, time, **options)
-            assert texts or np.allclose(found[0], right[0], rtol=0.02)
+            assert not texts
+            np.testing.assert_allclose(found[0], right[0], rtol=0.02)
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
 @pytest.mark.parametrize("stiff", [None, True])
-def test_the_oregonator_at_large_tolerances(rtol, stiff):
-    """Against its published state at 360, of 1 beside peaks of 1e5: right, or warned of as well."""
+def test_the_oregonator(rtol, stiff):
+    """Against its published state at 360, and states at 320 and 322 with rtol 1e-12, atol 0."""
     f = field(oregonator, "a b c")
-    found, texts = solved(f, [1.0, 2.0, 3.0], 360.0, rtol=rtol, stiff=stiff)
-    np.testing.assert_allclose(found[0], 1.000814870318523, rtol=1e-3)
-    assert texts or np.allclose(
-        found, [1.000814870318523, 1228.178521549917, 132.0554942846706], rtol=0.01
+    motion = sf.flow(f, [1.0, 2.0, 3.0], time=[320.0, 322.0, 360.0], rtol=rtol, stiff=stiff)
+    right = [4.9478139, 8.9176361, 1.000814870318523]
+    np.testing.assert_allclose(motion.states[:, 0], right, rtol=1e-4)
+
+
+EPIDEMIC = field(
+    lambda s, b: (0.02 * (1 - s[0]) - b * s[0] * s[1], b * s[0] * s[1] - 100.02 * s[1]),
+    "S I",
+    b=[1800.0, 150.0, 1500.0],
+)
+
+
+def same_as_with_atol_0(found, right, which):
+    np.testing.assert_array_equal(found.states[:, which], right.states[:, which])
+
+
+def test_events_of_the_first_try_are_dropped():
+    """Vaccinations, and crossings of a surface; trajectory 1 is calm."""
+    events = [
+        sf.Event(times=[10.0, 20.0], to=lambda s: (0.9 * s[0], s[1])),
+        sf.Event(lambda s: s[1] - 0.01, direction="up"),
+    ]
+    times = np.linspace(0.0, 40.0, 21)
+    found, right = (
+        sf.flow(EPIDEMIC, [0.99, 0.01], time=times, events=events, atol=a) for a in (None, 0)
     )
+    same_as_with_atol_0(found, right, [0, 2])
+    for k in range(3):
+        own, other = (m.events.time[m.events.trajectory == k] for m in (found, right))
+        np.testing.assert_allclose(own, other, rtol=1e-5)
+        alone = sf.flow(EPIDEMIC[k], [0.99, 0.01], time=times, events=events)
+        np.testing.assert_array_equal(alone.states, found.states[:, k])
+        np.testing.assert_array_equal(alone.events.time, own)
+
+
+def test_derivatives_threads_and_large_batches():
+    x0 = np.tile([0.99, 0.01], (100, 3, 1))
+    x0[..., 1] *= np.linspace(0.9, 1.1, 100)[:, np.newaxis]
+    options = {"time": [20.0, 40.0], "derivatives": ("x0", "b")}
+    found = sf.flow(EPIDEMIC, x0, **options, threads=2)
+    few = sf.flow(EPIDEMIC, x0[7], **options)
+    right = sf.flow(EPIDEMIC, x0[7], **options, atol=0)
+    np.testing.assert_array_equal(found.states[:, 7], few.states)
+    same_as_with_atol_0(few, right, [0, 2])
+    for name in ("x0", "b"):
+        np.testing.assert_array_equal(found.derivatives[name][:, 7], few.derivatives[name])
+        own, other = (m.derivatives[name][:, [0, 2]] for m in (few, right))
+        np.testing.assert_array_equal(own, other)
+
+
+def test_exponents_of_epidemics():
+    a, b = (
+        sf.lyapunov_exponents(EPIDEMIC, [0.99, 0.01], time=60.0, transient=5.0, rtol=rtol)
+        for rtol in (1e-6, 1e-10)
+    )
+    np.testing.assert_allclose(a, b, atol=1e-4)
+    alone = sf.lyapunov_exponents(EPIDEMIC[2], [0.99, 0.01], time=60.0, transient=5.0, rtol=1e-6)
+    np.testing.assert_array_equal(alone, a[2])

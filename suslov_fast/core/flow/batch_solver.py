@@ -17,6 +17,7 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
+from .growing_components import many_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .step_length import MOST_STEPS, first_part, limit_of
@@ -80,6 +81,8 @@ def numbers_of(settings, sign):
         float(settings.stiff is None),
         float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
         MOST_STEPS,
+        many_of(settings.rtol),
+        float(settings.atol is None or bool(np.any(settings.atol))),
     ))  # fmt: skip
 
 
@@ -198,20 +201,21 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `LaneState`
-    grown    (B,), a component that fell and grew, see `growing_components.LOW`, or -1
+    doubtful (B,), True for an alarm with atol = 0, see `growing_components`
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """
 
-    def __init__(self, f, table, x0, request, states):
+    def __init__(self, f, table, x0, request, states, lost=None):
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
+        self.given, self.lost = (table, x0), lost
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings.atol)
         self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
         self.state = np.zeros(B, np.int8)
-        self.grown, self.records = np.full(B, -1), []
+        self.records, self.doubtful = [], np.zeros(B, bool)
         self.is_stopped, self.event_times = False, None
         integrator = self.integrator(LaneState.EXPLICIT)
         self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
@@ -249,12 +253,53 @@ class BatchSolver:
             in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
         if self.starts is not None:
             add_starts(self.f, self.starts, self.states, self.records)
+        again = self.state == LaneState.AGAIN
+        if self.lost is None and np.count_nonzero(again) and not self.is_stopped:
+            self._compute_again(np.flatnonzero(again), threads)
+
+    def _compute_again(self, which, threads):
+        """Compute the trajectories `which` again with atol = 0: `growing_components`."""
+        (table, x0), request, before, most = self.given, self.request, 0, 0
+        states = np.full((len(self.states), len(which), self.f.D), np.nan)
+        if self.places is not None:
+            most = int(self.places.sum())
+            before = most - int(self.places[which].sum())
+        report = request.report and (lambda done: request.report(max(before + done, most)))
+        other = BatchSolver(
+            self.f,
+            table if table.ndim == 1 else table[which],
+            x0[which],
+            request._replace(
+                settings=request.settings._replace(atol=0.0),
+                report=report,
+                event_times=request.event_times and request.event_times.of(which),
+            ),
+            states,
+        )
+        other.run(threads)
+        self.states[:, which], self.t[which], self.state[which] = states, other.t, other.state
+        self.steps[which] += other.steps
+        self.doubtful[which] = other.doubtful
+        self.is_stopped = other.is_stopped
+        if self.f.events:
+            numbers = [rows[:, 0].view(np.int64) for rows in self.records]
+            self.records[:] = [
+                rows[~np.isin(own, which)] for rows, own in zip(self.records, numbers, strict=True)
+            ]
+            for rows in other.records:
+                own = rows[:, 0].view(np.int64)
+                own[:] = which[own]
+            self.records += other.records
 
     def _rows(self, block):
         """Return an array (K, -), `TrajectoryRows` of the slice `block` before the first step."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
+        if self.lost is not None:
+            lost = self.lost[block]
+            found[:, rows.lost : rows.lost + lost.shape[1]] = lost
+            found[:, rows.watches] = lost.max(axis=1, initial=0.0)
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
@@ -275,9 +320,9 @@ class BatchSolver:
             mode = 1 - mode  # for trajectories that turned to the other integrator
         state, t = flat[:, rows.state], flat[:, rows.t]
         self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
-        low = flat[:, rows.low : rows.far] >= 3.0
-        if np.count_nonzero(low):
-            self.grown[block] = np.where(low.any(axis=1), low.argmax(axis=1), -1)
+        self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
+        if self.lost is not None:
+            self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
         if self.event_times is not None and np.count_nonzero(state == LaneState.ACCUMULATES):
             limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)

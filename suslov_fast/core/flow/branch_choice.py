@@ -22,7 +22,6 @@ from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Intervals
 from . import dense_output
 from .codegen import StepCode
-from .growing_components import GROWN
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, scalar_kernel
 
@@ -106,13 +105,6 @@ def TRACE(before, after, jumps, u):
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
-@scalar_kernel
-def INFLOW(low, f_old, f_new):
-    """Return `low`, steps with a tiny component, or 0 if its rate f_old jumps to a large f_new."""
-    is_inflow = (abs(f_new - f_old) > GROWN * abs(f_old)) & (low < 3.0)
-    return {"low": is_inflow.select(0.0, low)}
-
-
 def add_branches(text, integrator, name, for_each):
     """Add the function void choose(arguments) to `text`: it chooses branches at the state `new`.
 
@@ -188,7 +180,7 @@ def _put_ahead(code, x, f, signed):
 
 def _choose(code, truth, acted):
     """Choose branches in lanes `truth`; update f, and derivative columns if no event `acted`."""
-    text, line, work, f = code.text, code.line, code.work, code.f
+    text, work, f = code.text, code.work, code.f
     has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
@@ -202,8 +194,6 @@ def _choose(code, truth, acted):
                 code.keep_largest(own, i, work.new[i])
             _change_columns(code, own)
             code.call("f", work.new, code.table, work.f_new)
-    for i in text.each(code.f.of.D):
-        line.low.choose(truth, i, code.apply(INFLOW, i)["low"])
 
 
 def _change_columns(code, truth):

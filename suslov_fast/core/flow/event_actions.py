@@ -16,6 +16,7 @@ from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
 from .codegen import StepCode
 from .event_records import record
+from .growing_components import RAISED
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
@@ -431,6 +432,8 @@ def _act(code, k, truth, by_motion=None):
         else:
             for n, i in enumerate(own):
                 work.new.choose(truth, i, work.changed[n])
+        for i in text.each(D):
+            code.line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
         if integrator.f.branches:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
@@ -499,10 +502,7 @@ def _next_stop(code, bits):
 
 
 def _keep_largest(code, truth):
-    """Update largest moduli before an action in lanes `truth`; forget which components are low."""
-    for i in code.text.each(code.f.of.D):
-        low = code.line.low[i]
-        code.line.low.choose(truth, i, (low >= 3.0).select(low, 0.0))
+    """Update largest moduli before an action in lanes `truth`."""
     for i in code.text.each(code.D):
         code.keep_largest(truth, i, code.work.new[i])
 

@@ -32,7 +32,7 @@ from .event_records import size_of
 from .memory import BEGINS, LaneState
 
 # By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
-STATUS = np.full(LaneState.ACCUMULATES + 2, TOO_MANY_STEPS, np.int8)
+STATUS = np.full(LaneState.AGAIN + 2, TOO_MANY_STEPS, np.int8)
 STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = OK, ENDED
 STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
 STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES

@@ -80,7 +80,7 @@ class Integrator:
         surfaces, count = (c.surfaces, c.count) if c else (0, 0)
         of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
         self.rows = firsts_of(TrajectoryRows, of_f | {
-            "x": D, "largest": D, "mode": D, "low": of_x.D, "far": watched,
+            "x": D, "largest": D, "mode": D, "lost": of_x.D, "far": watched,
             "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
             "counts": count, "acted": 2 * surfaces,
             **dict.fromkeys(OF_EVENTS, events),
@@ -92,7 +92,6 @@ class Integrator:
             "apart": D if self.is_implicit else columns, "nodes": 6 * D,
             "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
             "jacobian": f.entries + 1 if self.is_implicit else 0,
-            "alone": f.entries + 1 if self.is_implicit else 0,
             "points": self.at_points + watched + 1, "point": watched,
             "quartic": of_x.D if watched else 0, "told": 3, "moving": 2 * watched + 1,
             "end": 2 * (watched + surfaces), "aim": 5,

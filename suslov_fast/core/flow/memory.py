@@ -23,6 +23,7 @@ class LaneState:
     SLIDING = 6  # a branch of f changes back and forth
     STOPPED = 7  # an event ends it
     ACCUMULATES = 8  # actions follow one another at once, without end
+    AGAIN = 9  # it is to be computed with atol = 0, see `growing_components`
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step
@@ -35,7 +36,7 @@ class TrajectoryRows(NamedTuple):
     f: int  # f(x), and its denominators of clocks (D + denominators)
     largest: int  # moduli of components so far (D)
     mode: int  # a vector of the power iteration on f' (D)
-    low: int  # of components that have fallen, see `growing_components.LOW` (those of x)
+    lost: int  # errors of components beside their sizes, see `growing_components` (those of x)
     far: int  # the state after a step of length `outer` (watched)
     chosen_at: int  # time at which branches of f changed last (1 if f has branches)
     chosen_often: int  # how often in a row they changed at once (1 if f has branches)
@@ -67,7 +68,7 @@ class TrajectoryRows(NamedTuple):
     trial: int  # implicit steps that are left of the first ones
     steps: int  # that were taken
     tries: int  # steps, also refused ones, since the last time that was asked for
-    watches: int  # more than 0 while a component is low
+    watches: int  # more than 0 while a component has lost digits; infinity for an alarm
     inner: int  # length of a step that crosses no surface, while one is looked for
     outer: int  # and of one that does, infinity if none is looked for
     weight: int  # of the last guess where it is crossed, see `event_location.CUT`
@@ -117,7 +118,6 @@ class WorkRows(NamedTuple):
     jacobian: int  # entries of f', s, and a vector (D)
     factors: int  # of 1 - s f'
     right: int  # (D), after the factors
-    alone: int  # entries of f' of components that remember, and s, see `growing_components`
     taken: int  # length of this step
     signed: int  # the same with the sign of time
     aside: int  # 1 where it is a step aside

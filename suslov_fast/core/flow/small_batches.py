@@ -30,7 +30,6 @@ _KEPT = 1024  # times that memory is kept of
 # What calls of a runner set.
 _OF_CALLS = SLOT.times, SLOT.states, SLOT.state_bytes, *range(SLOT.event_times, SLOT.full + 1)
 _NAN = array("d", [math.nan])
-_GREW = array("d", [3.0]).tobytes()  # of a component, see `growing_components.LOW`
 
 
 class _PreparedRunner(StepRunner):
@@ -46,9 +45,7 @@ class _PreparedRunner(StepRunner):
         rows, table = both[:count].reshape(B, -1), both[count:].reshape(shape)
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
-        self.x, self.low = rows[:, : f.D], rows[:, places.low : places.far]
-        if B == 1:
-            self.low = both.data[places.low : places.far]  # NumPy copies it in twice the time
+        self.x, self.watches = rows[:, : f.D], rows[:, places.watches]
         self.state, self.steps = rows[:, places.state], rows[:, places.steps]
         first = both.copy()  # what calls begin with
         self.first_table, self.source = first[count:].reshape(shape), None
@@ -102,7 +99,7 @@ def solve_small_batch(f, table, x0, request):
 
     states    (count, B, D) at the times, NaN where they are not reached
     steps     (B,) numbers of steps, and `records` (arrays of the actions of events), if all
-              trajectories have reached the last time, and no component fell and grew; else None
+              trajectories have reached the last time without an alarm; else None
     begun     None in that case, else (rows, table, records), from which `BatchSolver.run` continues
     """
     B, starts, records, count = len(x0), None, [], len(request.times)
@@ -131,7 +128,7 @@ def solve_small_batch(f, table, x0, request):
         while not own.take():
             pass
     states = np.ndarray((count, B, f.D), np.float64, states)
-    if runner.state.tolist().count(LaneState.DONE) < B or _GREW in runner.low.tobytes():
+    if runner.state.tolist().count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
         own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:

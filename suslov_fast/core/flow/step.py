@@ -61,15 +61,16 @@ def take_step(code):
     _choose_integrator(code, errors)
     if integrator.watched:
         event_location.cut(code, before, errors["total"])
+    growing_components.watch(code, errors["loses"])
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)
-    growing_components.watch_small(code, errors["fallen"])
     if integrator.events:
         event_actions.act(code)
         dense_output.save_at_end(code)
     if code.f.branches:
         branch_choice.renew(code)
+    growing_components.sound(code)
     move(code)
 
 
@@ -101,9 +102,6 @@ def _estimate_errors(code, kept, sizes):
         errors |= tolerance.differences_of_sets(code)
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
     errors |= second_trial.try_again(code, own, of_error, errors)
-    if integrator.is_implicit and code.f.entries:
-        least = growing_components.longest_step(code)
-        kept = (work.taken[0] > least).select(0.0, kept)
     return errors | {"kept": kept, "taken": work.taken[0]}
 
 

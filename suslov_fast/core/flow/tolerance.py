@@ -16,7 +16,7 @@ or the rounding of the weighted sum of columns, if that is more.
 from ..expressions.values import larger
 from ..llvm.text import Carried
 from .codegen import weighted
-from .growing_components import FALLEN
+from .growing_components import LOSES
 from .scalar_kernels import TINY, scalar_kernel
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
@@ -91,14 +91,14 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 
 
 def find_errors(code, own, sizes):
-    """Return `ratio`, `total`, `apart`, `fallen` and other sums over all components, by name.
+    """Return `ratio`, `total`, `apart`, `loses` and other sums over all components, by name.
 
-    They are results of `RATIO`, `FALLEN`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
+    They are results of `RATIO`, `LOSES`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
     sum d that shows false steps. The row `error` has errors, and gets 1 / allowed errors. `own` are
     the weights of columns, and `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
-    names = ["ratio", "total", "apart", "fallen"] + (
+    names = ["ratio", "total", "apart", "loses"] + (
         [] if integrator.is_implicit else ["rates", "states"]
     )
     names += [] if integrator.has_atol else ["large"]
@@ -111,7 +111,7 @@ def find_errors(code, own, sizes):
             inverse = code.apply(integrator.allowed, i, **inputs)["inverse"]
             found = code.apply(RATIO, i, inverse=inverse, **vars(sums))
             if first == 0:
-                found |= code.apply(FALLEN, i, inverse=inverse, fallen=sums.fallen)
+                found |= code.apply(LOSES, i, inverse=inverse, loses=sums.loses)
             if not integrator.has_atol:
                 own_sums = {"inverse": inverse, "large": sums.large, "noisy": of_part["noisy"]}
                 found |= code.apply(LARGE, i, **own_sums)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.cached import cached_property
+from ..core.expressions.dense_product import expanded
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order
@@ -25,6 +26,7 @@ class Equations:
     names, parameters  the variables, and the named parameters, in the order of values
     values, results    `Expressions` of f and of H, in an order that these determine, and f
     H, K               the operand of H, and the entries (i, j, value) of its matrix, or None
+    products           such `Expressions` and results of f, with products of dense matrices
     ratios             the fractions that were typed, by the floats nearest to them
     """
 
@@ -40,9 +42,16 @@ class Equations:
     ) -> None:
         self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
         self.ratios = dict(ratios or {})
-        self.values, operands = in_order(values, [*results, *([] if H is None else [H])])
-        self.results = operands[: len(results)]
+        values, operands = in_order(values, [*results, *([] if H is None else [H])])
+        self.products = values, operands[: len(results)]
         self.H = None if H is None else operands[-1]
+
+    @cached_property
+    def _written(self) -> tuple[Any, list[Any]]:
+        return expanded(*self.products)
+
+    values = property(lambda self: self._written[0])
+    results = property(lambda self: self._written[1])
 
     @property
     def all_names(self) -> tuple[str, ...]:
@@ -52,7 +61,8 @@ class Equations:
     def key(self) -> Any:
         """The part of a field that == compares, without texts and names."""
         sizes = len(self.names), len(self.parameters)
-        return repr((sizes, self.values.operations, self.results, self.H, self.K))
+        values, results = self.products
+        return repr((sizes, values.operations, results, self.H, self.K))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Equations) and self._identity == other._identity
@@ -67,6 +77,11 @@ class Equations:
     @cached_property
     def right_hand_side(self) -> RightHandSide:
         values, results = in_order(self.values, self.results)
+        return RightHandSide(values, results, len(self.parameters))
+
+    @cached_property
+    def with_products(self) -> RightHandSide:
+        values, results = in_order(*self.products)
         return RightHandSide(values, results, len(self.parameters))
 
     @cached_property

@@ -22,6 +22,7 @@ from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
 from .names import check_for_map, variables
 from .right_hand_sides import OfMembers
+from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
 from .trace import check_callable, check_function, operands_of_function
 from .traced import EQUATIONS, NAMES, Traced, operands_of_texts, parts_of
@@ -134,7 +135,8 @@ class Field(Traced):
         else:
             f, mass = parted(f, mass, names, parameters)
         values = named_parameters(parameters, names)
-        tracer, rows = operands_of_function("f", f, names, values)
+        tracer = Tracer(names, [*values], has_products=mass is None)
+        tracer, rows = operands_of_function("f", f, names, values, tracer)
         rows = rows if mass is None else rates(tracer, mass, rows)
         check_equalities(tracer.values, names, rows)
         self._take(parts_of(tracer, names, rows, values))

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.expressions.branches import with_fixed_branches
+from ..core.expressions.dense_product import ENTRY, is_matrix
 from ..core.expressions.event_formulas import EventAction, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
-from ..core.expressions.programs import Expressions, emitted, in_order
+from ..core.expressions.programs import Expressions, depending, emitted, in_order
 from ..core.expressions.right_hand_side import RightHandSide
 from ..core.expressions.tables import is_table
 from ..core.expressions.values import operand_of
@@ -47,10 +48,28 @@ def _of_list(
     actions: tuple[EventAction, ...],
     constants: int,
 ) -> RightHandSide:
-    values, results = in_order(equations.values, equations.results, constants)
+    is_written = _is_written(equations.products[0], bool(names or twice))
+    own = (equations.values, equations.results) if is_written else equations.products
+    values, results = in_order(*own, constants)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
     P = len(equations.parameters) + constants
     return with_fixed_branches(values, results, P, by, twice, actions)
+
+
+def _is_written(values: Any, has_columns: bool) -> bool:
+    """Return True where products of dense matrices must be written as sums.
+
+    Branches that depend on entries of products are surfaces, which need gradients; and columns of
+    derivatives need the trace of f', which is long if products have operands made of others.
+    """
+    operations = values.operations
+    of = depending(operations, [number for name, number, _ in operations if name == ENTRY])
+    return any(
+        (name in _WITH_BRANCHES or is_table(name) or (has_columns and is_matrix(name)))
+        and not of.isdisjoint(a for a in operands if type(a) is int)
+        for name, _, operands in operations
+        if name != "select"
+    )
 
 
 def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
@@ -58,8 +77,9 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
 
     So functions that differ by numbers, as in a sweep, share a code from the second one on.
     """
-    names = {name for name, _, _ in equations.values.operations}
-    if not names.isdisjoint(_WITH_BRANCHES) or any(map(is_table, names)):
+    names = {name for name, _, _ in equations.products[0].operations}
+    special = not names.isdisjoint(_WITH_BRANCHES)
+    if special or any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
     program = EventAction.list_of(equations.values, equations.results)

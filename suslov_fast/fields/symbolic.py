@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import OF_SYMBOLS, short
+from ..checks import OF_SYMBOLS, FloatArray, short
+from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions
@@ -34,8 +35,10 @@ class Untraceable(TypeError):
 class Tracer:
     """The list of operations of a function that is called with symbolic numbers."""
 
-    def __init__(self, names: Sequence[str], parameters: Sequence[str]) -> None:
-        self.names = (*names, *parameters)
+    def __init__(
+        self, names: Sequence[str], parameters: Sequence[str], has_products: bool = False
+    ) -> None:
+        self.names, self.has_products = (*names, *parameters), has_products
         D, count = len(names), len(self.names)
         self.values = Expressions(count, range(D, count))
         self.state = Symbols.of([Symbol(self, i) for i in range(D)])
@@ -95,6 +98,12 @@ class Tracer:
         if not isinstance(result, float) and result >= count:
             self.values.written.setdefault(result, (name, tuple(operands), *tables))
         return Symbol(self, result)
+
+    def product(self, matrix: FloatArray, vector: Symbols) -> Symbols:
+        """Return the product of a matrix of numbers and a vector of symbols, as one operation."""
+        emit = self.values.emit
+        whole = emit(DenseMatrix(matrix), *map(self.number, vector))
+        return Symbols.of([Symbol(self, emit(ENTRY, whole, float(i))) for i in range(len(matrix))])
 
     def result(self, value: Any) -> Any:
         """Return the operand that a component of f, or H, is."""
@@ -221,6 +230,8 @@ def _carried_out(
 ) -> Any:
     """Return the value of a NumPy function at symbolic numbers; `out` and `where` count."""
     name, options = called.__name__, dict(options)
+    if called is np.matmul and method == "__call__" and (found := _product(*inputs)) is not None:
+        return found
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
     if called.signature is not None or is_of_user:  # NumPy computes with objects
         return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
@@ -231,6 +242,28 @@ def _carried_out(
     vector = _on_arrays(name)
     result = getattr(vector, method)(*map(_base, inputs), **_bases(name, options))
     return out[0] if out and out[0] is not None else _wrapped(result)
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Return the product of a large matrix and a vector as one operation, or None."""
+    if isinstance(a, Symbols) and not isinstance(b, Symbols):
+        if a.ndim == 1 and np.ndim(b) == 2:
+            return _product(np.asarray(b).T, a)
+        if a.ndim == 2 and np.ndim(b) == 2:
+            found = _product(np.asarray(b).T, a.T)
+            return None if found is None else found.T
+        return None
+    if not isinstance(b, Symbols) or isinstance(a, Symbols) or not 1 <= b.ndim <= 2:
+        return None
+    a = np.asarray(a)
+    if a.ndim != 2 or a.dtype.kind not in "fiub" or a.shape[1] != len(b) or not is_large(a):
+        return None
+    tracer = next((each.tracer for each in b.flat if isinstance(each, Symbol)), None)
+    if tracer is None or not (tracer.has_products and np.isfinite(a).all()):
+        return None
+    if b.ndim == 1:
+        return tracer.product(a, b)
+    return np.stack([_base(tracer.product(a, column)) for column in b.T], axis=1).view(Symbols)
 
 
 def _is_array(value: Any) -> bool:
@@ -333,6 +366,9 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
     """Return the value of a NumPy function written in Python at arrays of symbolic numbers."""
+    if called is np.dot and len(args) == 2 and not options:
+        if (found := _product(*args)) is not None:
+            return found
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
     if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):

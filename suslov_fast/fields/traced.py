@@ -174,7 +174,7 @@ class Traced(Body):
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:
         """The right-hand side, and its values that depend on parameters alone, of all members."""
-        f = self._program.right_hand_side
+        f = self._program.with_products
         return f, f.table_of(self._inputs)
 
     def _traced_at(self, x: Symbols) -> Any:

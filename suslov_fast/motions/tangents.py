@@ -136,7 +136,9 @@ class _Run:
         self.event_times = request.event_times
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        has_frames = self.n <= _LARGEST_FRAME and not (f.is_dense or f.branches or f.events)
+        has_frames = self.n <= _LARGEST_FRAME and not (
+            f.is_dense or f.products or f.branches or f.events
+        )
         self.has_frames = np.full(len(x), has_frames)
         self.count = np.zeros(len(x), np.int64)  # of segments
         self.passed = np.zeros(len(x), np.int64)  # times of events

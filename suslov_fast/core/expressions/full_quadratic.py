@@ -10,7 +10,7 @@ class DenseRightHandSide:
     parameters, and its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, events, offsets, columns = True, None, {}, 0
+    is_dense, events, offsets, columns, products = True, None, {}, 0, ()
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = None
     clocks = steady = of_one_sign = denominators = fixed = ()

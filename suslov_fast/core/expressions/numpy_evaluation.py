@@ -106,10 +106,11 @@ OF_TRUTH_VALUES = {
 
 class _Functions(dict):
     def __missing__(self, instruction):
-        return instruction  # a `Table`
+        return instruction  # a `Table` or a `DenseMatrix`
 
 
-FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES)
+OF_VECTORS = {"entry": lambda vector, i: vector[int(i)]}  # of products, see `dense_product`
+FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES | OF_VECTORS)
 
 
 def evaluate(operations, values):

@@ -14,6 +14,7 @@ A have no quotients and roots.
 import functools
 from typing import NamedTuple
 
+from .dense_product import ENTRY, is_matrix
 from .numpy_evaluation import OF_LISTS
 from .programs import Program, needed_for
 from .symbolic_elimination import bits_of
@@ -116,9 +117,9 @@ def _kind_of(name, of):
     """
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
-    if degree == 0 or name in ("select", "fabs"):
+    if degree == 0 or name in ("select", "fabs", ENTRY):
         pass
-    elif name in ("fadd", "fsub"):
+    elif name in ("fadd", "fsub") or is_matrix(name):
         is_shifted = is_shifted or (degree == 2 and min(a.degree for a in of) == 0)
     elif name == "fmul":
         degree = 2 if bends else degree

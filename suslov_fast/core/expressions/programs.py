@@ -126,7 +126,8 @@ class Expressions(Values):
 
     def _new(self, instruction, operands):
         is_constant = all(type(a) is float for a in operands)
-        if is_constant and instruction not in OF_TRUTH_VALUES:
+        is_number = instruction not in OF_TRUTH_VALUES and not instruction.startswith("matrix ")
+        if is_constant and is_number:
             with np.errstate(all="ignore"):
                 return float(FUNCTIONS[instruction](*operands))
         simple = self._simpler(instruction, operands)

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 
 from ..cached import cached_property
+from .dense_product import ENTRY, Chain, is_matrix
 from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import evaluate
@@ -24,6 +25,9 @@ class RightHandSide:
     places       {number: its place in the table}
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
     derivative   `Program` of f' by itself; results are the entries of `pattern`
+    products     (matrix, number, operands) of products with dense matrices in f; then results of
+                 `derivative` are derivatives by x and by entries of products, of f and of these
+                 operands, at the places `linked`; `chain` makes f' of them
     of_parameters  `Program` of df/dp for the parameters `by`, with D results for each
     by           the operands df/dp, which are the results of `of_parameters`
     reads        for each component, as bits, the components that its rate depends on
@@ -54,15 +58,21 @@ class RightHandSide:
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        rows = gradients(values, of_f, [*results, *surfaces[:jumps]], self.D, by)
-        slopes, of_surfaces = rows[: self.D], rows[self.D :]
-        self.by = [row.pop(p, 0.0) for p in by for row in slopes]
+        self.products = [(name, number, of) for name, number, of in of_f if is_matrix(name)]
+        operands = [a for *_, of in self.products for a in of]
+        wanted = [*results, *operands, *surfaces[:jumps]]
+        rows = gradients(values, of_f, wanted, self.D, by, True)
+        slopes, of_surfaces = rows[: self.D + len(operands)], rows[self.D + len(operands) :]
+        self.by, self.rows_by = [row.pop(p, 0.0) for p in by for row in slopes], len(slopes)
         place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
         of_surfaces = {
             (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()
         }
-        self.pattern = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
-        entries = [slopes[i][j] for i, j in self.pattern]
+        self.linked = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
+        entries = [slopes[i][j] for i, j in self.linked]
+        if not self.products:
+            self.pattern = self.linked
+        self.entry_of = {number: of for name, number, of in of_f if name == ENTRY}
         fixed = values.fixed
         count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
@@ -91,13 +101,28 @@ class RightHandSide:
     is_dense, events, offsets, columns = False, None, {}, 0
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = branch_program = derived = None
-    work = property(lambda self: len(self.f.operations) + 16, doc="About how many operations.")
     entries = property(lambda self: len(self.pattern))
+
+    @cached_property
+    def work(self):
+        """About how many operations f takes."""
+        return len(self.f.operations) + sum(name.matrix.size for name, *_ in self.products) + 16
+
+    @cached_property
+    def chain(self):
+        """The `Chain` through products with dense matrices."""
+        return Chain(self)
+
+    @cached_property
+    def pattern(self):
+        """The places (i, j) where f' may differ from 0, if f has products with dense matrices."""
+        sizes = self.chain.matrix(np.ones(self.chain.parts), np.abs)
+        return [*map(tuple, np.argwhere(sizes).tolist())]
 
     @cached_property
     def key(self):
         """A text that is different for right-hand sides with different machine code."""
-        lists = self.f, self.fixed, self.derivative, self.pattern, self.watched, self.watch
+        lists = self.f, self.fixed, self.derivative, self.linked, self.watched, self.watch
         lists += self.double_crossings, self.aim, self.branch_program, self.derived
         lists += self.slopes, self.slope_places, self.surfaces, self.denominators
         lists += self.of_one_sign, self.steady, self.offsets, self.events
@@ -146,6 +171,8 @@ class RightHandSide:
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
         entries = self._at("derivative", x, table)
+        if self.products:
+            return self.chain.matrix(entries)
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry

@@ -104,21 +104,30 @@ def code_of(integrator, W, for_each):
     if (W, for_each) not in integrator.codes:
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
-        integrator.codes[W, for_each] = compiled(key, text_of, 1)
+        integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
+        vars(code).setdefault("products", integrator.f.of.products)  # whose entries it reads
     return integrator.codes[W, for_each]
 
 
+@functools.lru_cache(64)
 def code_of_table(f):
-    """Return the `Address` of code of f's table (n,), which it writes behind parameters (P,)."""
-    return compiled(("table", f.key), functools.partial(_text_of_table, f), 1)
+    """Return code of f's table (n,), which it writes behind parameters (P,), and its workspace.
+
+    That is the `Address`, and how many numbers the code needs behind the table.
+    """
+    function = ProgramFunction(Program(f.fixed, f.table), f.D + f.P)
+    code = compiled(("table", f.key), functools.partial(_text_of_table, f, function), 1)
+    vars(code).setdefault("products", f.of.products)  # whose entries it reads
+    return code, function.scratch
 
 
-def _text_of_table(f, name):
-    text, count = Code(1), f.D + f.P
-    ProgramFunction(Program(f.fixed, f.table), count).add(text, f"{name}_table", False)
+def _text_of_table(f, function, name):
+    text = Code(1)
+    function.add(text, f"{name}_table", False)
     text.begin(name, "parameters")
     parameters = Index(text, "%parameters")
-    text.invoke(f"{name}_table", parameters - 8 * f.D, 0, parameters + 8 * f.P, 0)
+    table = parameters + 8 * f.P
+    text.invoke(f"{name}_table", parameters - 8 * f.D, 0, table, table + 8 * len(f.table))
     text.add("  ret i64 1")
     return text.finished()
 
@@ -168,12 +177,13 @@ def counted_from_start(f, table, x0):
     own, x0 = f.of, x0.copy()
     count = own.P if f.branches is None else f.branches.P  # after them there are branches
     if f is own and len(x0) == 1:  # NumPy takes ten times as long
-        both = np.zeros(own.P + len(f.table))
+        code, scratch = code_of_table(f)
+        both = np.zeros(own.P + len(f.table) + scratch)
         both[:count] = table.ravel()[:count]
         for clock, number in f.offsets.items():
             both[number - own.D], x0[0, clock] = x0[0, clock], 0.0
-        code_of_table(f).call(address_of(both))
-        return both[own.P :].reshape(table.shape), x0, starts
+        code.call(address_of(both))
+        return both[own.P : own.P + len(f.table)].reshape(table.shape), x0, starts
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]

@@ -104,7 +104,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time):
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     integrators = [integrator_of(f, mode, settings.atol is not None) for mode in modes]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
-    of_table = 0 if f.is_dense else code_of_table(f)
+    of_table, of_this = (0, 0) if f.is_dense else code_of_table(f)
     (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
     row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
@@ -115,7 +115,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time):
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
     ends = np.cumsum([5 * f.D, times.size]).tolist()
     constants = np.concatenate([components_of(f, settings.atol), times, *parts], axis=None)
-    works = [integrator.work.size for integrator in integrators]
+    works = [max(integrator.work.size, of_this) for integrator in integrators]
     sizes = [_ARGUMENTS, 1, f.D, *map(len, parts), len(f.table), works[0], works[-1], at_once]
     plan = [codes[-1], of_table, integrators[0].is_bounded, ends[0] * bool(f.events), ends[1]]
     plan += [*np.cumsum(sizes).tolist(), rows.t, rows.state, rows.at]

@@ -10,7 +10,13 @@ from ..expressions.symbolic_elimination import elimination_order, filled
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
 from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of, scalars_of
-from .vector_functions import LONGEST, DenseQuadratic, ProgramFunction, SparseLoops
+from .vector_functions import (
+    LONGEST,
+    ChainFunction,
+    DenseQuadratic,
+    ProgramFunction,
+    SparseLoops,
+)
 from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
@@ -155,6 +161,8 @@ class Integrator:
             functions["j"] = DenseQuadratic(D, True)
         else:
             functions["j"] = ProgramFunction(f.derivative, D, f.places)
+        if f.products:
+            functions["j"] = ChainFunction(f.chain, f.pattern, functions["j"])
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:

@@ -6,11 +6,14 @@ dense matrices have loops. `scratch` are rows for temporary results.
 """
 
 from collections import defaultdict
+from weakref import WeakValueDictionary
 
 import numpy as np
 
+from ..expressions.dense_product import AT_ONCE, ENTRY, is_matrix
 from ..expressions.numpy_evaluation import OF_LIBRARY, OF_LISTS
-from ..llvm.text import Carried, Shared
+from ..llvm.compiler import numbers_in_register
+from ..llvm.text import Carried, Index, Shared
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
@@ -30,6 +33,9 @@ class ProgramFunction:
     def __init__(self, program, inputs, places=None):
         self.program, self.inputs, self.places = program, inputs, places or {}
         self.length = len(program.operations)
+        self.products = Products(program)
+        if self.products.rows:
+            self.length, self.scratch = np.inf, self.products.rows
         instructions = {instruction for instruction, *_ in program.operations}
         self.calls = not instructions.isdisjoint(OF_LISTS)
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
@@ -49,6 +55,8 @@ class ProgramFunction:
         numbers = text.array(table) if for_each else Shared(text, table)
 
         def load(number):
+            if number in self.products.places:
+                return text.array("%scratch")[self.products.places[number]]
             return row(number) if number < self.inputs else numbers[self.places[number]]
 
         return load
@@ -64,8 +72,8 @@ class ProgramFunction:
         LLVM's time grows with the square of a block. Each block reads its inputs again, and writes
         each result as soon as it is computed. If `for_each` is True, each lane has a table.
         """
-        operations, rows, given = self.program.operations, defaultdict(list), []
-        own = {number for _, number, _ in operations}
+        operations, rows, given = self.products.others, defaultdict(list), []
+        own, products = {number for _, number, _ in operations}, self.products
         for k, a in enumerate(self.program.results):
             if type(a) is int and a in own:
                 rows[a].append(k)
@@ -74,10 +82,10 @@ class ProgramFunction:
         x, to, computed = text.array("%from"), text.array("%to"), {}
         with text.function(name):
             load = self._loader(text, lambda k: x[k], "%table", for_each)
-            for begin in range(0, len(operations), BLOCK):
+            for begin, end, product in products.blocks():
                 if begin:
                     text.next_block()
-                block = operations[begin : begin + BLOCK]
+                block = operations[begin:end]
                 used = {a for *_, operands in block for a in operands}
                 found = {a: computed[a] for a in used if a in computed}
                 text.carry_out(block, found, load)
@@ -85,11 +93,155 @@ class ProgramFunction:
                     computed[number] = found[number]
                     for k in rows[number]:
                         to[k] = found[number]
+                    products.keep(text, number, found[number])
+                if product is not None:
+                    products.add(text, product, lambda a: self._result(text, a, computed, load))
             for begin in range(0, len(given), BLOCK):
                 if begin:
                     text.next_block()
                 for a, k in given[begin : begin + BLOCK]:
                     to[k] = self._result(text, a, {}, load)
+
+
+class Products:
+    """Products of dense matrices in a `Program`, as loops; vectors stand in the scratch rows.
+
+    others   the operations other than products and entries of them
+    places   {number of an entry: its scratch row}
+    rows     how many scratch rows there are
+    """
+
+    def __init__(self, program):
+        self.others, self.places, self.rows, self._of, firsts = [], {}, 0, [], {}
+        self._kept = defaultdict(list)
+        for name, number, operands in program.operations:
+            if name == ENTRY:
+                vector, i = operands
+                self.places[number] = firsts[vector] + int(i)
+            elif is_matrix(name):
+                n, m = name.matrix.shape
+                firsts[number] = self.rows + m
+                self._of.append((len(self.others), name, operands, self.rows))
+                for j, a in enumerate(operands):
+                    if type(a) is int:  # 1 is the number of a value, and 1.0 a constant
+                        self._kept[a].append(self.rows + j)
+                self.rows += m + -(-n // AT_ONCE) * AT_ONCE
+            else:
+                self.others.append((name, number, operands))
+        self._own = {number for _, number, _ in self.others}
+
+    def blocks(self):
+        """Yield (begin, end) of blocks of `others`, and the product that follows, or None."""
+        begin = 0
+        for product in [*self._of, None]:
+            last = product[0] if product else len(self.others)
+            while last - begin > BLOCK:
+                yield begin, begin + BLOCK, None
+                begin += BLOCK
+            if product or last > begin:
+                yield begin, last, product
+            begin = last
+
+    def keep(self, text, number, value):
+        """Write a value to the vectors that it is in."""
+        for row in self._kept.get(number, ()):
+            text.array("%scratch")[row] = value
+
+    def add(self, text, product, value):
+        """Add a product to `text`; value(operand) returns operands that are no values of `others`.
+
+        One lane takes AT_ONCE rows as lanes of vectors; many lanes take the rows of a register file.
+        """
+        _, name, operands, first = product
+        (n, m), scratch = name.matrix.shape, text.array("%scratch")
+        for j, a in enumerate(operands):
+            if isinstance(a, float) or a not in self._own:
+                scratch[first + j] = value(a)
+        v, to = scratch.from_here(first), scratch.from_here(first + m)
+        if text.W == 1:
+            wide, rows, step = text.lanes(8), AT_ONCE, 8
+        else:
+            wide, rows, step = text, 8 if numbers_in_register() == 8 else 4, 1
+        entries = Index(text, address_of_packed(name, rows))
+        parts = range(0, rows, step)
+        for block in text.each(-(-n // rows)):
+            sums = Carried(**{f"s{k}": wide.value(0.0) for k in parts})
+            own = entries + block * (8 * m * rows)
+            for j in text.each(m, sums):
+                at = own + j * (8 * rows)
+                a, found = v[j], {}
+                a = wide.splat(a) if text.W == 1 else a
+                for k in parts:
+                    if text.W == 1:
+                        c = wide.array(at)[k]
+                    else:
+                        c = Shared(text, at)[k]
+                    found[f"s{k}"] = getattr(sums, f"s{k}") + c * a
+                sums.update(found)
+            for k in parts:
+                wide.array(to.at(block * rows))[k] = getattr(sums, f"s{k}")
+
+
+def address_of_packed(matrix, rows):
+    """Return the address of the `packed` entries of a `DenseMatrix`, which stay in memory."""
+    kept = vars(matrix).setdefault("_packed", {})
+    if rows not in kept:
+        kept[rows] = _packed.setdefault((str(matrix), rows), matrix.packed(rows))
+    return kept[rows].ctypes.data
+
+
+_packed = WeakValueDictionary()  # entries by matrix and rows; codes and matrices keep them
+
+
+class ChainFunction:
+    """f' of an f with products of dense matrices, from the function `parts` of its parts."""
+
+    def __init__(self, chain, pattern, parts):
+        self.chain, self.pattern, self.parts = chain, pattern, parts
+        self.scratch = chain.parts + (chain.rows + chain.D) * chain.D + parts.scratch
+
+    def add(self, text, name, for_each):
+        self.parts.add(text, f"{name}_parts", for_each)
+        chain, D = self.chain, self.chain.D
+        with text.function(name):
+            scratch = text.array("%scratch")
+            T = scratch.from_here(chain.parts)
+            to = scratch.from_here(chain.parts + chain.rows * D)
+            inner = scratch.at(chain.parts + (chain.rows + D) * D)
+            text.invoke(f"{name}_parts", "%from", "%table", scratch, inner)
+            for rows, count in ((T, chain.rows), (to, D)):
+                text.fill(rows, count * D, lambda: 0.0)
+
+            def each(triples):
+                """Add a loop over triples (l, j, k); yield l, j, and part k."""
+                if triples:
+                    l, j, k = (text.constants(list(of)) for of in zip(*triples, strict=True))
+                    for n in text.each(Index(text, len(triples))):
+                        yield l[n], j[n], scratch[k[n]]
+
+            def add_row(rows, i, factor, row):
+                own, other = rows.from_here(i * D), T.from_here(row * D)
+                text.fill(own, D, lambda a, c, b: a + c * b, own, factor, other)
+
+            for matrix, first, plain, nested in chain.products:
+                n = len(matrix.matrix)
+                columns = Shared(text, Index(text, address_of_packed(matrix, n)))
+                for l, j, part in each(plain):
+                    for i in text.each(n):
+                        at = (i + first) * D + j
+                        T[at] = T[at] + columns[l * n + i] * part
+                for l, row, part in each(nested):
+                    for i in text.each(n):
+                        add_row(T, i + first, columns[l * n + i] * part, row)
+            for i, j, part in each(chain.plain):
+                at = i * D + j
+                to[at] = to[at] + part
+            for i, row, part in each(chain.nested):
+                add_row(to, i, part, row)
+            if self.pattern:
+                places = text.constants([i * D + j for i, j in self.pattern])
+                for k in text.each(Index(text, len(self.pattern))):
+                    text.array("%to")[k] = to[places[k]]
 
 
 class SparseLoops:

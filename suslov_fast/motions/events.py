@@ -237,14 +237,15 @@ def warn_of_times_that_never_come(
         )
 
 
-def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> None:
-    """Warn of states x0 (..., D) at rest on a surface that acts, which they leave without an event.
+def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
+    """Return which states x0 (..., D) rest on a surface that acts, and the event; or None, None.
 
     The surface function is evaluated near x0 along f, on both sides, and after a midpoint step. If
-    events at time 0 may change x0, there is no warning.
+    events at time 0 may change x0, none does.
     """
     if any(event.times is not None and (event.times == 0.0).any() for event in events):
-        return
+        return None, None
+    found, of = None, None
     for event in events:
         action = traced(event, field).action
         if action.surface is None or (action.to is None and math.isinf(action.most)):
@@ -262,11 +263,8 @@ def warn_of_starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray)
         is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
         leaves = later * action.direction > 0.0 if action.direction else later != 0.0
         if (which := is_at_rest & leaves).any():
-            warn(
-                f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
-                "trajectories, and leaves it without an event, because a start is none: begin on "
-                "the side from which it is crossed, or hold x0 there by a variable for the mode"
-            )
+            found, of = (which.ravel() if found is None else found | which.ravel()), event
+    return found, of
 
 
 def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:

@@ -31,7 +31,7 @@ from .events import (
     checked_events,
     event_times_of,
     events_of_records,
-    warn_of_starts_at_rest,
+    starts_at_rest,
     warn_of_times_that_never_come,
 )
 from .integration import SolverResult, empty_result, solve, without_ends
@@ -46,6 +46,7 @@ from .motion_arguments import (
     warn_of_times,
 )
 from .sensitivities import Columns, WithColumns
+from .sliding import Sliding, is_stuck
 
 
 @public
@@ -167,12 +168,13 @@ def flow(
         warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             warn_of_tables(body, x, times.max(initial=0.0))
+    at_rest = None, None
     if acting:
         warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
         if sign > 0:
-            warn_of_starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
+            at_rest = starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
     request = SolverRequest(times, sign, settings, thread_count(threads))
-    return solved(body, x, batch, request, progress, names, field, acting)
+    return solved(body, x, batch, request, progress, names, field, acting, at_rest)
 
 
 def solved(
@@ -184,6 +186,7 @@ def solved(
     names: tuple[str, ...],
     field: Any,
     events: tuple[Event, ...],
+    at_rest: Any = (None, None),
 ) -> Motion:
     """Return the motion from states x (B, D), with one warning for all solutions that end.
 
@@ -206,6 +209,9 @@ def solved(
             found = to_tolerance(own, x, batch, request)
         else:
             found = motion_of(body, x, batch, request)
+        if (where := is_stuck(found.status, at_rest[0])).any():
+            own = Sliding(field or body, x, batch, np.flatnonzero(where), request, actions)
+            found, of_columns = own.continued(found, of_columns, names, at_rest[1])
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:

@@ -308,6 +308,11 @@ def sizes_of(values, operations, state):
             sizes[number] = a / b
         elif name == "fabs":
             sizes[number] = a
+        elif name in ("max", "min"):
+            sizes[number] = larger(a, b)
+        elif name == "select":
+            a, b = (abs(values.number(a)) if isinstance(a, float) else sizes[a] for a in operands[1:])
+            sizes[number] = values.number(state[operands[0]]).select(a, b)
     return sizes
 
 

@@ -59,12 +59,14 @@ class EventAction(NamedTuple):
     to         `KeyedProgram` of the new state, or None if the state stays
     direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
     most       how many actions it takes to end the trajectory, infinity if none ends it
+    holds      whether its own action leaves a state on the surface above it, whatever the rate is
     """
 
     surface: Program | None
     to: Program | None
     direction: int
     most: float
+    holds: bool = False
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, among them components."""
@@ -141,6 +143,7 @@ class EventSet(NamedTuple):
     parts        `EventProgram`s by name, see below
     components   for each event the numbers of the components that it may set
     P            number of parameters
+    holds        `EventAction.holds` of the events on surfaces
 
     The part `to{k}` reads the state, and returns the components that event k sets. `toward` reads
     the state and f there, and returns `OF_SURFACE` numbers of each surface. `tau{k}` reads the
@@ -158,6 +161,7 @@ class EventSet(NamedTuple):
     parts: dict
     components: tuple
     P: int
+    holds: tuple
 
     surfaces = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
@@ -206,7 +210,8 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
         tuple(not each.isdisjoint(kind) for each in names)
         for kind in (_JUMPS, _WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
     )
-    return EventSet(directions, jumps, gaps, flats, most, parts, tuple(components), P)
+    holds = tuple(action.holds for action in on_surfaces)
+    return EventSet(directions, jumps, gaps, flats, most, parts, tuple(components), P, holds)
 
 
 def _toward(actions, D, P):

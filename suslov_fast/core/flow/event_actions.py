@@ -333,7 +333,8 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         found = _with_flat_side(code, k, side[place], level[place])
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
-        level.choose((abs(fired) > 0.0) & ~stays, place, 0.0)
+        holds = text.constants([*map(float, events.holds)])[k]
+        level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
         own |= _at_surface(code, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
@@ -391,6 +392,9 @@ def _cross(code, k, is_there, by_motion):
             after = _at_surface(code, k) | {"near": found["near"]}
             after["rate_size"] = after["rate_size"] + abs(own["rate"])
             found = code.apply(SIDE, **after)
+            if integrator.events.holds[k]:
+                is_above = after["value"] > 0.0
+                found = {"side": text.value(1.0), "level": is_above.select(0.0, after["value"])}
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
 

@@ -1,0 +1,176 @@
+"""Solutions that slide along a surface at which f jumps: they are computed again, with modes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ..checks import warn
+from ..core.expressions.event_formulas import EventAction
+from ..core.expressions.sliding import SlidingEquations
+from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
+from ..fields.equations import Equations
+from ..fields.field import Field
+from ..fields.right_hand_sides import with_events
+from ..fields.traced import EQUATIONS, NAMES
+from ..status import Status
+from .sensitivities import WithColumns
+
+_MOST = 12  # modes
+_FAR = 2.0**-16  # part of the largest component
+_FIELDS = "trajectory", "which", "time", "before", "states"
+
+
+@lru_cache(32)
+def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
+    """Return equations with modes, and the actions of events: or None if nothing slides."""
+    D, P = len(equations.names), len(equations.parameters)
+    found = SlidingEquations(equations.values, equations.results, D, P, actions, sign)
+    if not 0 < found.size <= _MOST:
+        return None
+    names = [*equations.names, *(f"mode {g}" for g in range(found.size))]
+    own = Equations(names, equations.parameters, found.values, found.results)
+    return own, found
+
+
+class Sliding:
+    """Trajectories `where` of a field, with modes: their field, starts and request.
+
+    `actions` are those of events, in the order of code.
+    """
+
+    def __init__(
+        self, field: Any, x: Any, batch: Any, where: Any, request: Any, actions: Any
+    ) -> None:
+        self.found, self.x, self.where = None, x, where
+        self.has_records = request.event_times is not None
+        if not isinstance(field, Field) or field._equations is None:
+            return
+        self.found = _with_modes(field._equations, actions, request.sign)
+        if self.found is None:
+            return
+        equations, self.modes = self.found
+        self.actions, self.surfaces = self.modes.actions, self.modes.surfaces_of_events
+        self.count, size, self.contacts = self.modes.count, self.modes.size, self.modes.contacts
+        parts = dict(field.parameters)
+        if field.shape:
+            parts = {n: np.broadcast_to(a, batch).ravel()[where] for n, a in field._arrays.items()}
+        self.field = Field._of({**parts, NAMES: equations.names, EQUATIONS: equations})
+        self.D = x.shape[1]
+        self.starts = np.concatenate([x[where], np.ones((len(where), size))], axis=1)
+        if self.contacts:
+            self.starts[:, -1] = 0.0
+        times = (request.event_times or NO_EVENT_TIMES).of(where)
+        rows = len(times.times)
+        which = times.which + self.count + 1
+        first = np.full((rows, 1), float(self.surfaces + self.count))
+        times = EventTimes(
+            np.concatenate([np.zeros((rows, 1)), times.times], axis=1),
+            np.concatenate([first, np.broadcast_to(which, times.times.shape)], axis=1),
+        )
+        settings = request.settings
+        if isinstance(settings.atol, tuple):
+            settings = settings._replace(atol=settings.atol + (0.0,) * size)
+        self.request = request._replace(event_times=times, settings=settings, report=None)
+
+    def continued(self, found: Any, of_columns: Any, names: Any, resting: Any) -> Any:
+        """Return `found` and derivatives `of_columns` with these trajectories computed again."""
+        from . import flow  # TODO: `to_tolerance` moves to a module below both
+
+        where, D = self.where, self.x.shape[1]
+        if self.found is None:
+            if resting is not None:
+                warn(
+                    f"events: x0 rests on the surface of {resting}, and leaves it without an event"
+                )
+            return found, of_columns
+        K = (len(where),)
+        if names:
+            part, columns = flow._with_derivatives(
+                self.field, self.starts, K, names, self.request, self.actions
+            )
+            count = columns.shape[-1]
+            kept = [c for c in range(count) if "x0" not in names or not D <= c < self.starts.shape[1]]
+            own = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
+            own[:, where] = columns[..., :D, kept]
+            of_columns = own.reshape(of_columns.shape)
+        else:
+            groups = WithColumns(self.field.shape, with_events(self.field, self.actions))
+            part, kept = flow.to_tolerance(groups, self.starts, K, self.request), None
+        self._end_where_modes_are_wrong(part, self.request.times)
+        found.states[:, where] = part.states[..., :D]
+        found.t[where], found.steps[where], found.status[where] = part.t, part.steps, part.status
+        if not self.surfaces:  # modes change without end, as on two surfaces that are crossed
+            own_status = found.status[where]
+            found.status[where] = np.where(
+                own_status == Status.ACCUMULATES, Status.SLIDING, own_status
+            )
+        found = found._replace(is_good=False)
+        if self.has_records:
+            both = found.records, self.records(part.records, kept)
+            stays = ~np.isin(both[0].trajectory, where)
+            order = np.argsort(
+                np.concatenate([both[0].trajectory[stays], both[1].trajectory]), kind="stable"
+            )
+
+            def joined(a: Any, b: Any) -> Any:
+                own = a[stays][:, :D] if a.ndim == 2 and b.shape[1:] == (D,) else a[stays]
+                return np.concatenate([own, b])[order]
+
+            arrays: Any = {n: joined(getattr(both[0], n), getattr(both[1], n)) for n in _FIELDS}
+            if kept is not None:
+                pairs = zip(both[0].derivatives, both[1].derivatives, strict=True)
+                arrays["derivatives"] = tuple(joined(a, b) for a, b in pairs)
+            found = found._replace(records=found.records._replace(**arrays))
+        return found, of_columns
+
+    def _end_where_modes_are_wrong(self, part: Any, times: Any) -> None:
+        """End solutions that lie on the other side of a surface than their mode tells.
+
+        They meet where several surfaces do, so that modes change again and again at one instant.
+        """
+        x = np.moveaxis(part.states[..., : len(self.field.names)], -1, 0)
+        for g, s in enumerate(self.modes.surfaces_at(x, self.field._inputs)):
+            mode = x[self.D + g]
+            with np.errstate(invalid="ignore"):
+                size = np.nanmax(abs(x[: self.D]), axis=(0, 1), initial=0.0)
+                is_wrong = (mode * s < -_FAR * size) | ((mode == 0.0) & (abs(s) > _FAR * size))
+            is_wrong = np.logical_or.accumulate(is_wrong[np.argsort(abs(times))], axis=0)
+            ends = is_wrong.any(axis=0)
+            for k in np.flatnonzero(ends):
+                order = np.argsort(abs(times))
+                first = int(np.argmax(is_wrong[:, k]))
+                part.states[order[first:], k] = np.nan
+                part.t[k] = times[order[first - 1]] if first else 0.0
+                part.status[k] = Status.SLIDING
+
+    def records(self, records: Any, columns: Any = None) -> Any:
+        """Return records without those of modes, with the numbers of the whole batch."""
+        which = records.which
+        is_own = (which >= self.surfaces) & (which <= self.surfaces + self.count)
+        kept = ~is_own
+        for k, place in self.contacts.items():  # a body that leaves its contact
+            is_same = (records.before[:, : self.D] == records.states[:, : self.D]).all(axis=1)
+            kept &= (which != k) | ((records.before[:, place] > 0.5) & ~is_same)
+        numbers = np.where(which > self.surfaces, which - self.count - 1, which)
+        return records._replace(
+            trajectory=self.where[records.trajectory[kept]],
+            which=numbers[kept],
+            time=records.time[kept],
+            before=records.before[kept][:, : self.D],
+            states=records.states[kept][:, : self.D],
+            of_columns=None,
+            derivatives=columns
+            and tuple(
+                (a[kept][:, : self.D] if a.ndim > 2 else a[kept])[..., columns]
+                for a in records.derivatives
+            ),
+        )
+
+
+def is_stuck(status: Any, at_rest: Any) -> Any:
+    """Return where solutions slide or rest; they take too many steps if they begin on a surface."""
+    ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES
+    return np.isin(status, ends) | (False if at_rest is None else at_rest)

@@ -171,7 +171,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any) -> MotionSystem
 
 @for_users
 def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSystem:
-    """Return the motion with other parameters (n,), which are in the order of ``system.parameters``.
+    """Return the motion with other parameters (n,), in the order of ``system.parameters``.
 
     It reads this array at each step, so that a loop may write to it; nothing is compiled.
     """

@@ -113,7 +113,7 @@ def of_equations(
     return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
 
 
-def of_one(field: Any, actions: tuple[EventAction, ...] = ()) -> tuple[RightHandSide, FloatArray]:
+def of_one(field: Any, actions: tuple[EventAction, ...] = ()) -> tuple[Any, FloatArray]:
     """Return the right-hand side of a single field, and all its parameters (P,)."""
     equations, inputs, D = field._equations, field._inputs, field.dimension
     if equations is None:

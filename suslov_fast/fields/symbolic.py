@@ -101,9 +101,11 @@ class Tracer:
 
     def product(self, matrix: FloatArray, vector: Symbols) -> Symbols:
         """Return the product of a matrix of numbers and a vector of symbols, as one operation."""
-        emit = self.values.emit
-        whole = emit(DenseMatrix(matrix), *map(self.number, vector))
-        return Symbols.of([Symbol(self, emit(ENTRY, whole, float(i))) for i in range(len(matrix))])
+        values = self.values
+        whole = values.emit(DenseMatrix(matrix), *map(self.number, vector))
+        return Symbols.of(
+            [Symbol(self, values.emit(ENTRY, whole, float(i))) for i in range(len(matrix))]
+        )
 
     def result(self, value: Any) -> Any:
         """Return the operand that a component of f, or H, is."""
@@ -366,9 +368,9 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
     """Return the value of a NumPy function written in Python at arrays of symbolic numbers."""
-    if called is np.dot and len(args) == 2 and not options:
-        if (found := _product(*args)) is not None:
-            return found
+    is_product = called is np.dot and len(args) == 2 and not options
+    if is_product and (found := _product(*args)) is not None:
+        return found
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
     if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):

@@ -34,7 +34,7 @@ from .events import (
     starts_at_rest,
     warn_of_times_that_never_come,
 )
-from .integration import SolverResult, empty_result, solve, without_ends
+from .integration import SolverResult, empty_result, to_tolerance, without_ends
 from .motion import Motion
 from .motion_arguments import (
     checked_settings,
@@ -45,8 +45,8 @@ from .motion_arguments import (
     warn_of_tables,
     warn_of_times,
 )
-from .sensitivities import Columns, WithColumns
-from .sliding import Sliding, is_stuck
+from .sensitivities import WithColumns, with_derivatives
+from .sliding import Sliding, are_stuck
 
 
 @public
@@ -203,15 +203,16 @@ def solved(
         if report is not None or events:
             request = request._replace(report=report, event_times=event_times)
         if names:
-            found, of_columns = _with_derivatives(field, x, batch, names, request, actions)
+            found, of_columns = with_derivatives(field, x, batch, names, request, actions)
         elif events:
             own = WithColumns(field.shape, with_events(field, actions))
             found = to_tolerance(own, x, batch, request)
         else:
             found = motion_of(body, x, batch, request)
-        if (where := is_stuck(found.status, at_rest[0])).any():
-            own = Sliding(field or body, x, batch, np.flatnonzero(where), request, actions)
-            found, of_columns = own.continued(found, of_columns, names, at_rest[1])
+        where = () if found.is_good and at_rest[0] is None else are_stuck(found.status, at_rest[0])
+        if len(where):
+            part = Sliding(field or body, x, batch, where, request, actions)
+            found, of_columns = part.continued(found, of_columns, names, at_rest[1])
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
@@ -266,28 +267,6 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     return tuple(names), field
 
 
-def _with_derivatives(
-    field: Any,
-    x: FloatArray,
-    batch: tuple[int, ...],
-    names: tuple[str, ...],
-    request: SolverRequest,
-    actions: tuple[EventAction, ...],
-) -> tuple[SolverResult, FloatArray]:
-    """Return the motion and its derivatives by `names` (n, ..., D, C), columns by x0 first."""
-    parameters = tuple(name for name in names if name != "x0")
-    groups = with_events(field, actions, parameters, True) if actions else None
-    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
-    request = request._replace(settings=columns.settings)
-    found = to_tolerance(columns.field, columns.starts, batch, request)
-    if actions:
-        of_records = columns.of_records(found.records)
-        found = found._replace(records=found.records._replace(derivatives=of_records))
-    states, derivatives = columns.parted(found.states)
-    shape = len(request.times), *batch, *derivatives.shape[2:]
-    return found._replace(states=states), derivatives.reshape(shape)
-
-
 # ------------------------------------------------------------------------------------------ motions
 def motion_of(
     system: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
@@ -305,10 +284,8 @@ def motion_of(
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        part = motion_of(members, x[where], count, request)
-        found.states[:, where], found.t[where] = part.states, part.t
-        found.steps[where], found.status[where] = part.steps, part.status
-    return found._replace(is_stopped=part.is_stopped)
+        found = found.with_part(where, motion_of(members, x[where], count, request))
+    return found
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
@@ -332,37 +309,3 @@ def _exact(
     status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
     status[np.isnan(x[:, 0])] = Status.NONFINITE
     return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
-
-
-def to_tolerance(
-    field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
-) -> SolverResult:
-    """Return the motion of a field, to a tolerance, at times in any order."""
-    if request.sign < 0:
-        request = request._replace(times=abs(request.times))
-    moduli, is_changed = request.times, request.event_times is not None
-    count = len(moduli)
-    ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
-    if ascend and (is_changed or moduli[-1] > 0.0):
-        found = solve(field, x, batch, request)
-        if moduli[0] == 0.0 and not is_changed:
-            found.states[0] = x
-        elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
-            has_none = found.status == Status.NONFINITE
-            found.states[0, has_none] = x[has_none]
-        return found
-    later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
-    ascending, places = np.unique(moduli[later], return_inverse=True)
-    if not len(ascending):
-        found = empty_result(x, len(moduli))
-        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
-        found.t[:] = np.nan
-    else:
-        found = solve(field, x, batch, request._replace(times=ascending))
-    states = np.empty((len(moduli), *x.shape))
-    states[later] = found.states[places]
-    states[~later] = x
-    if is_changed:
-        has_none = found.status == Status.NONFINITE
-        states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
-    return found._replace(states=states)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.flow.batch_solver import BatchSolver, SolverRequest
-from ..core.flow.held import STATUS
+from ..core.flow.held import STATUS as STATUS
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
@@ -44,6 +44,19 @@ class Records(NamedTuple):
         arrays: dict[str, Any] = {name: getattr(self, name)[own] for name in self._fields[:5]}
         return self._replace(derivatives=derivatives, **arrays)
 
+    def with_part(self, where: NDArray[np.int64], part: Records) -> Records:
+        """Return records with those of trajectories `where` (K,) as in `part`, of 0 to K - 1."""
+        stays, numbers = ~np.isin(self.trajectory, where), where[part.trajectory]
+        both = np.concatenate([self.trajectory[stays], numbers])
+        order = np.argsort(both, kind="stable")
+
+        def joined(a: Any, b: Any) -> Any:
+            if a is None or isinstance(a, tuple):
+                return a and tuple(map(joined, a, b))
+            return np.concatenate([own for own in (a[stays], b) if len(own)] or [b])[order]
+
+        return Records(both[order], *map(joined, self[1:], part[1:]))
+
 
 class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
@@ -57,12 +70,33 @@ class SolverResult(NamedTuple):
     doubtful: NDArray[np.bool_] | None = None  # (B,), see `BatchSolver`
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
+    def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
+        """Return the result with trajectories `where` (K,) as in `part`; arrays may change."""
+        arrays: Any = self[:4]
+        own: Any = [a if a.flags.writeable else a.copy() for a in arrays]  # some are shared
+        own[0][:, where], own[1][where] = part.states, part.t
+        own[2][where], own[3][where] = part.steps, part.status
+        records, doubtful = self.records, self.doubtful
+        if part.records is not None:
+            records = records.with_part(where, part.records)
+        if part.doubtful is not None or doubtful is not None:
+            doubtful = np.zeros(len(own[1]), bool) if doubtful is None else doubtful
+            doubtful[where] = False if part.doubtful is None else part.doubtful
+        others = self.is_stopped or part.is_stopped, records, doubtful
+        return SolverResult(own[0], own[1], own[2], own[3], *others)
+
+    def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
+        """Return the same of trajectories that were computed again; steps are those of both."""
+        return self.with_part(where, part._replace(steps=self.steps[where] + part.steps))
+
 
 @lru_cache(64)
 def without_ends(batch: tuple[int, ...]) -> tuple[FloatArray, NDArray[np.int8]]:
     """Return ends, NaN, and statuses, OK, that nobody can write to, so that results share them."""
     ends = np.full(batch, np.nan)
-    return np.ndarray(batch, np.float64, ends.tobytes()), np.ndarray(batch, np.int8, bytes(ends.size))
+    return np.ndarray(batch, np.float64, ends.tobytes()), np.ndarray(
+        batch, np.int8, bytes(ends.size)
+    )
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
@@ -112,14 +146,44 @@ def solve(
         groups = right_hand_sides(groups, field.shape, batch)
     where, f, table = groups[0]
     if not field.shape:
-        found = _of_group(f, table[0], starts, request)
-    elif where is ALL:
-        found = _of_group(f, table, starts, request)
-    else:
-        found = _of_groups(groups, starts, request)
-    if request.event_times is None:
+        return _of_group(f, table[0], starts, request)
+    if where is ALL:
+        return _of_group(f, table, starts, request)
+    return _of_groups(groups, starts, request)
+
+
+def to_tolerance(
+    field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
+    """Return the motion of a field, to a tolerance, at times in any order."""
+    if request.sign < 0:
+        request = request._replace(times=abs(request.times))
+    moduli, is_changed = request.times, request.event_times is not None
+    count = len(moduli)
+    ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
+    if ascend and (is_changed or moduli[-1] > 0.0):
+        found = solve(field, x, batch, request)
+        if moduli[0] == 0.0 and not is_changed:
+            found.states[0] = x
+        elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
+            has_none = found.status == Status.NONFINITE
+            found.states[0, has_none] = x[has_none]
         return found
-    return found._replace(records=_in_order(found.records, request.sign, starts))
+    later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
+    ascending, places = np.unique(moduli[later], return_inverse=True)
+    if not len(ascending):
+        found = empty_result(x, len(moduli))
+        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+        found.t[:] = np.nan
+    else:
+        found = solve(field, x, batch, request._replace(times=ascending))
+    states = np.empty((len(moduli), *x.shape))
+    states[later] = found.states[places]
+    states[~later] = x
+    if is_changed:
+        has_none = found.status == Status.NONFINITE
+        states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
+    return found._replace(states=states)
 
 
 def _of_group(
@@ -127,41 +191,47 @@ def _of_group(
 ) -> SolverResult:
     """Return the `SolverResult` of trajectories that share f, with `table`, numbers of f."""
     B, threads, begun = len(starts), threads_for(len(starts), request.threads), None
+    has_records = request.event_times is not None
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
-        states, steps, records, begun = solve_small_batch(f, table, starts, request)
+        states, steps, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
             ends, status = without_ends((B,))
+            records = _in_order(rows, request.sign, starts) if has_records else None
             return SolverResult(states, ends, steps, status, False, records, None, True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
     ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
-    others = engine.is_stopped, engine.records, engine.doubtful
-    return SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
+    records = _in_order(engine.records, request.sign, starts) if has_records else None
+    others = engine.is_stopped, records, engine.doubtful
+    found = SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
+    (where,) = np.nonzero(engine.state == LaneState.AGAIN)
+    if not len(where) or engine.is_stopped:
+        return found
+    request = _part_of(request, where, engine.report_of_part(where))
+    request = request._replace(settings=request.settings._replace(atol=0.0))
+    table = table if table.ndim == 1 else table[where]
+    return found.again(where, _of_group(f, table, starts[where], request))
+
+
+def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> SolverRequest:
+    """Return the request of trajectories `where`."""
+    event_times = request.event_times and request.event_times.of(where)
+    return request._replace(report=report, event_times=event_times)
 
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
-    whole, report = empty_result(starts, len(request.times)), request.report
-    done, records, doubtful = 0, [], np.zeros(len(starts), bool)
+    found, report, done = empty_result(starts, len(request.times)), request.report, 0
     for where, f, table in groups:
         own = None if report is None else lambda now, before=done: report(before + now)
-        event_times = request.event_times and request.event_times.of(where)
-        own_request = request._replace(report=own, event_times=event_times)
-        part = _of_group(f, table, starts[where], own_request)
-        whole.states[:, where], whole.t[where] = part.states, part.t
-        whole.steps[where], whole.status[where] = part.steps, part.status
-        for rows in part.records:
-            numbers = rows[:, 0].view(np.int64)
-            numbers[:] = where[numbers]
-        records += part.records
-        if part.doubtful is not None:
-            doubtful[where] = part.doubtful
+        part = _of_group(f, table, starts[where], _part_of(request, where, own))
+        found = found.with_part(where, part)
         done += len(request.times) * len(where)
-        if part.is_stopped:
+        if found.is_stopped:
             break
-    return SolverResult(*whole[:4], part.is_stopped, records, doubtful)
+    return found
 
 
 def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:

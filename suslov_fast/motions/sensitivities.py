@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray
+from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.variational import variational
-from ..core.flow.batch_solver import Settings
-from ..fields.right_hand_sides import OfMembers
+from ..core.flow.batch_solver import Settings, SolverRequest
+from ..fields.right_hand_sides import OfMembers, with_events
 from ..maps.kernel_arguments import flat_arrays
+from .integration import SolverResult, to_tolerance
 
 
 @dataclass
@@ -102,3 +104,25 @@ def _power_of_2(values: FloatArray) -> FloatArray:
     moduli = abs(np.asarray(values, np.float64))
     with np.errstate(divide="ignore"):
         return np.where(moduli > 0.0, np.exp2(np.round(np.log2(moduli))), 1.0)
+
+
+def with_derivatives(
+    field: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    names: tuple[str, ...],
+    request: SolverRequest,
+    actions: tuple[EventAction, ...],
+) -> tuple[SolverResult, FloatArray]:
+    """Return the motion and its derivatives by `names` (n, ..., D, C), columns by x0 first."""
+    parameters = tuple(name for name in names if name != "x0")
+    groups = with_events(field, actions, parameters, True) if actions else None
+    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
+    request = request._replace(settings=columns.settings)
+    found = to_tolerance(columns.field, columns.starts, batch, request)
+    if actions:
+        of_records = columns.of_records(found.records)
+        found = found._replace(records=found.records._replace(derivatives=of_records))
+    states, derivatives = columns.parted(found.states)
+    shape = len(request.times), *batch, *derivatives.shape[2:]
+    return found._replace(states=states), derivatives.reshape(shape)

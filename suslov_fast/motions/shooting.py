@@ -23,8 +23,7 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.right_hand_sides import with_events
 from .event import Event
 from .events import actions_of, event_times_of
-from .flow import to_tolerance
-from .integration import SolverResult
+from .integration import SolverResult, to_tolerance
 from .sensitivities import Columns, WithColumns
 
 _ROUNDS, _HALVINGS = 60, 10

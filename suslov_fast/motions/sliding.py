@@ -16,11 +16,11 @@ from ..fields.field import Field
 from ..fields.right_hand_sides import with_events
 from ..fields.traced import EQUATIONS, NAMES
 from ..status import Status
-from .sensitivities import WithColumns
+from .integration import to_tolerance
+from .sensitivities import WithColumns, with_derivatives
 
 _MOST = 12  # modes
 _FAR = 2.0**-16  # part of the largest component
-_FIELDS = "trajectory", "which", "time", "before", "states"
 
 
 @lru_cache(32)
@@ -77,8 +77,6 @@ class Sliding:
 
     def continued(self, found: Any, of_columns: Any, names: Any, resting: Any) -> Any:
         """Return `found` and derivatives `of_columns` with these trajectories computed again."""
-        from . import flow  # TODO: `to_tolerance` moves to a module below both
-
         where, D = self.where, self.x.shape[1]
         if self.found is None:
             if resting is not None:
@@ -88,43 +86,30 @@ class Sliding:
             return found, of_columns
         K = (len(where),)
         if names:
-            part, columns = flow._with_derivatives(
+            part, columns = with_derivatives(
                 self.field, self.starts, K, names, self.request, self.actions
             )
             count = columns.shape[-1]
-            kept = [c for c in range(count) if "x0" not in names or not D <= c < self.starts.shape[1]]
+            kept = [
+                c for c in range(count) if "x0" not in names or not D <= c < self.starts.shape[1]
+            ]
             own = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
             own[:, where] = columns[..., :D, kept]
             of_columns = own.reshape(of_columns.shape)
         else:
             groups = WithColumns(self.field.shape, with_events(self.field, self.actions))
-            part, kept = flow.to_tolerance(groups, self.starts, K, self.request), None
+            part, kept = to_tolerance(groups, self.starts, K, self.request), None
+        part = part._replace(t=part.t.copy(), status=part.status.copy())  # others may share them
         self._end_where_modes_are_wrong(part, self.request.times)
-        found.states[:, where] = part.states[..., :D]
-        found.t[where], found.steps[where], found.status[where] = part.t, part.steps, part.status
         if not self.surfaces:  # modes change without end, as on two surfaces that are crossed
-            own_status = found.status[where]
-            found.status[where] = np.where(
-                own_status == Status.ACCUMULATES, Status.SLIDING, own_status
-            )
-        found = found._replace(is_good=False)
-        if self.has_records:
-            both = found.records, self.records(part.records, kept)
-            stays = ~np.isin(both[0].trajectory, where)
-            order = np.argsort(
-                np.concatenate([both[0].trajectory[stays], both[1].trajectory]), kind="stable"
-            )
-
-            def joined(a: Any, b: Any) -> Any:
-                own = a[stays][:, :D] if a.ndim == 2 and b.shape[1:] == (D,) else a[stays]
-                return np.concatenate([own, b])[order]
-
-            arrays: Any = {n: joined(getattr(both[0], n), getattr(both[1], n)) for n in _FIELDS}
-            if kept is not None:
-                pairs = zip(both[0].derivatives, both[1].derivatives, strict=True)
-                arrays["derivatives"] = tuple(joined(a, b) for a, b in pairs)
-            found = found._replace(records=found.records._replace(**arrays))
-        return found, of_columns
+            part.status[part.status == Status.ACCUMULATES] = Status.SLIDING
+        part = part._replace(states=part.states[..., :D])
+        if not self.has_records:
+            return found.again(where, part._replace(records=None)), of_columns
+        whole, before, states = found.records, found.records.before, found.records.states
+        whole = whole._replace(before=before[:, :D], states=states[:, :D], of_columns=None)
+        part = part._replace(records=self.records(part.records, kept))
+        return found._replace(records=whole).again(where, part), of_columns
 
     def _end_where_modes_are_wrong(self, part: Any, times: Any) -> None:
         """End solutions that lie on the other side of a surface than their mode tells.
@@ -156,7 +141,7 @@ class Sliding:
             kept &= (which != k) | ((records.before[:, place] > 0.5) & ~is_same)
         numbers = np.where(which > self.surfaces, which - self.count - 1, which)
         return records._replace(
-            trajectory=self.where[records.trajectory[kept]],
+            trajectory=records.trajectory[kept],
             which=numbers[kept],
             time=records.time[kept],
             before=records.before[kept][:, : self.D],
@@ -170,7 +155,7 @@ class Sliding:
         )
 
 
-def is_stuck(status: Any, at_rest: Any) -> Any:
-    """Return where solutions slide or rest; they take too many steps if they begin on a surface."""
+def are_stuck(status: Any, at_rest: Any) -> Any:
+    """Return which solutions slide or rest; they take too many steps if they begin on a surface."""
     ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES
-    return np.isin(status, ends) | (False if at_rest is None else at_rest)
+    return np.flatnonzero(np.isin(status, ends) | (False if at_rest is None else at_rest))

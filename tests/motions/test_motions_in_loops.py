@@ -22,7 +22,7 @@ DRIVEN = Field(lambda s, w: (s[1], -(s[0] ** 3) + np.cos(w * s[2]), 1.0), "x v t
 BOUNCE = Event("h", direction=-1, to=lambda x: (x[0], -0.9 * x[1]))
 CASES = {
     "smooth": (PENDULUM, [1.0, 0.3], (0.0, 1e-3, 20.0, -3.0), ()),
-    "stiff in parts": (VAN_DER_POL, [2.0, 0.5], (1.0, 2000.0), ()),  # turns to and fro
+    "stiff in parts": (VAN_DER_POL, [2.0, 0.5], (1.0, 2000.0), ()),  # turns often
     "a late clock": (DRIVEN, [0.4, 0.1, 1.7e9], (0.0, 5.0, -5.0), ()),
     "relay": (Field(lambda x: (x[1], -np.where(x[0] > 0, 1, -2)), 2), [0.5, 1.0], (9.0,), ()),
     "table": (
@@ -107,7 +107,9 @@ def test_parameters_are_those_of_the_field():
         field, x0, (time,), _ = CASES["functions of parameters"]
         own, out = system(field, time=time), np.empty(2)
         step_system(own._replace(parameters=np.array([a, b])), np.array(x0), out, work(own))
-        assert out.tobytes() == sf.flow(field.with_parameters(a=a, b=b), x0, time=time).final.tobytes()
+        assert (
+            out.tobytes() == sf.flow(field.with_parameters(a=a, b=b), x0, time=time).final.tobytes()
+        )
 
 
 def test_a_system_can_be_pickled():

@@ -92,7 +92,7 @@ class Chain:
 
     T_i += a_il g_lj e_j (`plain`), T_i += a_il g_lr T_r (`nested`) of each product; then f' alike.
 
-    products   (`DenseMatrix`, first row of T, plain, nested) in order; each list has (l, j or r, k),
+    products   (`DenseMatrix`, first row of T, plain, nested) in order; lists have (l, j or r, k),
                where the k-th part is g
     plain, nested  such lists of rates: l is the number of the rate
     rows       of T

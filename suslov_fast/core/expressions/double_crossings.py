@@ -168,7 +168,8 @@ def _list_of(f, tested, by_states, kinks, humps, inside):
     waves = [each for _, a, *_ in tested for each in turns.get(a, ())]
     waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
     emitted(values, f.watched, state)
-    sizes, largest, some = sizes_of(values, f.watched.operations, state), 0.0, 0.0
+    sizes = sizes_of(values, f.watched.operations, state, with_branches=False)
+    largest, some = 0.0, 0.0
     for k, a, kind, choice in tested:
         points, rates = at_points(0, count, k), None
         if a in humps:
@@ -288,12 +289,13 @@ def _is_steep(rates, zeros):
     return found
 
 
-def sizes_of(values, operations, state):
+def sizes_of(values, operations, state, with_branches=True):
     """Return {number of a value: size}, where the size is the scale of its rounding error.
 
     The program `values` contains a copy of `operations`: `state` is {number of an input or value:
     its operand in the copy}. Sizes are `Number`s, added to `values`. The size of a sum or
-    difference is the sum of the sizes of both operands; other sizes are about the modulus.
+    difference is the sum of the sizes of both operands; other sizes are about the modulus, also
+    those of branches, unless `with_branches`.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -308,10 +310,12 @@ def sizes_of(values, operations, state):
             sizes[number] = a / b
         elif name == "fabs":
             sizes[number] = a
-        elif name in ("max", "min"):
+        elif with_branches and name in ("max", "min"):
             sizes[number] = larger(a, b)
-        elif name == "select":
-            a, b = (abs(values.number(a)) if isinstance(a, float) else sizes[a] for a in operands[1:])
+        elif with_branches and name == "select":
+            a, b = (
+                abs(values.number(a)) if isinstance(a, float) else sizes[a] for a in operands[1:]
+            )
             sizes[number] = values.number(state[operands[0]]).select(a, b)
     return sizes
 

@@ -106,7 +106,7 @@ class SlidingEquations:
             to = emitted(values, actions[k].to, dict(self.given))
             moves = []
             for i, own in enumerate(self._slopes(to)):
-                a = _dot(values, own, {j: a for j, a in normal.items()})
+                a = _dot(values, own, normal)
                 moves.append(_minus(values, normal.get(i), a))
             self.touched[k] = s, rate, normal, moves, to, actions[k].direction
 
@@ -190,7 +190,9 @@ class SlidingEquations:
         is_on = s * s <= far * far * self.forces[k] + LEAST
         beyond = is_on.select(self.reactions[k], -self.reactions[k])  # the surface itself jumps
         surface = rests.select(beyond, s)
-        x = [a if same(a, i) else stays.select(number(i), number(a)).number for i, a in enumerate(to)]
+        x = [
+            a if same(a, i) else stays.select(number(i), number(a)).number for i, a in enumerate(to)
+        ]
         x = self._with_modes([*x, *range(self.D, self.D + self.size)], of=k)
         return EventAction(
             self._list([surface.number]), self._list(x), action.direction, action.most
@@ -220,7 +222,9 @@ class SlidingEquations:
             is_low = is_low | (rests & (rate <= 2.0 * before[1]))
             lands = is_on & is_low
             lands = lands & ~rests if k == of else lands
-            own = (bend > 0.0).select(-1.0, 0.0) if not direction else number(-0.5 * (direction + 1))
+            own = (
+                (bend > 0.0).select(-1.0, 0.0) if not direction else number(-0.5 * (direction + 1))
+            )
             own = rests.select(number(place), own)
             x[place] = lands.select(own, 1.0).number
         found = self._at(x, [self.reactions[k] for k in self.contacts])[0]
@@ -228,7 +232,10 @@ class SlidingEquations:
             leaves = (number(x[place]) < -0.5).select(-reaction, reaction) <= 0.0
             x[place] = leaves.select(1.0, number(x[place])).number
         stops = self._at(x, self.stops)[0]
-        return [x[i] if same(a, i) else b.number for i, (a, b) in enumerate(zip(self.stops, stops, strict=True))] + x[self.D :]
+        return [
+            x[i] if same(a, i) else b.number
+            for i, (a, b) in enumerate(zip(self.stops, stops, strict=True))
+        ] + x[self.D :]
 
     def _difference(self, pair, new):
         a, b = (p if isinstance(p, float) else new[p] for p in pair)
@@ -244,8 +251,10 @@ class SlidingEquations:
                 g, (kind, sign) = self.pairs.index(own[0]), own[1]
                 truth = sides.get(g, self.above[g])
                 if kind == "fabs":  # 0 on the surface
-                    of_mode = emit("fmul", self.D + g, of[0]) if sign > 0 else emit(
-                        "fmul", -1.0, emit("fmul", self.D + g, of[0])
+                    of_mode = (
+                        emit("fmul", self.D + g, of[0])
+                        if sign > 0
+                        else emit("fmul", -1.0, emit("fmul", self.D + g, of[0]))
                     )
                     new[number] = 0.0 if g in sides else emit("max", of_mode, 0.0)
                     continue
@@ -337,7 +346,7 @@ class SlidingEquations:
 
     def _with_modes(self, x, of=None):
         """Return operands of a new state, with modes by the side or, on surfaces, by the rates."""
-        number, D, n, x = self.values.number, self.D, self.count, [*x]
+        D, n, x = self.D, self.count, [*x]
         if self.contacts:
             x = self._with_contacts(x, of)
         for stage in (0, 1) if n else ():

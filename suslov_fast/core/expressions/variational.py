@@ -29,7 +29,12 @@ class Variational(RightHandSide):
     of = None
 
     def __init__(self, f, columns, has_trace=False):
-        self.of, self.columns, self.has_trace, self.q = f, columns, has_trace, len(f.by) // f.rows_by
+        self.of, self.columns, self.has_trace, self.q = (
+            f,
+            columns,
+            has_trace,
+            len(f.by) // f.rows_by,
+        )
         D, P = f.D, len(f.table) + self.q
         n = D * (1 + columns) + 2 * has_trace
         values, table = Expressions(n + P), range(n, n + P)

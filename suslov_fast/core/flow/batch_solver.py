@@ -219,7 +219,7 @@ class BatchSolver:
     def __init__(self, f, table, x0, request, states, lost=None):
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
-        self.given, self.lost = (table, x0), lost
+        self.lost = lost
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings.atol)
@@ -263,43 +263,14 @@ class BatchSolver:
             in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
         if self.starts is not None:
             add_starts(self.f, self.starts, self.states, self.records)
-        again = self.state == LaneState.AGAIN
-        if self.lost is None and np.count_nonzero(again) and not self.is_stopped:
-            self._compute_again(np.flatnonzero(again), threads)
 
-    def _compute_again(self, which, threads):
-        """Compute the trajectories `which` again with atol = 0: `growing_components`."""
-        (table, x0), request, before, most = self.given, self.request, 0, 0
-        states = np.full((len(self.states), len(which), self.f.D), np.nan)
-        if self.places is not None:
-            most = int(self.places.sum())
-            before = most - int(self.places[which].sum())
-        report = request.report and (lambda done: request.report(max(before + done, most)))
-        other = BatchSolver(
-            self.f,
-            table if table.ndim == 1 else table[which],
-            x0[which],
-            request._replace(
-                settings=request.settings._replace(atol=0.0),
-                report=report,
-                event_times=request.event_times and request.event_times.of(which),
-            ),
-            states,
-        )
-        other.run(threads)
-        self.states[:, which], self.t[which], self.state[which] = states, other.t, other.state
-        self.steps[which] += other.steps
-        self.doubtful[which] = other.doubtful
-        self.is_stopped = other.is_stopped
-        if self.f.events:
-            numbers = [rows[:, 0].view(np.int64) for rows in self.records]
-            self.records[:] = [
-                rows[~np.isin(own, which)] for rows, own in zip(self.records, numbers, strict=True)
-            ]
-            for rows in other.records:
-                own = rows[:, 0].view(np.int64)
-                own[:] = which[own]
-            self.records += other.records
+    def report_of_part(self, which):
+        """Return `report` for a run that computes trajectories `which` again, or None."""
+        if self.places is None:
+            return None
+        most, report = int(self.places.sum()), self.request.report
+        before = most - int(self.places[which].sum())
+        return lambda done: report(max(before + done, most))
 
     def _rows(self, block):
         """Return an array (K, -), `TrajectoryRows` of the slice `block` before the first step."""

@@ -66,7 +66,7 @@ class _PreparedRunner(StepRunner):
         self.x[:] = x0
 
     def turn(self, runner):
-        """Return the runner of the other integrator than `runner`, for the same single trajectory."""
+        """Return the runner of the other integrator than `runner`, for the same trajectory."""
         if runner is not self:
             return self
         own = self.integrator

@@ -150,7 +150,7 @@ class Products:
     def add(self, text, product, value):
         """Add a product to `text`; value(operand) returns operands that are no values of `others`.
 
-        One lane takes AT_ONCE rows as lanes of vectors; many lanes take the rows of a register file.
+        One lane takes AT_ONCE rows as lanes of vectors; many lanes take the rows of registers.
         """
         _, name, operands, first = product
         (n, m), scratch = name.matrix.shape, text.array("%scratch")

@@ -40,7 +40,6 @@ CASES = {
     "a pole": (Field(lambda x: (x[0] ** 2,), 1), [0.5], (1.0, 20.0), ()),
     "no value": (PENDULUM, [np.nan, 1.0], (1.0,), ()),
     "bounces": (BALL, [1.0, 0.0], (0.1, 3.0), BOUNCE),
-    "without end": (BALL, [1.0, 0.0], (100.0,), BOUNCE),
     "terminal": (BALL, [1.0, 0.0], (3.0,), [BOUNCE, Event("h", direction=1, terminal=True)]),
     "doses": (
         Field(lambda x, k: (-k * x[0],), "c", k=0.1),
@@ -140,3 +139,36 @@ def test_refuses_arguments_of_the_other_kind(arguments, message):
     family = Field(lambda x, a: (a * x[0],), 1, a=[1.0, 2.0])
     with pytest.raises(ValueError, match="single field"):
         system(family, time=1.0)
+
+
+@pytest.mark.parametrize("options", [{}, {"stiff": True}])
+def test_components_that_lose_digits_and_grow_again(options):
+    """They are computed again with atol = 0, as by `flow`."""
+    oregonator = Field(
+        lambda x: (
+            77.27 * (x[1] + x[0] * (1 - 8.375e-6 * x[0] - x[1])),
+            (x[2] - (1 + x[0]) * x[1]) / 77.27,
+            0.161 * (x[0] - x[2]),
+        ),
+        "a b c",
+    )
+    own, x0 = {"time": 320.0, "rtol": 1e-6} | options, np.array([1.0, 2.0, 3.0])
+    right, exact = (sf.flow(oregonator, x0, **own | others) for others in ({}, {"atol": 0.0}))
+    assert right.steps > exact.steps  # of two tries
+    own.pop("time")
+    motion, out = system(oregonator, time=320.0, **own), np.empty(3)
+    memory = work(motion)
+    for _ in range(2):
+        assert step_system(motion, x0, out, memory) == right.status == sf.Status.OK
+        np.testing.assert_array_equal(out, right.final)
+        np.testing.assert_array_equal(out, exact.final)
+
+
+def test_bodies_do_not_rest_in_loops():
+    """The motion ends there with ACCUMULATES, where `flow` goes on with modes."""
+    motion, out = system(BALL, time=100.0, events=BOUNCE), np.empty(2)
+    memory = work(motion)
+    assert step_system(motion, np.array([1.0, 0.0]), out, memory) == sf.Status.ACCUMULATES
+    assert np.isnan(out).all()
+    right = np.sqrt(2 / 9.81) * (1 + 2 * 0.9 / (1 - 0.9))
+    assert abs(compiled.end(motion, memory) / right - 1) < 1e-8

@@ -37,7 +37,7 @@ STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = OK, ENDED
 STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
 STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
-_STOPPED, _ACCUMULATES = LaneState.STOPPED, LaneState.ACCUMULATES
+_STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 OF_ANOTHER = -128  # in place of a status: the memory is that of another system
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
 _made = {}  # codes, which last, f, settings and event times, by address and constants
@@ -47,9 +47,12 @@ class Plan(NamedTuple):
     """Integers of a `MotionSystem`: addresses, and where parts begin in `constants` and memory."""
 
     implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
+    first_again: int  # of the code with which a motion after an alarm begins, with atol = 0
+    implicit_again: int
     of_table: int  # address of the code of `code_of_table`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
     # In `constants`, after the rows of `ComponentNumbers`:
+    components_again: int  # the same rows with atol = 0
     event_times: int  # pairs (time, event); 0 without events
     template: int  # what memory has from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
@@ -103,7 +106,10 @@ def motion_system_of(f, settings, event_times, given, parameters, time):
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     integrators = [integrator_of(f, mode, settings.atol is not None) for mode in modes]
+    if settings.atol is None:  # what computes motions again, see `growing_components`
+        integrators += [integrator_of(f, mode, True) for mode in modes]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
+    of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_table(f)
     (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
     row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
@@ -113,11 +119,13 @@ def motion_system_of(f, settings, event_times, given, parameters, time):
         row[rows.stop : rows.stop + 2] = times[0, 0]
         at_once = 2 * most_records(f.events, equal) * size_of(f)
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
-    ends = np.cumsum([5 * f.D, times.size]).tolist()
-    constants = np.concatenate([components_of(f, settings.atol), times, *parts], axis=None)
-    works = [max(integrator.work.size, of_this) for integrator in integrators]
-    sizes = [_ARGUMENTS, 1, f.D, *map(len, parts), len(f.table), works[0], works[-1], at_once]
-    plan = [codes[-1], of_table, integrators[0].is_bounded, ends[0] * bool(f.events), ends[1]]
+    both = components_of(f, settings.atol), components_of(f, 0.0)
+    ends = np.cumsum([both[0].size, both[1].size, times.size]).tolist()
+    constants = np.concatenate([*both, times, *parts], axis=None)
+    most = max(of_this, *(integrator.work.size for integrator in integrators))
+    sizes = [_ARGUMENTS, 1, f.D, *map(len, parts), len(f.table), most, most, at_once]
+    plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
+    plan += [ends[0], ends[1] * bool(f.events), ends[2]]
     plan += [*np.cumsum(sizes).tolist(), rows.t, rows.state, rows.at]
     for clock, number in f.offsets.items():
         plan += [clock, number - f.of.D]
@@ -143,24 +151,14 @@ def motion_memory(system):
 
 
 @function
-def motion_of_one(system, x0, out, memory):
-    """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
-    plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
-    if (len(memory) != plan[PLAN.size]) | (arguments[len(SLOT)] != system.address):
-        return OF_ANOTHER
-    D, time, sign = system.dimension, abs(system.time), -1.0 if system.time < 0.0 else 1.0
-    first, x, numbers = plan[PLAN.numbers], memory[plan[PLAN.rows] :], memory[plan[PLAN.numbers] :]
-    inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
+def _begin(system, x0, memory, inputs, x):
+    """Write all that memory has before a motion; return a state before all of `LaneState`."""
+    plan, constants, time = system.plan, system.constants, abs(system.time)
+    first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
         memory[first + k] = constants[plan[PLAN.template] + k]
-    is_finite = time - time == 0.0
-    for i in range(D):
+    for i in range(system.dimension):
         x[i] = x0[i]
-        is_finite &= x0[i] - x0[i] == 0.0
-    if not is_finite or (time == 0.0 and plan[PLAN.event_times] == 0):
-        for i in range(D):
-            out[i] = x[i] if is_finite else np.nan
-        return OK if is_finite else NONFINITE
     for k in range(min(len(system.parameters), len(inputs))):
         inputs[k] = system.parameters[k]
     for k in range(_CLOCKS, len(plan), 2):  # these begin at 0
@@ -170,23 +168,52 @@ def motion_of_one(system, x0, out, memory):
     else:
         for k in range(len(inputs)):
             memory[plan[PLAN.table] + k] = inputs[k]
-    numbers[NUMBER.last], numbers[NUMBER.sign], memory[plan[PLAN.times]] = time, sign, time
+    numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
+    numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
     if plan[PLAN.is_bounded]:
         numbers[NUMBER.longest] = min(numbers[NUMBER.longest], time / 32.0)
-    arguments[SLOT.components] = constants.ctypes.data
-    arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
-    state, code, work = 0, system.address, plan[PLAN.work]
-    while state < _DONE:
-        arguments[SLOT.work] = memory.ctypes.data + 8 * work
-        arguments[SLOT.following] = 0
-        is_done = np.int64(0)
-        while is_done == 0:
-            arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
-            is_done = call_code(code, (arguments.ctypes.data,))
-        state = np.int64(x[plan[PLAN.lane_state]])
-        code, work = system.address, plan[PLAN.work]
-        if state == _IMPLICIT:
-            code, work = plan[PLAN.implicit], plan[PLAN.other]
+    return np.int64(-1)
+
+
+@function
+def motion_of_one(system, x0, out, memory):
+    """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
+    plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
+    if (len(memory) != plan[PLAN.size]) | (arguments[len(SLOT)] != system.address):
+        return OF_ANOTHER
+    D, time, sign = system.dimension, abs(system.time), -1.0 if system.time < 0.0 else 1.0
+    x, is_finite = memory[plan[PLAN.rows] :], time - time == 0.0
+    inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
+    for i in range(D):
+        is_finite &= x0[i] - x0[i] == 0.0
+    if not is_finite or (time == 0.0 and plan[PLAN.event_times] == 0):
+        memory[plan[PLAN.ended]] = 0.0
+        for i in range(D):
+            out[i] = x0[i] if is_finite else np.nan
+        return OK if is_finite else NONFINITE
+    state = _begin(system, x0, memory, inputs, x)
+    components, first, implicit = np.int64(0), system.address, plan[PLAN.implicit]
+    while True:
+        arguments[SLOT.components] = constants.ctypes.data + 8 * components
+        arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
+        code, work = first, plan[PLAN.work]
+        while state < _DONE:
+            arguments[SLOT.work] = memory.ctypes.data + 8 * work
+            arguments[SLOT.following] = 0
+            is_done = np.int64(0)
+            while is_done == 0:
+                arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
+                is_done = call_code(code, (arguments.ctypes.data,))
+            state = np.int64(x[plan[PLAN.lane_state]])
+            code, work = first, plan[PLAN.work]
+            if state == _IMPLICIT:
+                code, work = implicit, plan[PLAN.other]
+        if state != _AGAIN or components > 0:
+            break
+        state = _begin(system, x0, memory, inputs, x)
+        memory[plan[PLAN.numbers] + NUMBER.acts] = 0.0
+        components = plan[PLAN.components_again]
+        first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
     memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
     first = plan[PLAN.state] if state == _DONE else plan[PLAN.rows]
     for i in range(D):

@@ -148,7 +148,7 @@ SYSTEMS = {
     ),
     "friction that holds": Hybrid(
         friction, "x v", [1.0, 0.0], 12.0, [Event("v")], [[pi, 2 * pi, 3 * pi]],
-        parameters={"mu": 0.15}, status=Status.SLIDING, stop=3 * pi, is_smooth=False,
+        [-0.1, 0.0], parameters={"mu": 0.15}, is_smooth=False,
     ),
     # ------------------------------------------------------------------------- actions at surfaces
     "a ball": Hybrid(ball, "h v", [1.0, 0.3], 3.0, [BOUNCE], [OF_ELASTIC[0]], OF_ELASTIC[1],

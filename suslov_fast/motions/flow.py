@@ -212,7 +212,7 @@ def solved(
         where = () if found.is_good and at_rest[0] is None else are_stuck(found.status, at_rest[0])
         if len(where):
             part = Sliding(field or body, x, batch, where, request, actions)
-            found, of_columns = part.continued(found, of_columns, names, at_rest[1])
+            found, of_columns = part.continued(found, of_columns, names, at_rest)
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:

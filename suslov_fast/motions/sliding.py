@@ -75,13 +75,17 @@ class Sliding:
             settings = settings._replace(atol=settings.atol + (0.0,) * size)
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
-    def continued(self, found: Any, of_columns: Any, names: Any, resting: Any) -> Any:
+    def continued(self, found: Any, of_columns: Any, names: Any, at_rest: Any) -> Any:
         """Return `found` and derivatives `of_columns` with these trajectories computed again."""
         where, D = self.where, self.x.shape[1]
         if self.found is None:
-            if resting is not None:
+            which, event = at_rest
+            if which is not None:
                 warn(
-                    f"events: x0 rests on the surface of {resting}, and leaves it without an event"
+                    f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
+                    "trajectories, and leaves it without an event, because a start is none: begin "
+                    "on the side from which it is crossed, or hold x0 there by a variable for the "
+                    "mode"
                 )
             return found, of_columns
         K = (len(where),)

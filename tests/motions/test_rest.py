@@ -20,7 +20,10 @@ def table(rng, n):
 
 @pytest.mark.parametrize("stiff", [None, True])
 def test_balls_rest_on_floors_anywhere(rng, stiff):
-    """The last bounces are sought among heights that are rounding beside the floor."""
+    """The last bounces are sought among heights that are rounding beside the floor.
+
+    One of 60 is so high that it ends there; the others rest.
+    """
     floor, g, e, h, v = table(rng, 60)
     ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
     bounce = Event(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
@@ -29,22 +32,29 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
     right = first + 2 * speed * e / g / (1 - e)
     motion = flow(ball, np.stack([floor + h, v], 1), time=10 * right.max(), events=bounce,
                   rtol=1e-11, stiff=stiff)  # fmt: skip
-    assert (motion.status == Status.ACCUMULATES).all()
+    ends = motion.status == Status.ACCUMULATES
+    assert (ends | motion.ok).all()
+    assert ends.sum() <= 1
     allowed = 1e-9 + 1e-7 * np.sqrt(abs(floor) / h) / (1 - e) * first / right
-    assert (abs(motion.end / right - 1) < allowed).all()
+    assert (abs(motion.end / right - 1) < allowed)[ends].all()
+    last = motion.time[-1]
+    allowed = np.stack([1e-15 * abs(floor) + 2e-16 * g * last**2 / 2, 2e-16 * g * last], axis=-1)
+    rest = np.stack([floor, 0.0 * floor], axis=-1)  # but for drift, as forces cancel with rounding
+    assert (abs(motion.final - rest) <= allowed)[motion.ok].all()
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 def test_no_ball_falls_through_a_table_that_vibrates(rtol):
-    """No table with A <= 1 throws a ball that has come to rest; that with A = 3 brakes then."""
+    """No table with A <= 1 throws a ball that has come to rest; that with A = 3 does."""
     A = np.append(np.linspace(0.0, 0.999, 501), [0.5625, 0.6, 1.0, 3.0])
     ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
     hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
                  to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
     motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit, rtol=rtol)
-    assert (motion.status == Status.ACCUMULATES).all()
-    np.testing.assert_allclose(motion.end[-4:], [7.955658, 7.794786, 6.133840, 3.807802], atol=1e-6)
-    assert abs(motion.end[0] - 3 * np.sqrt(10)) < 1e-8  # of a table at rest
+    assert motion.ok.all()
+    right = np.stack([A * np.sin(100.0), A * np.cos(100.0)], axis=-1)[:-1]
+    np.testing.assert_allclose(motion.final[:-1, :2], right, atol=1e-9)
+    assert motion.final[-1, 0] > 3.0 * np.sin(100.0)
 
 
 def test_balls_rest_on_a_stair():
@@ -54,8 +64,8 @@ def test_balls_rest_on_a_stair():
     bounce = Event(lambda s: s[0] - np.where(s[2] < 50.0, 1.0, 0.0), direction=-1,
                    to=lambda s, e: (s[0], -e * s[1], s[2]))  # fmt: skip
     motion = flow(ball, [2.0, 0.0, 0.0], time=100.0, events=bounce)
-    assert (motion.status == Status.ACCUMULATES).all()
-    np.testing.assert_allclose(motion.end, np.sqrt(2 / 9.81) * (1 + 2 * e / (1 - e)), rtol=1e-8)
+    assert motion.ok.all()  # at 50 they fall off the edge, to the floor
+    np.testing.assert_allclose(motion.final[:, :2], 0.0, atol=1e-12)
 
 
 def test_bodies_slide_along_walls(rng):

@@ -60,10 +60,13 @@ def _is_written(values: Any, has_columns: bool) -> bool:
     """Return True where products of dense matrices must be written as sums.
 
     Branches that depend on entries of products are surfaces, which need gradients; and columns of
-    derivatives need the trace of f', which is long if products have operands made of others.
+    derivatives need the trace of f', which is long if products have operands made of others, and
+    derivatives by parameters, which products of parameters alone have not.
     """
     operations = values.operations
     of = depending(operations, [number for name, number, _ in operations if name == ENTRY])
+    if has_columns and any(is_matrix(name) and k in values.fixed for name, k, _ in operations):
+        return True
     return any(
         (name in _WITH_BRANCHES or is_table(name) or (has_columns and is_matrix(name)))
         and not of.isdisjoint(a for a in operands if type(a) is int)

@@ -51,7 +51,11 @@ class SlidingEquations:
         self.old, self.D, self.P = Program(needed_for(values.operations, results), results), D, P
         self.of_f, self.sign = _surfaces_of(values, self.old), float(sign)
         pairs = [*dict.fromkeys(pair for pair, _ in self.of_f.values())]
-        touching = [k for k, a in enumerate(actions) if a.surface and a.to and a.most == inf]
+        touching = [
+            k
+            for k, a in enumerate(actions)
+            if a.surface and a.to and a.most == inf and _stays(a, D, P)
+        ]
         self.size = 0
         if len(pairs) + len(touching) > MOST:
             return
@@ -384,6 +388,26 @@ class SlidingEquations:
             x = emitted(self.values, to, dict(self.given))
             to = self._list(self._with_modes([*x, *range(self.D, self.D + self.size)]))
         return of._replace(surface=surface, to=to)
+
+
+def _stays(action, D, P):
+    """Return True if an action leaves states on its surface there, as bounces do.
+
+    Then its function has the same modulus before and after, or is 0 after. Some states are tried.
+    """
+    x = np.random.default_rng(0).uniform(0.5, 1.5, (D + P, 16))
+
+    def at(program, x):
+        known = dict(enumerate(x))
+        evaluate(program.operations, known)
+        return [a if isinstance(a, float) else known[a] for a in program.results]
+
+    with np.errstate(all="ignore"):
+        [before], new = at(action.surface, x), at(action.to, x)
+        [after] = at(action.surface, [*new, *x[D:]])
+        before, after = np.abs(before), np.abs(after)
+        is_so = np.minimum(after, abs(after - before)) <= 1e-9 * (1.0 + before)
+        return bool((is_so | ~np.isfinite(after)).all())
 
 
 def _dot(values, row, f):

@@ -16,6 +16,7 @@ from ..fields.field import Field
 from ..fields.right_hand_sides import with_events
 from ..fields.traced import EQUATIONS, NAMES
 from ..status import Status
+from .event import traced
 from .integration import to_tolerance
 from .sensitivities import WithColumns, with_derivatives
 
@@ -44,7 +45,7 @@ class Sliding:
     def __init__(
         self, field: Any, x: Any, batch: Any, where: Any, request: Any, actions: Any
     ) -> None:
-        self.found, self.x, self.where = None, x, where
+        self.found, self.x, self.where, self.system, self.held = None, x, where, field, ()
         self.has_records = request.event_times is not None
         if not isinstance(field, Field) or field._equations is None:
             return
@@ -54,6 +55,7 @@ class Sliding:
         equations, self.modes = self.found
         self.actions, self.surfaces = self.modes.actions, self.modes.surfaces_of_events
         self.count, size, self.contacts = self.modes.count, self.modes.size, self.modes.contacts
+        self.held = tuple(actions[k] for k in self.contacts)
         parts = dict(field.parameters)
         if field.shape:
             parts = {n: np.broadcast_to(a, batch).ravel()[where] for n, a in field._arrays.items()}
@@ -78,15 +80,14 @@ class Sliding:
     def continued(self, found: Any, of_columns: Any, names: Any, at_rest: Any) -> Any:
         """Return `found` and derivatives `of_columns` with these trajectories computed again."""
         where, D = self.where, self.x.shape[1]
+        which, event = at_rest
+        if which is not None and traced(event, self.system).action not in self.held:
+            warn(
+                f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
+                "trajectories, and leaves it without an event, because a start is none: begin on "
+                "the side from which it is crossed, or hold x0 there by a variable for the mode"
+            )
         if self.found is None:
-            which, event = at_rest
-            if which is not None:
-                warn(
-                    f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
-                    "trajectories, and leaves it without an event, because a start is none: begin "
-                    "on the side from which it is crossed, or hold x0 there by a variable for the "
-                    "mode"
-                )
             return found, of_columns
         K = (len(where),)
         if names:

@@ -39,6 +39,16 @@ def test_a_start_at_rest_on_its_floor(name, g):
     sf.flow(ball, x0, time=0.1, events=up)
 
 
+def test_a_start_at_rest_is_told_of_beside_a_mode():
+    """f slides along v = 0, and no event holds the ball."""
+    f = sf.Field(lambda s: (s[1], -9.81, s[3], -s[2] - 0.15 * np.sign(s[3])), "h w x v")
+    with pytest.warns(UserWarning, match="x0 rests"):
+        motion = sf.flow(
+            f, [0.0, 0.0, 1.0, 0.0], time=20.0, events=sf.Event("h", direction=-1, terminal=True)
+        )
+    np.testing.assert_allclose(motion.final, [-1962.0, -196.2, -0.1, 0.0], rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("start", "is_told"), [(-9.0, True), (-7.0, False), (7.0, False), (8.0, True)]
 )

@@ -4,7 +4,7 @@ Between chunks, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, 
 first: whenever it is called all trajectories have taken the same steps, so the run can end there.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
 from time import perf_counter
@@ -18,6 +18,7 @@ from ..checks import FloatArray, extra, is_false, short, wrong
 from ..core.maps.kernel import field_steps
 from ..core.maps.step_system import FieldSystem, steps_of_one
 from ..core.numba.decorators import Kernel
+from ..core.numba.span import AXES, Output, Span
 from ..core.numba.status import OK, PASSED_POLE
 from ..core.suslov import orientations
 from ..core.suslov.map import BodySystem
@@ -209,28 +210,31 @@ class BatchRun:
         size, D = self.omega0.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at = self.failed_at.reshape(size)
-        arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
-        axes = 0, 1, 1, 0, 0, 0  # the axis of trajectories in each array
+        output = Output(saved, final, self.carry, status, failed_at)
         for where, arguments in self.groups:
             if where is ALL:
-                self._take(arguments, arrays, stop, every)
+                self._take(arguments, self.omega0, output, stop, every)
                 continue
-            copies = [np.take(a, where, axis) for a, axis in zip(arrays, axes, strict=True)]
-            self._take(arguments, copies, stop, every)
-            for array, axis, copy in zip(arrays[1:], axes[1:], copies[1:], strict=True):
+            copies = (np.take(a, where, axis) for a, axis in zip(output, AXES, strict=True))
+            own = Output(*copies)
+            self._take(arguments, self.omega0[where], own, stop, every)
+            for array, axis, copy in zip(output, AXES, own, strict=True):
                 array[(ALL, where) if axis else where] = copy
         self.n = stop
 
-    def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
+    def _take(
+        self, arguments: Arguments, omega0: FloatArray, output: Output, stop: int, every: int
+    ) -> None:
         """Continue a group of trajectories to state `stop`; save states n * `every`.
 
-        `arguments` are kernel arguments, `arrays` omega0, carry, saved, final, status, failed_at.
+        `arguments` are kernel arguments, and `omega0` are the initial states of the group.
+
         The batch is divided first, so that the data of a chunk stay in the caches. Time is divided
         only if few trajectories take long. Chunks grow while they are short, because the estimated
-        cost is that of the slowest steps. A batch of one block is serial, because a block of lanes
-        takes as long however few of them are used.
+        cost is the cost of the slowest steps. A batch of one block is serial, because a block of
+        lanes takes as long however few of them are used.
         """
-        kernel, lanes, (omega0, carry, *others) = self.steps.kernel, self.steps.lanes, arrays
+        kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
@@ -247,12 +251,12 @@ class BatchRun:
             while True:  # once even if stop = n
                 until = min(start + length, stop)
                 row = _rows(n, start, every) if start else 0
-                span = begin, end, start, until, every, row
+                span = Span(begin, end, start, until, every, row)
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
                 taken = size if size <= _FEW else width
                 seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
-                data = arguments, omega0, carry, span, *others
+                data = arguments, omega0, span, output
                 call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break

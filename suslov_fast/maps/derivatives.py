@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.maps.kernel import field_steps, scheme_of
 from ..core.maps.stages import Scheme
+from ..core.numba.span import Output, Span
 from ..core.numba.status import PASSED_POLE
 from ..fields.terms import Terms, slopes_at
 from .batch import Report
@@ -63,10 +64,9 @@ def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: A
 def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> FloatArray:
     """Return states number `stop` from x, number `start`; `notes` get carry, status, failed_at."""
     carry, status, failed_at = notes
-    final, saved = x.copy(), np.empty((0, *x.shape))
-    span = 0, len(x), start, stop, 0, 0
-    field_steps.serial(arguments, x, carry, span, saved, final, status, failed_at)
-    return final
+    output = Output(np.empty((0, *x.shape)), x.copy(), carry, status, failed_at)
+    field_steps.serial(arguments, x, Span(0, len(x), start, stop, 0, 0), output)
+    return output.final
 
 
 def _no_notes(B: int) -> Any:

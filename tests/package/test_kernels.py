@@ -1,14 +1,15 @@
 """The contract of kernels of steps: what each writes, from any state on and in any pieces.
 
-    steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
+    steps(part, parts, arguments, omega0, span, output)
 
-A kernel is decorated with `core.numba.decorators.kernel`.
+A kernel is decorated with `core.numba.decorators.kernel`. Its span and its output are a `Span` and
+an `Output` of `core.numba.span`.
 It neither validates nor raises, and allocates nothing inside loops over steps.
 
 1. `arguments` is the tuple of arrays that `StepMethod.arguments(body, eps, batch)` returned, once
    for a run; a kernel only reads it. An array has one row if all B trajectories share it, else B
    rows: ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
-2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
+2. The `span` (begin, end, start, stop, every, row) says that the call takes the trajectories
    begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
    `parts`; `core.numba.decorators.share` returns its trajectories.
 3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is NaN,
@@ -37,6 +38,7 @@ import pytest
 from promises import KINDS, RECORDS, hard
 
 import suslov_fast as sf
+from suslov_fast.core.numba.span import Output, Span
 from suslov_fast.maps.problem import check
 
 STEPS, GUARD = 6, -99
@@ -76,9 +78,9 @@ def try_kernel(record, method, body, omega, eps):
         for start, stop in ((-late, -late), (0, 2), (2, 3), (3, 3), (3, STEPS)):
             row = start + 1 if start >= 0 else 0
             for begin, end, part in ((0, 3, 0), (0, 3, 1), (3, B, 0), (3, B, 1)):
-                span = begin, end, start + late, stop + late, 1, row
-                given = arguments, omega, carry, span, saved, final, status, failed_at
-                steps.kernel(part, 2, *given)
+                span = Span(begin, end, start + late, stop + late, 1, row)
+                output = Output(saved, final, carry, status, failed_at)
+                steps.kernel(part, 2, arguments, omega, span, output)
         for array, memory in arrays:
             assert (memory[:512] == GUARD).all()
             assert (memory[512 + array.size :] == GUARD).all()

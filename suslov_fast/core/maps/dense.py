@@ -63,24 +63,23 @@ def _spans_of(step):
     return spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
 
 
-def take_dense(threads, arguments, omega0, carry, span, saved, final, status, failed_at):
+def take_dense(threads, arguments, omega0, span, output):
     """Take steps of dense fields on `threads` threads, from state `start` to state `stop`.
 
-    `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
-    `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
-    `carry` (1, B) gets n of first states beyond poles; `status` and `failed_at` (B,) are updated.
-    If a lane loses digits, `solve_at` is compiled, and the steps are taken again.
+    `arguments` are a `Scheme`, values and eps; `omega0` (B, D) is state 0. `carry` (1, B) of the
+    `output` has n of first states beyond poles, or 0. If a lane loses digits, `solve_at` is
+    compiled, and the steps are taken again.
     """
-    (scheme, *parameters), (begin, end, start, stop, every, row) = arguments, span
+    (scheme, *parameters), begin, end = arguments, span.begin, span.end
     own = slice(begin, end)
-    if start == 0:
-        final[own] = omega0[own]
-        note_undefined(final[own], (status[own], failed_at[own], carry[0, own]))
-        final[own][status[own] < 0] = np.nan
-        if every:
-            saved[row, own] = final[own]
-            row += 1
+    if span.start == 0:
+        saved, final, [poles], status, failed_at = output.of(own)
+        final[:] = omega0[own]
+        note_undefined(final, (status, failed_at, poles))
+        final[status < 0] = np.nan
+        if span.every:
+            saved[span.row] = final
+            span = span._replace(row=span.row + 1)
     D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
     W = max(min(LANES, end - begin), 1)  # an empty batch has no lanes
     for_each = threads, len(fractions), W if max(map(len, parameters)) > 1 else 1, T
@@ -91,17 +90,16 @@ def take_dense(threads, arguments, omega0, carry, span, saved, final, status, fa
     )  # fmt: skip
     address, needs = solve_at.address if solve_at.is_compiled else 0, np.zeros(1, np.int64)
     field = Dense(*_spans_of(scheme.step), fractions, *parameters, address, needs)
-    changed = carry, final, status, failed_at
+    changed = output.final, output.carry, output.status, output.failed_at
     before = [] if address else [array.copy() for array in changed]
-    others = memory, (begin, end, start, stop, every, row), carry, saved, final, status, failed_at
     call = take_dense_steps.serial
     if threads > 1:
         call = functools.partial(take_dense_steps.parallel, threads)
-    call(field, *others)
+    call(field, memory, span, output)
     if needs[0] and not address:
         for array, copy in zip(changed, before, strict=True):
             array[:] = copy
-        call(field._replace(solve_at=solve_at.address), *others)
+        call(field._replace(solve_at=solve_at.address), memory, span, output)
 
 
 @function
@@ -200,16 +198,13 @@ def prepare(field, i, l, halves, coefficients):
 
 
 @kernel
-def take_dense_steps(part, parts, field, memory, span, carry, saved, final, status, failed_at):
-    """Take the steps of part `part` of `parts` parts of a batch of B trajectories.
+def take_dense_steps(part, parts, field, memory, span, output):
+    """Take part `part` of `parts` of the steps of a `Span`, from `output.final` on.
 
-    `field` is a `Dense`, `memory` a `Memory`. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
-    `final` (B, D) are the first states, then the last ones. `carry` (1, B) gets n of first states
-    beyond poles; `status` and `failed_at` (B,) are updated.
+    `field` is a `Dense`, `memory` a `Memory`. `carry` is that of `take_dense`.
     """
-    field, memory, carry, saved = uncounted((field, memory, carry, saved))
-    final, status, failed_at = uncounted((final, status, failed_at))
+    field, memory, output = uncounted((field, memory, output))
+    saved, final, carry, status, failed_at = output
     begin, end, start, stop, every, row = span
     a, columns, bases = memory.a[part], memory.columns[part], memory.bases[part]
     halves, coefficients = memory.halves[part], memory.coefficients[part]

@@ -204,19 +204,14 @@ class FieldSteps(Kernel):
         in_parts(threads, work, abandoned, threads)
 
 
-def _iterate_part(
-    part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
-):
+def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
     """Take the steps of part `part` of `parts` parts of a batch of B trajectories.
 
-    `arguments` are a `Scheme`, values and eps. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1; states n, n a multiple of `every`, go to saved[row] and on.
-    `omega0` (B, D) are the first states if start = 0, else `final`, which gets the last ones.
-    `carry` (1, B) gets n of first states beyond poles; `status` and `failed_at` (B,) are updated.
-    End early if `abandoned` is not empty.
+    `arguments` are a `Scheme`, values and eps, `span` and `output` a `Span` and an `Output`.
+    `omega0` (B, D) are the first states if start = 0. End early if `abandoned` is not empty.
     """
-    (scheme, *parameters), (begin, end, *steps) = arguments, span
-    starts = omega0 if steps[0] == 0 else final
+    (scheme, *parameters), begin, end = arguments, span.begin, span.end
+    starts = omega0 if span.start == 0 else output.final
     W = WIDTH if end - begin > WIDTH else min(1 << (end - begin - 1).bit_length(), 4)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
@@ -224,27 +219,26 @@ def _iterate_part(
     for low in range(first, last, CHUNK):
         chunk = slice(low, min(low + CHUNK, last))
         own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
-        states = starts[chunk]
-        notes = status[chunk], failed_at[chunk], carry[0, chunk]
-        if steps[0] == 0:
+        states, written = starts[chunk], output.of(chunk)
+        notes = written.status, written.failed_at, written.carry[0]
+        if span.start == 0:
             note_undefined(states, notes)
         if not scheme.step.usual:
             from . import superlu  # here, because importing SciPy takes time
 
-            final[chunk] = superlu.take(own, states, steps, saved[:, chunk], notes, abandoned)
+            superlu.take(own, states, span, written, abandoned)
             continue
         lines = _Lines(own, states, notes, W)
-        _take_steps(lines, states, steps, saved[:, chunk], abandoned)
-        final[chunk] = lines.states()
+        _take_steps(lines, states, span, written.saved, abandoned)
+        written.final[:] = lines.states()
 
 
-def _take_steps(lines, states, steps, saved, abandoned):
+def _take_steps(lines, states, span, saved, abandoned):
     """Take steps of `_Lines`; take them again from `states` (B, D) if they need pivoting.
 
-    `steps` is (start, stop, every, row): states n, n a multiple of `every`, go to saved[row] and
-    on. End early if `abandoned` is not empty.
+    `saved` is a row of an `Output`. End early if `abandoned` is not empty.
     """
-    start, stop, every, row = steps
+    _, _, start, stop, every, row = span
     if every and start == 0:
         saved[row] = lines.states()
         row += 1

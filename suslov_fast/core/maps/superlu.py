@@ -12,15 +12,13 @@ from ..numba.status import NONFINITE, PASSED_POLE, SINGULAR
 from .kahan_step import SIGNIFICANT
 
 
-def take(arguments, states, span, saved, notes, abandoned):
-    """Take steps from state `start` to `stop`, beginning with `states`; return the last states.
+def take(arguments, states, span, output, abandoned):
+    """Take the steps of a `Span`, beginning with `states`; all trajectories of `output` take them.
 
-    `arguments` are a `Scheme`, values and eps. `span` is (start, stop, every, row): states n, n a
-    multiple of `every`, go to saved[row] and on. `notes` are the arrays status, failed_at and
-    poles, which are updated. End early if `abandoned` is not empty.
+    `arguments` are a `Scheme`, values and eps. End early if `abandoned` is not empty.
     """
-    (scheme, values, eps), (start, stop, every, row) = arguments, span
-    status, failed_at, poles = notes
+    (scheme, values, eps), (_, _, start, stop, every, row) = arguments, span
+    saved, final, [poles], status, failed_at = output
     x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
     x[~alive] = np.nan
     signs = [*scheme.step.of_one_sign]
@@ -51,7 +49,7 @@ def take(arguments, states, span, saved, notes, abandoned):
         if every and n % every == 0:
             saved[row] = x
             row += 1
-    return x
+    final[:] = x
 
 
 class _StepByNumPy:

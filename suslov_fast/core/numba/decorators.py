@@ -308,8 +308,9 @@ class Kernel(Patient):
         """Take steps by NumPy if they are few and the kernel is not compiled; return True if so."""
         if self.in_numpy is None or self.is_compiled:
             return False
-        _, x0, _, (begin, end, start, stop, *_), *_ = arguments
-        numbers = x0.shape[1] * (end - begin + _CALL_IN_NUMPY) * (stop - start + 2)
+        _, x0, span, _ = arguments
+        trajectories, states = span.end - span.begin, span.stop - span.start
+        numbers = x0.shape[1] * (trajectories + _CALL_IN_NUMPY) * (states + 2)
         if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
             return False
         with suppress(MemoryError):  # the kernel needs less memory

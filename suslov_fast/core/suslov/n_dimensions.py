@@ -272,37 +272,34 @@ GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 
 @kernel
-def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+def nd_steps(part, parts, parameters, omega0, span, output):
     """Iterate part `part` of `parts` of the trajectories, in O(n) a step.
 
-    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
-    multiples of `every` go to saved[row] on. `carry` (1, B) has n of first states past poles, or 0.
+    `parameters` are J, I (1 or B, m) and eps; `omega0` (B, m) is state 0. `carry` (1, B) of the
+    `output` has n of first states past poles, or 0.
     """
-    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
-    iterate_nd(part, parts, uncounted(parameters), span, arrays, None)
+    parameters, omega0, output = uncounted((parameters, omega0, output))
+    iterate_nd(part, parts, parameters, omega0, span, output, None)
 
 
 @kernel
-def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+def gauss_steps(part, parts, parameters, omega0, span, output):
     """Iterate part `part` of `parts` of the trajectories, by elimination with m unknowns a step.
 
-    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
-    multiples of `every` go to saved[row] on. `carry` (1, B) has n of first states past poles, or 0.
+    The arguments are those of `nd_steps`.
     """
-    arrays = uncounted((omega0, carry, saved, final, status, failed_at))
-    iterate_nd(part, parts, uncounted(parameters), span, arrays, True)
+    parameters, omega0, output = uncounted((parameters, omega0, output))
+    iterate_nd(part, parts, parameters, omega0, span, output, True)
 
 
 @inlined
-def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
+def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     """Iterate part `part` of `parts` of the trajectories, by elimination or in O(n) a step.
 
-    `by_elimination` is True, or None for O(n): Numba removes branches by None. `parameters`, `span`
-    and `arrays` (omega0, carry, saved, final, status, failed_at) are the arguments of `nd_steps`.
+    `by_elimination` is True, or None for O(n): Numba removes branches by None. The others are the
+    arguments of `nd_steps`.
     """
-    omega0, carry, saved, final, status, failed_at = arrays
+    saved, final, carry, _, _ = output
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
@@ -314,14 +311,12 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
         begin, row = first + block * lanes, next_row
         end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
-        start_block(c, b, parameters, states, begin, end, start, status, failed_at)
+        start_block(c, b, parameters, states, begin, end, start, output)
         for k in range(begin, end if start == 0 else begin):
             carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
-                step_block(
-                    c, b, a, for_solve, begin, end, n, (carry, status, failed_at), by_elimination
-                )
+                step_block(c, b, a, for_solve, begin, end, n, output, by_elimination)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
@@ -331,14 +326,15 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 
 
 @inlined
-def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
-    """Take step n of a block (c, b), which has the trajectories begin to end - 1.
+def step_block(c, b, a, for_solve, begin, end, n, output, by_elimination):
+    """Take step n of a block (c, b) of trajectories `begin` to end - 1.
 
     `a` (m, m + 1, lanes) and `for_solve` are memory for elimination, without and with pivoting.
-    `notes` are carry, status and failed_at, which receive failures and poles. `by_elimination` is
-    None for a step in O(n), else True.
+    The `output` receives failures and poles. `by_elimination` is None for a step in O(n), else
+    True.
     """
-    (carry, status, failed_at), lanes = notes, c.shape[2]
+    _, _, carry, status, failed_at = output
+    lanes = c.shape[2]
     if by_elimination is None:
         to_solve = compute_factors(c, b, lanes)
     else:
@@ -358,12 +354,13 @@ def step_block(c, b, a, for_solve, begin, end, n, notes, by_elimination):
 
 
 @function
-def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
+def start_block(c, b, parameters, states, begin, end, start, output):
     """Fill a block (c, b) with trajectories begin to end - 1; spare lanes repeat the last one.
 
-    `parameters` are J, I and eps. `states` (B, m) have the number `start`. If it is 0, `status` and
-    `failed_at` (B,) become NONFINITE and 0 for states that are not finite.
+    `parameters` are J, I and eps. `states` (B, m) have the number `start`. If it is 0, states that
+    are not finite have failed at state 0, with the status NONFINITE.
     """
+    _, _, _, status, failed_at = output
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
@@ -401,14 +398,13 @@ def _sums_of_all(I, w):
     return p, square
 
 
-def nd_steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
+def nd_steps_side_by_side(parameters, omega0, span, output):
     """Take the steps by NumPy and return True; return False if one loses digits or passes a pole.
 
-    `parameters` are J, I (1 or B, m) and eps. `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
-    multiples of `every` go to saved[row] on. `carry` (1, B) becomes 0 if start is 0.
+    The arguments are those of `nd_steps`. `carry` becomes 0 if start is 0.
     """
     begin, end, start, stop, every, row = span
+    saved, final, carry, status, failed_at = output
     if begin == end:
         return True
     own, m = slice(begin, end), omega0.shape[1]

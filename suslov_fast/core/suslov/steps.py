@@ -175,15 +175,15 @@ def take_steps(b, lanes, plains, n, pause):
 
 
 @formula
-def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
-    """Write `final`, `carry` and statuses; return how many trajectories may have failed.
+def finish_lanes(b, alone, plains, first, last, span, output):
+    """Write all of `output` except saved states; return how many trajectories may have failed.
 
     The lanes of the block `b` are trajectories `first` to last - 1; `plains` of them take steps in
     X and Y alone, LANES if all do. If `alone`, there is one lane, with a failure that is known.
-    Otherwise failed_at becomes TO_FIND where a trajectory may have failed. `span` has the numbers
-    of the first and the last state at [2:4]. `final` is (B, 2), `carry` (CARRIED, B).
+    Otherwise failed_at becomes TO_FIND where a trajectory may have failed.
     """
-    (_, _, start, stop, _, _), to_find = span, FIRST
+    _, final, carry, status, failed_at = output
+    to_find = FIRST
     if plains == LANES:
         target = array_at(final.ctypes.data, (final.size,), np.float64)
         store_rows(b, STATE, target, 2 * first, last - first)
@@ -203,30 +203,26 @@ def finish_lanes(b, alone, plains, first, last, span, carry, final, status, fail
             carry[j, i] = b[j, l]
         if alone and may_fail:
             failed_at[i] = -1  # in place of TO_FIND
-            if b[TAKEN, l] < stop - start:
+            if b[TAKEN, l] < span.stop - span.start:
                 status[i] = SINGULAR if b[AT_POLE, l] > 0.0 else NONFINITE
-                failed_at[i] = start + b[TAKEN, l] + 1
+                failed_at[i] = span.start + b[TAKEN, l] + 1
     return to_find
 
 
 @kernel
-def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take part `part` of `parts` of the trajectories from state `start` to state `stop`.
+def steps(part, parts, parameters, omega0, span, output):
+    """Take part `part` of `parts` of the steps of a `Span`.
 
     Trajectories that may have failed in a block of lanes are taken again, one by one, to find the
     step. None has failed if the last state is far inside the range, because R is conserved.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0, read if start = 0
-    carry        (CARRIED, B), written at the end and read if start > 0
-    span         (begin, end, start, stop, every, row): trajectories begin to end - 1; states with
-                 numbers that are multiples of `every` go to saved[row] and on; none if that is 0
-    saved, final (rows, B, 2) and (B, 2), the states at `stop`; NaN after a failure
-    status, failed_at   (B,), OK and -1 at first; changed at the first failure
+    output       an `Output`; `carry` has CARRIED rows
     """
-    parameters, omega0, carry = uncounted(parameters), uncounted(omega0), uncounted(carry)
-    final, status, failed_at = uncounted(final), uncounted(status), uncounted(failed_at)
+    parameters, omega0, output = uncounted(parameters), uncounted(omega0), uncounted(output)
     begin, end, start, stop, every, first_row = span
+    saved, _, carry, status, failed_at = output
     B, out, b = len(omega0), array_at(saved.ctypes.data, (saved.size,), np.float64), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     alone, common = end - begin <= FEW, are_common(parameters)
@@ -277,25 +273,22 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not fused:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        to_find += finish_lanes(
-            b, alone, plains, first, last, span, carry, final, status, failed_at
-        )
+        to_find += finish_lanes(b, alone, plains, first, last, span, output)
         first = last
         if first == end and to_find > 0:
             first, again, to_find, first_saved = begin, True, 0, stop + 1
             alone, lanes, stride, shared = True, ONE, ONE, 0
 
 
-def steps_side_by_side(parameters, omega0, carry, span, saved, final, status, failed_at):
+def steps_side_by_side(parameters, omega0, span, output):
     """Take the steps of all trajectories by NumPy, with the bits of `steps`; always return True.
 
     `Kernel.by_numpy` calls it before `steps` is compiled; True says that the work is done.
-    `parameters` are (I1, I2, I13, I23, k, eps). `span` is (begin, end, start, stop, every, row):
-    trajectories begin to end - 1 go from state start to state stop. States with numbers that are
-    multiples of `every` go to saved[row] on. `carry` (CARRIED, B) has what a run continues from.
+    The arguments are those of `steps`, whose bits do not depend on `part`.
     """
     # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span
+    saved, final, carry, status, failed_at = output
     own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))
     I1, I2, I13, I23, k, eps = (a[own] if len(a) > 1 else a for a in parameters)
     frame, e = frame_of(I1, I2, I13, I23, k, eps)

@@ -63,7 +63,8 @@ class Sliding:
         self.D = x.shape[1]
         self.starts = np.concatenate([x[where], np.ones((len(where), size))], axis=1)
         if self.contacts:
-            self.starts[:, -1] = 0.0
+            last = abs(request.times).max(initial=0.0)
+            self.starts[:, -2:] = last / (1.0 + last), 0.0
         times = (request.event_times or NO_EVENT_TIMES).of(where)
         rows = len(times.times)
         which = times.which + self.count + 1

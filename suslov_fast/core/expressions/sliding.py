@@ -28,6 +28,7 @@ SOON, LOW = 2.0**-35, 2.0**-42  # parts of the time, and of terms: bounces below
 ON = 2.0**-44  # part of the terms of a surface, within which a state is on it
 BARELY = 2.0**-24  # part of the rate on the other side of a surface
 FAR = 2.0**-16  # part of the way of a free body, beyond which a body no longer rests
+PULL = 64.0  # rate, times the time, with which a body that rests is pulled back to its surface
 LEAST = 2.0**-1000
 MOST = 6  # surfaces of one f: its length grows with their cube
 
@@ -41,7 +42,7 @@ class SlidingEquations:
     direction in which the action moves a state, with the factor at which d2s/dt2 = 0.
 
     count     the number of surfaces; modes are components D, D + 1, ...; then those of contacts,
-              and, if there are any, the time
+              and, if there are any, T / (1 + T), with the last time T, and the time
     results   operands of all rates
     contacts  {number of an event that is a contact: component that is its mode}
     actions   `EventAction`s: of the events on surfaces, of modes, of all modes at time 0, others
@@ -65,7 +66,7 @@ class SlidingEquations:
             actions,
             [k for k in touching if self._has_force(k)],
         )
-        self.size = self.count + len(self.contacts) + bool(self.contacts)
+        self.size = self.count + len(self.contacts) + 2 * bool(self.contacts)
         if not self.size:
             return
         f = self._rates({})
@@ -87,7 +88,7 @@ class SlidingEquations:
     def _begin(self, pairs, actions, contacts):
         """Begin the expressions, with modes for `pairs` of compared numbers, and for contacts."""
         D, self.pairs, self.count = self.D, pairs, len(pairs)
-        first = D + len(pairs) + len(contacts) + bool(contacts)
+        first = D + len(pairs) + len(contacts) + 2 * bool(contacts)
         values = self.values = Expressions(first + self.P, range(first, first + self.P))
         self.given = {i: i for i in range(D)} | {D + p: first + p for p in range(self.P)}
         self.contacts = {k: D + len(pairs) + c for c, k in enumerate(contacts)}
@@ -154,7 +155,8 @@ class SlidingEquations:
         """Return the rates f (D) with forces of contacts that rest; set what contacts need.
 
         A reaction is minus d2s/dt2 without the own force. `stops` is the state with ds/dt = 0 at
-        all of them.
+        all of them. What rounding leaves of d2s/dt2 is removed by a second, smaller force. It also
+        pulls s and ds/dt to 0, because their errors would grow with the time and its square.
         """
         number = self.values.number
         self.bends = {
@@ -168,7 +170,12 @@ class SlidingEquations:
         self.reactions = {k: factors[k] * self.own_matrix[k, k] for k in factors}
         stops = self._factors({k: -number(own[1]) for k, own in self.touched.items()})
         self.stops = self._moved([*range(self.D)], stops)
-        return self._moved(f, factors)
+        f, of_last = self._moved(f, factors), number(self.D + self.size - 2)
+        k, pulls = PULL * self.sign * (1.0 - of_last) / of_last, {}
+        for h, (s, rate, normal, *_) in self.touched.items():
+            bend = _or_0(number, _dot(self.values, normal, f))
+            pulls[h] = -(bend + (2.0 * k) * number(rate) + (k * k) * number(s))
+        return self._moved(f, self._factors(pulls))
 
     def _at(self, x, wanted):
         """Return operands `wanted` at another state x, and sizes of the terms of the first ones."""

@@ -373,6 +373,9 @@ def _cross(code, k, is_there, by_motion):
     place, own = 2 * k, _at_surface(code, k)
     given = {"by_motion": by_motion.select(1.0, 0.0)}
     given["jumps"] = text.value(float(integrator.events.jumps[k]))
+    # After its own action a state is there, not just before the surface.
+    has_acted = abs(work.fired[3 * k]) > 0.0
+    given["at_surface"] = has_acted.select(1.0, work.at_surface[0])
     inputs = {"side": line.side[place], "level": line.side[place + 1]} | own | given
     found = code.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
     line.side.put_chosen(place, found["side"])

@@ -45,8 +45,8 @@ from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
 from .core.numba.intrinsics import with_item
-from .core.suslov.map import BodySystem, one_step
-from .core.suslov.n_dimensions import GaussSystem, NDSystem
+from .core.suslov.map_3d import BodySystem, one_step
+from .core.suslov.map_nd import GaussSystem, NDSystem
 from .fields.base import Body
 from .fields.field import Field
 from .fields.right_hand_sides import of_one

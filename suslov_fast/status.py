@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import first_index, spell, warn
-from .core.numba import status
+from .core.numba import status_codes
 
 
 class Status(IntEnum):
@@ -37,18 +37,18 @@ class Status(IntEnum):
     'singular step: the state lies on a pole of the map and has no next state'
     """
 
-    OK = status.OK
-    SUPERCRITICAL = status.SUPERCRITICAL
-    PASSED_POLE = status.PASSED_POLE
-    SINGULAR = status.SINGULAR
-    NONFINITE = status.NONFINITE
-    ENDED = status.ENDED
-    SLIDING = status.SLIDING
-    TOO_MANY_STEPS = status.TOO_MANY_STEPS
-    ACCUMULATES = status.ACCUMULATES
-    STOPPED = status.STOPPED
-    DEGENERATE = status.DEGENERATE
-    NOT_FOUND = status.NOT_FOUND
+    OK = status_codes.OK
+    SUPERCRITICAL = status_codes.SUPERCRITICAL
+    PASSED_POLE = status_codes.PASSED_POLE
+    SINGULAR = status_codes.SINGULAR
+    NONFINITE = status_codes.NONFINITE
+    ENDED = status_codes.ENDED
+    SLIDING = status_codes.SLIDING
+    TOO_MANY_STEPS = status_codes.TOO_MANY_STEPS
+    ACCUMULATES = status_codes.ACCUMULATES
+    STOPPED = status_codes.STOPPED
+    DEGENERATE = status_codes.DEGENERATE
+    NOT_FOUND = status_codes.NOT_FOUND
 
     @property
     def message(self) -> str:

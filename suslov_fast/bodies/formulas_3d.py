@@ -1,7 +1,7 @@
 """Formulas of bodies in three dimensions, on arrays of states.
 
-X, Y, K, e, ell, g and z are those of `core.suslov.map`, nu that of `core.suslov.closed_form`, x and
-y those of equation (7). Numbers of equations are those of the paper.
+X, Y, K, e, ell, g and z are defined in `core.suslov.map_3d`, nu in `core.suslov.closed_form`, x and
+y in equation (7). Numbers of equations refer to the paper.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core.numba.decorators import as_python
-from ..core.suslov import closed_form as closed, map as steps
+from ..core.suslov import closed_form as closed, map_3d as steps
 from ..maps.batch import states_after
 from ..maps.evaluation import Formula
 from ..maps.formulas import KAHAN

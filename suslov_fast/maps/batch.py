@@ -19,10 +19,10 @@ from ..core.maps.kernel import field_steps
 from ..core.maps.step_system import FieldSystem, steps_of_one
 from ..core.numba.decorators import Kernel
 from ..core.numba.span import AXES, Output, Span
-from ..core.numba.status import OK, PASSED_POLE
+from ..core.numba.status_codes import OK, PASSED_POLE
 from ..core.suslov import orientations
-from ..core.suslov.map import BodySystem
-from ..core.suslov.n_dimensions import NDSystem
+from ..core.suslov.map_3d import BodySystem
+from ..core.suslov.map_nd import NDSystem
 from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .kernel_calls import call_kernel
 from .problem import Problem

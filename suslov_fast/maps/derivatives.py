@@ -15,7 +15,7 @@ from ..checks import FloatArray
 from ..core.maps.kernel import field_steps, scheme_of
 from ..core.maps.stages import Scheme
 from ..core.numba.span import Output, Span
-from ..core.numba.status import PASSED_POLE
+from ..core.numba.status_codes import PASSED_POLE
 from ..fields.terms import Terms, slopes_at
 from .batch import Report
 from .kernel_arguments import ALL, by_scheme, by_zeros, flat_arrays

@@ -12,8 +12,8 @@ from ..core.maps.kernel import scheme_of
 from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
-from ..core.suslov.map import BodySystem
-from ..core.suslov.n_dimensions import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.suslov.map_3d import BodySystem
+from ..core.suslov.map_nd import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:

@@ -5,7 +5,7 @@ from typing import Any
 
 from ..core.maps import kernel
 from ..core.maps.stages import Stages
-from ..core.suslov import n_dimensions as steps_nd, steps as steps_3d
+from ..core.suslov import map_nd as steps_nd, steps as steps_3d
 from .batch import StepMethod
 from .kernel_arguments import (
     body_system,

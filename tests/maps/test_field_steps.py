@@ -17,7 +17,7 @@ import suslov_fast as sf
 from suslov_fast.compiled import system
 from suslov_fast.core.maps import kernel
 from suslov_fast.core.maps.pivoting import pivoting_step
-from suslov_fast.core.numba import status as codes
+from suslov_fast.core.numba import status_codes as codes
 from suslov_fast.maps.orders import COMPOSITIONS
 
 # Long steps on purpose, from states with det A < 0.

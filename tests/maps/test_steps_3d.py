@@ -11,7 +11,7 @@ from promises import same
 
 import suslov_fast as sf
 from suslov_fast.core.numba import decorators
-from suslov_fast.core.numba.status import NONFINITE, OK, SINGULAR, SUPERCRITICAL
+from suslov_fast.core.numba.status_codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from suslov_fast.core.suslov import steps as steps_3d
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
-from ..numba.status import (
+from ..numba.status_codes import (
     ACCUMULATES,
     ENDED,
     NONFINITE,

@@ -14,7 +14,7 @@ from ..numba.arrays import array_at, uncounted
 from ..numba.decorators import c_function, function, kernel, share
 from ..numba.gauss import simd_max, simd_min
 from ..numba.intrinsics import call_code, lesser
-from ..numba.status import OK, PASSED_POLE
+from ..numba.status_codes import OK, PASSED_POLE
 from .kahan_step import of_one_sign
 from .packs import note_undefined
 from .pivoting import crosses_0, solve_lane

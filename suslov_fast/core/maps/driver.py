@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
-from ..numba.status import CHANGED, NONFINITE
+from ..numba.status_codes import CHANGED, NONFINITE
 from .stage_code import Stage, loader
 
 WIDTH = 8  # lanes of a line

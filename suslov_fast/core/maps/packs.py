@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from ..llvm.compiler import address_of
-from ..numba.status import NONFINITE, OK
+from ..numba.status_codes import NONFINITE, OK
 from .stages import distinct
 
 PLANS = 32  # fields for which tables are kept from call to call

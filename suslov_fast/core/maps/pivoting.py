@@ -12,7 +12,7 @@ import numpy as np
 from ..numba.arrays import array_at
 from ..numba.decorators import c_function, function
 from ..numba.gauss import solve
-from ..numba.status import CHANGED, OK, PASSED_POLE
+from ..numba.status_codes import CHANGED, OK, PASSED_POLE
 from .kahan_step import SIGNIFICANT
 
 ENDED, PASSED = range(2)  # rows of `LineArguments.marks`

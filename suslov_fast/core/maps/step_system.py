@@ -13,7 +13,7 @@ import numpy as np
 from ..llvm.compiler import address_of, code_of
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
-from ..numba.status import NONFINITE, OK, PASSED_POLE
+from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .driver import DONE, SLOT, DriverArguments, text_of_steps
 from .kernel import scheme_of
 from .packs import PLANS, common_table, plan_of

@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..numba.status import NONFINITE, PASSED_POLE, SINGULAR
+from ..numba.status_codes import NONFINITE, PASSED_POLE, SINGULAR
 from .kahan_step import SIGNIFICANT
 
 

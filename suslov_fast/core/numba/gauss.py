@@ -16,7 +16,7 @@ import numpy as np
 from ..expressions.symbolic_elimination import LEAST_PIVOT
 from .decorators import formula, function, inlined
 from .intrinsics import lesser, select
-from .status import NONFINITE, OK, SINGULAR
+from .status_codes import NONFINITE, OK, SINGULAR
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1 for lanes that need `solve`, else 0.

@@ -1,6 +1,6 @@
 """The closed form: state n of an orbit, or its state at time n, with a rotor or without.
 
-Symbols are those of `suslov.map`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
+Symbols are those of `suslov.map_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
 nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (In equation (7) x is x, and y is
 sqrt(I1 I2) nu.) R = |z| / sqrt(1 + X**2) and A = R |g| are conserved. Let
 psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,
@@ -53,7 +53,7 @@ from ..numba.arrays import array_at, block_of, uncounted
 from ..numba.decorators import are_common, formula, kernel, pick, share
 from ..numba.intrinsics import lesser, select
 from .blocks import store_rows
-from .map import RANGE, ZERO_TO_ROUNDING, one_step
+from .map_3d import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import FIRST, LANES, NO
 
 # TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all numbers that

@@ -1,6 +1,6 @@
 """Steps of a body or gyrostat in three dimensions, in blocks of lanes: the kernel.
 
-The equations, and the plain and the general form of a state, are those of `suslov.map`.
+The equations, and the plain and the general form of a state, are those of `suslov.map_3d`.
 """
 
 import numpy as np
@@ -8,9 +8,9 @@ import numpy as np
 from ..numba.arrays import array_at, block_of, uncounted
 from ..numba.decorators import are_common, as_python, formula, kernel, pick, share
 from ..numba.intrinsics import lesser, select
-from ..numba.status import NONFINITE, SINGULAR, SUPERCRITICAL
+from ..numba.status_codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .blocks import alignment, store_rows, write_pairs
-from .map import (
+from .map_3d import (
     LARGEST,
     Frame,
     XY_in_frame,

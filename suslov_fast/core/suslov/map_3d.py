@@ -26,7 +26,7 @@ import numpy as np
 
 from ..numba.decorators import formula, function
 from ..numba.intrinsics import select
-from ..numba.status import NONFINITE, OK, SINGULAR
+from ..numba.status_codes import NONFINITE, OK, SINGULAR
 
 ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
 NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow

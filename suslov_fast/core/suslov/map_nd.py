@@ -37,7 +37,7 @@ from ..numba.arrays import keep, uncounted
 from ..numba.decorators import as_python, formula, function, inlined, kernel, share
 from ..numba.gauss import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
 from ..numba.intrinsics import lesser, select
-from ..numba.status import NONFINITE, OK, PASSED_POLE
+from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d

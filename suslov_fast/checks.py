@@ -36,6 +36,9 @@ Reals = (
     | Sequence[Sequence[Sequence[SupportsFloat]]]
 )
 
+# What initial states may be: arrays, or an array for each name of a component.
+StatesLike = ArrayLike | Mapping[str, ArrayLike]
+
 _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}
 # Number of elements up to which a sum in Python is faster than a call of NumPy.
@@ -149,6 +152,13 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
         return value
     if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
         return value[[*labels]].to_numpy()
+    if isinstance(value, (list, tuple)) and hasattr((*value[:1], 0)[0], "iloc"):
+        return [_unlabelled(name, each, labels) for each in value]
+    if isinstance(value, Mapping) and not hasattr(value, "dims"):
+        if {*value} != {*labels}:
+            raise wrong(name, f"a value for each of {', '.join(labels)}", short({**value}))
+        parts = np.broadcast_arrays(*(_floats(name, value[label]) for label in labels))
+        return np.stack(parts, axis=-1)
     if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
         last = f"{kind_of(value)}: pass run.states[-1]"
         raise wrong(name, "states at one time", last, TypeError)

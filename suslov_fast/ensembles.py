@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import math
 import os
@@ -26,6 +27,7 @@ from .motions.motion_arguments import either_map_or_motion
 from .orbits.iterate import iterate
 from .results.frames import to_xarray
 from .status import IntegrationWarning, Status
+from .words import answer
 
 if TYPE_CHECKING:
     import distributed
@@ -122,6 +124,11 @@ def ensemble(
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     function: Any = iterate if time is None else flow
+    known = [*inspect.signature(ensemble).parameters, *inspect.signature(function).parameters]
+    for word in options:
+        if word not in known:
+            how = answer(word, known) or ", ".join(dict.fromkeys(known))
+            raise TypeError(f"ensemble has no argument {word!r}: use {how}")
     own = _checked(system, eps, steps, time, options)
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
@@ -158,18 +165,23 @@ def ensemble(
                 done += part.stop - part.start
                 goes_on = report is None or report(done)
     data = xarray.open_zarr(store)
-    _check_end(data.status.values, goes_on, store)
+    _check_end(data, goes_on, store)
     return data
 
 
-def _check_end(status: Any, goes_on: bool, store: Any) -> None:
-    """Raise an error if chunks are missing; warn once of all trajectories that failed."""
+def _check_end(data: Any, goes_on: bool, store: Any) -> None:
+    """Raise an error if chunks are missing; warn once of all failures and passed poles."""
+    status = data.status.values
     if goes_on and (status == _PENDING).any():
         raise wrong("client", "have workers that write to the store", f"{store} lacks chunks")
-    if (failed := status[(status < 0) & (status > _PENDING)]).size:
+    texts, failed = [], status[(status < 0) & (status > _PENDING)]
+    if failed.size:
         kinds = ", ".join(f"{(failed == k).sum()} {Status(k).name}" for k in np.unique(failed))
-        text = f"ensemble: {failed.size} of {status.size} trajectories failed: {kinds}"
-        warn(text, IntegrationWarning)
+        texts.append(f"{failed.size} of {status.size} trajectories failed: {kinds}")
+    if "first_pole" in data and (passed := (data.first_pole.values >= 0).sum()):
+        texts.append(f"{passed} of {status.size} trajectories passed a pole before their end")
+    if texts:
+        warn(f"ensemble: {'; '.join(texts)}", IntegrationWarning)
 
 
 def _checked(system: Any, eps: Any, steps: Any, time: Any, options: Any) -> dict[str, Any]:

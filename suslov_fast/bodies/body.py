@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -342,6 +343,8 @@ class Suslov(BodyOfEquations):
         array([[-0.791446,  1.319077],
                [ 0.791446, -1.319077]])
         """
+        if isinstance(n, float) and math.isinf(n):
+            raise wrong("n", "finite", f"{n!r}: limits returns the limits of an orbit")
         numbers = np.asarray(real_number("n", n))
         if numbers.ndim > 1:
             raise wrong("n", "a number or a 1-D array", f"an array of shape {numbers.shape}")

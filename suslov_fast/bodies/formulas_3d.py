@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.numba.decorators import as_python
 from ..core.suslov import closed_form as closed, map_3d as steps
-from ..maps.batch import states_after
 from ..maps.evaluation import Formula
 from ..maps.formulas import KAHAN
 from ..maps.problem import Problem
@@ -74,17 +73,20 @@ def _momentum(problem: Problem) -> FloatArray:
 
 
 def _reaction(problem: Problem) -> FloatArray:
-    """Return lambda of equations (2) and (4), with f in place of the difference quotients of (4).
+    """Return (next_ell - ell) / eps - (I1 - I2) (w1 next2 + next1 w2) / 2; its limit for eps = 0.
 
-    f has the products of both states that the map has, so that no digits are lost for small eps.
+    It is lambda of equations (2) and (4). Both terms have the denominator det A. Terms of the
+    numerators cancel only if they cancel in the result, too.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    after = states_after(problem) if eps.any() else problem.omega
-    next1, next2 = after[..., 0], after[..., 1]
-    ell, next_ell = I13 * w1 + I23 * w2 + k, I13 * next1 + I23 * next2 + k
-    f1 = -0.5 * (ell * next2 + next_ell * w2) / I1
-    f2 = 0.5 * (ell * next1 + next_ell * w1) / I2
-    return np.asarray(I13 * f1 + I23 * f2 - 0.5 * (I1 - I2) * (w1 * next2 + next1 * w2))
+    a, half, x = I1 * I2, 0.5 * eps, I13 * w1 + I23 * w2
+    ell, y = x + k, I23 * I1 * w1 - I13 * I2 * w2
+    of_1, of_2 = I1 * w1 * w1 * (I13 * w1 + k), I2 * w2 * w2 * (I23 * w2 + k)
+    mean = w1 * w2 * (1.0 - half * half * k * ell / a) + half * (of_1 - of_2) / a
+    Y, square = half * y / a, half * half * ell * (2.0 * ell - k) / a
+    det, size = (1.0 - Y) + square, 1.0 + abs(Y) + abs(square)
+    det = np.where(abs(det) > steps.ZERO_TO_ROUNDING * size, in_range(det), np.nan)
+    return np.asarray((ell * (y - half * ell * x) / a - (I1 - I2) * mean) / det)
 
 
 # --------------------------------------------------------------------------------- of the map

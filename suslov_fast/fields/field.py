@@ -495,6 +495,8 @@ def system_of(system: Any, x0: Any) -> Any:
     """Return a system; a function of the state is a field with as many variables as x0 has."""
     if isinstance(system, (Body, type)) or not callable(system):
         return system
+    if isinstance(x0, Mapping):
+        return Field(system, [*x0])
     D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]
     others = arguments_of(system)[1:]
     if others and not {"t", "time"} & {*arguments_of(system)}:

@@ -106,7 +106,9 @@ def _refused(name: str) -> str:
     if len(name) > _LONGEST_NAME:
         return f"is longer than {_LONGEST_NAME} characters"
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
-    if plain != name or not name.isidentifier() or iskeyword(name):
+    if plain != name and plain.isidentifier():
+        return f"is {plain!r} to Python, which normalises names: pass that"
+    if not name.isidentifier() or iskeyword(name):
         return "is no name in Python: use letters, digits and _, and begin with a letter"
     return ""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
-from ..checks import integer, one_number, short, wrong
+from ..checks import StatesLike, integer, one_number, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
@@ -27,7 +27,7 @@ _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 @public
 def crossings(
     system: System,
-    x0: ArrayLike,
+    x0: StatesLike,
     /,
     surface: Any,
     *,

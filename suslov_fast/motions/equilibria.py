@@ -14,10 +14,19 @@ from __future__ import annotations
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..bodies.systems import System
-from ..checks import FloatArray, common_shape, first_index, instance, spell, states, warn
+from ..checks import (
+    FloatArray,
+    StatesLike,
+    common_shape,
+    first_index,
+    instance,
+    spell,
+    states,
+    warn,
+)
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
 from ..fields.base import Body
@@ -66,7 +75,7 @@ class Equilibria(NamedTuple):
 
 
 @public
-def equilibria(system: System, /, near: ArrayLike) -> Equilibria:
+def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     """Find equilibria near given states, or fixed points f(x) = x of a :class:`Map`.
 
     Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .. import checks
 from ..bodies.systems import System
-from ..checks import FloatArray, Reals, integer, short, wrong
+from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.base import Body
 from ..fields.field import system_of
@@ -39,7 +38,7 @@ from .tangents import exponents_of
 @public
 def lyapunov_exponents(
     system: System,
-    x0: ArrayLike,
+    x0: StatesLike,
     /,
     eps: Reals | None = None,
     steps: int | None = None,

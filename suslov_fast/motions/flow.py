@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.exact import states_at
 from ..bodies.systems import System
-from ..checks import FloatArray, Reals, short, wrong
+from ..checks import FloatArray, Reals, StatesLike, short, wrong
 from ..core.expressions.event_formulas import EventAction
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.base import Body
@@ -52,7 +52,7 @@ from .sliding import Sliding, are_stuck
 @public
 def flow(
     system: System,
-    x0: ArrayLike,
+    x0: StatesLike,
     /,
     *,
     time: Reals,
@@ -79,7 +79,8 @@ def flow(
         A single field or body, or a batch. A function of the state in place of a field has the
         variables x1, x2, ..., as many as x0 has components, and no parameters.
     x0 : array_like(float, shape=(..., D))
-        Initial states: states x of a field, or angular velocities.
+        Initial states: states x of a field, or angular velocities; or a dictionary of components
+        by name.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
         is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. If equations depend on

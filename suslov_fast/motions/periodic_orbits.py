@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.systems import System
-from ..checks import FloatArray, short, warn, wrong
+from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..errors import NoConvergence
 from ..fields.base import Body
@@ -68,7 +68,7 @@ class PeriodicOrbit(NamedTuple):
 @public
 def periodic_orbit(
     system: System,
-    x0: ArrayLike,
+    x0: StatesLike,
     /,
     period: float | None = None,
     *,

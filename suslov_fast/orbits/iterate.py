@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import MapOrField
-from ..checks import FloatArray, Reals, integer, one_of
+from ..checks import FloatArray, Reals, StatesLike, integer, one_of
 from ..keywords import public
 from ..maps import Method, eps_and_steps, eps_of, map_of
 from ..maps.batch import BatchRun, Progress, reporter
@@ -18,7 +18,7 @@ from .trajectories import Trajectories
 @public
 def step(
     system: MapOrField,
-    x: ArrayLike,
+    x: StatesLike,
     /,
     eps: Reals | None = None,
     *,
@@ -79,7 +79,7 @@ def step(
 @public
 def iterate(
     system: MapOrField,
-    x0: ArrayLike,
+    x0: StatesLike,
     /,
     eps: Reals | None = None,
     steps: int | None = None,

@@ -264,6 +264,22 @@ def test_reaction(rng, k):
         assert abs(body.reaction(omega, eps) - exact) < 1e-14 * size
 
 
+def test_reaction_of_large_states(rng):
+    """Relative to the value, also where products of a large and a small component cancel."""
+    assert sf.Suslov3D(1, 1, 0, 1).reaction([2e8, 0.7], 1.0) == pytest.approx(
+        -1.400000015715, rel=1e-14
+    )
+    for _ in range(40):
+        parameters, *_ = random_problem(rng)
+        eps, omega = 10 ** rng.uniform(-3, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-3, 8, 2)
+        state = naive.exactly(*omega)
+        following = naive.step(*parameters, eps, state, 0.9)
+        slope = naive.quotient(eps, state, following)
+        exact = float(naive.reaction(*parameters, state, following, slope))
+        value = sf.Suslov3D(*parameters, 0.9).reaction(omega, eps)
+        assert value == pytest.approx(exact, rel=1e-12)
+
+
 @pytest.mark.parametrize("k", [0.0, 0.9, -20.0])
 def test_jacobian(rng, k):
     """Against differences in 60 digits, to 3e-15 times the condition of A."""

@@ -2,6 +2,7 @@
 
 import signal
 import sys
+from fractions import Fraction
 from types import ModuleType
 
 import children
@@ -206,6 +207,20 @@ def test_one_warning_counts_what_fails(tmp_path):
         data = ensemble(field, x0, tmp_path / "run", time=1.0, chunks=4)
     assert len(told) == 1
     assert data["end"].values[6:] == pytest.approx(1 / x0[6:, 0])
+
+
+def test_the_warning_counts_passed_poles(tmp_path):
+    field = sf.Field.from_terms([[[1.0]]])  # its map x -> x/(1 - x/2), whose pole 2 is jumped over
+    x0 = [0.5, 0.3, -1.0, 0.75]
+    with pytest.warns(sf.IntegrationWarning, match=r"1 SINGULAR; 2 of 4 .* passed a pole") as told:
+        data = ensemble(field, np.transpose([x0]), tmp_path / "run", eps=0.5, steps=40)
+    assert len(told) == 1
+    for first, status in zip(map(Fraction, x0), data.status.values, strict=True):
+        x, signs = first, set()
+        for _ in range(40 if x else 0):
+            signs.add(x > 0)
+            x = 0 if x == 2 else x / (1 - x / 2)
+        assert status == (-1 if x == 0 else 2 * (len(signs) == 2))
 
 
 def test_stores_of_zarr(tmp_path):

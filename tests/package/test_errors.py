@@ -201,7 +201,10 @@ TABLE = [
     (TypeError, "terminal", changed_by("x1", terminal=1)),
     (ValueError, "most", section(most=0), changed_by("x1", most=0),
      changed_by("x1", terminal=True, most=2)),
-    (ValueError, "n", lambda: BODY.exact([1, 0], 0.1, np.inf),
+    (ValueError, "limits", lambda: BODY.exact([1, 0], 0.1, n=np.inf)),
+    (ValueError, "\u03c6", field(lambda x: x, "\u03d5 v")),
+    (TypeError, "use chunks", lambda: sf.ensemble(BODY, OMEGA, "run", time=1, chuks=2)),
+    (ValueError, "n", lambda: BODY.exact([1, 0], 0.1, [np.inf]),
      lambda: BODY.exact([1.0, 0.5], 0.2, [[1, 2]])),
     (TypeError, "names", field(lambda x: x, names="u v"),
      lambda: Field.from_terms([[[1]]], names=2)),
@@ -266,10 +269,10 @@ TABLE = [
     (ValueError, "u", field(lambda x, u: (1, 2), "u v", u=1)),
     (ValueError, "which", lambda: sf.Field(lambda x, which: x, 1, which=1)),
     (ValueError, "values", changed(values=[1, 2, 3]), changed(values=[1e70, 1])),
-    (TypeError, "x", lambda: FIELD([True, 1]),
-     lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1)),
+    (TypeError, "x", lambda: FIELD([True, 1])),
     (ValueError, "x", lambda: FIELD([1, 2, 3]), lambda: HENON.energy([1, 2, 3])),
-    (ValueError, "x0", motion(x0=[1.0, 2.0, 3.0]), motion(FAMILY[:2], np.ones((3, 1)))),
+    (ValueError, "x0", lambda: sf.iterate(FIELD, {"x": 1.0, "y": 2.0}, 0.1, 1),
+     motion(x0=[1.0, 2.0, 3.0]), motion(FAMILY[:2], np.ones((3, 1)))),
     (ValueError, "x1", field(lambda x, **x1: (1, 2), x1=1)),
 ]  # fmt: skip
 
@@ -301,8 +304,13 @@ def test_states_by_name():
     assert (PAIR(Series({"v": 2.0, "u": 1.0})) == expected[0]).all()
     assert (a_run()["x2"] == a_run().states[..., 1]).all()
     assert (a_motion().final == a_motion().states[-1]).all()
-    with pytest.raises(TypeError, match="x must hold real numbers"):
+    with pytest.raises(ValueError, match="x must be a value for each of u, v"):
         PAIR(named)
+    rows = [Series({"v": 2.0, "u": 1.0}), Series({"v": 4.0, "u": 3.0})]
+    assert (PAIR(rows) == expected).all()
+    assert (PAIR({"v": [2.0, 4.0], "u": 1.0}) == PAIR([[1.0, 2.0], [1.0, 4.0]])).all()
+    motion = sf.flow(lambda x: (x[1], -x[0]), {"q": 1.0, "p": 0.0}, time=np.pi / 2)
+    assert (motion.names, motion["p"][0]) == (("q", "p"), pytest.approx(-1.0))
 
 
 class WithUnit(np.ndarray):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import math
 import os
@@ -19,7 +18,7 @@ import numpy as np
 from . import checks
 from .checks import Reals, common_shape, extra, warn, wrong
 from .fields.base import Body
-from .keywords import public
+from .keywords import public, refuse_unknown
 from .maps.batch import Progress, reporter
 from .motions.events import checked_events
 from .motions.flow import flow
@@ -27,7 +26,6 @@ from .motions.motion_arguments import either_map_or_motion
 from .orbits.iterate import iterate
 from .results.frames import to_xarray
 from .status import IntegrationWarning, Status
-from .words import answer
 
 if TYPE_CHECKING:
     import distributed
@@ -124,11 +122,7 @@ def ensemble(
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     function: Any = iterate if time is None else flow
-    known = [*inspect.signature(ensemble).parameters, *inspect.signature(function).parameters]
-    for word in options:
-        if word not in known:
-            how = answer(word, known) or ", ".join(dict.fromkeys(known))
-            raise TypeError(f"ensemble has no argument {word!r}: use {how}")
+    refuse_unknown(options, ensemble, function)
     own = _checked(system, eps, steps, time, options)
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")

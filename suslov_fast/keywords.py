@@ -85,6 +85,15 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
+def refuse_unknown(options: Any, function: Any, other: Any) -> None:
+    """Raise TypeError for options of a function that neither it nor the other one has."""
+    known = {**inspect.signature(function).parameters, **inspect.signature(other).parameters}
+    for word in options:
+        if word not in known:
+            how = answer(word, known) or ", ".join(known)
+            raise TypeError(f"{function.__name__} has no argument {word!r}: use {how}")
+
+
 def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> TypeError:
     """Return the error of a call with wrong arguments."""
     names = function.__qualname__.split(".")

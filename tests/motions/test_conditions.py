@@ -174,3 +174,50 @@ def test_an_event_just_at_the_end_of_a_branch_in_the_state(apart):
     event = sf.Event(times=[10 * (1 + apart)], to=("x", "y", "z + 5"))
     motion = sf.flow(f, [0.0, 0.1, 0.0], time=12.0, events=event)
     np.testing.assert_allclose(motion.final, [1.2, 0.1, 20 / 3 + 7], atol=1e-6)
+
+
+# Some c, a, b, d where a x + b z - d is just 0 at the end of a step, or within its rounding.
+MEETINGS = [
+    (-1.1, -0.83, 0.3, 0.37), (1.63, 1.24, 1.99, 0.16), (-1.78, -1.84, -1.61, 1.56),
+    (-1.6, -0.48, -0.43, 0.73), (1.54, -1.19, 0.18, -0.05), (-0.91, 1.93, 0.28, -0.8),
+    (1.6676893335771132, 0.22127151376952492, 0.6599960983139659, 1.3680490934919285),
+    (0.7439915401232584, 0.8253533291404445, 0.7754219604501986, 0.3820859690609866),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        np.sign,
+        lambda s: 2 * np.heaviside(s, 0.3) - 1,
+        lambda s: np.where(s >= 0, np.where(s <= 0, 14.0, 1.0), -1.0),
+    ],
+)
+def test_sums_cross_where_two_comparisons_and_a_value_at_0_meet(step, rng):
+    """z = t + (c+ - c-) / 2, with the times c+, c- on both sides of a x + b z = d; x = c t."""
+    random = rng.uniform(-2, 2, (4, 10_000))
+    c, a, b, d = np.hstack([np.transpose(MEETINGS), random, random.round(2)])
+    rates = a * c + b * (1 + np.array([[0.5], [-0.5]]))
+    first, second = np.where(d < 0, rates, rates[::-1])
+    crosses = (d != 0) & (abs(rates) > 1e-3).all(axis=0) & (first * second > 0) & (d * first > 0)
+    a, b, c, d, first = (each[crosses] for each in (a, b, c, d, first))
+
+    def f(s, a, b, c, d):
+        return c + 0 * s[0], 1 + step(a * s[0] + b * s[1] - d) / 2
+
+    sums = sf.Field(f, "x z", a=a, b=b, c=c, d=d)
+    motion = sf.flow(sums, np.zeros((len(d), 2)), time=3.0)
+    exact = 3 + np.where(d < 0, 0.5, -0.5) * (2 * np.minimum(d / first, 3.0) - 3)
+    assert len(d) > 7000
+    np.testing.assert_allclose(motion.final[:, 1], exact, atol=1e-8)
+
+
+def test_the_value_of_sign_at_0_holds_at_starts_and_after_actions():
+    """x' = sign(x) - y: at x = 0 with y = 0 nothing moves; on both sides the motion leads away."""
+    away = sf.Field(lambda s: (np.sign(s[0]) - s[1], 0.0), "x y")
+    states = [[0.0, 0.0], [0.0, 0.5], [0.0, -0.5], [1.0, 0.0]]
+    np.testing.assert_allclose(
+        sf.flow(away, states, time=2.0).final, [[0, 0], [-3, 0.5], [3, -0.5], [3, 0]], atol=1e-8
+    )
+    stop = sf.Event(times=[1.0], to=("0*x", "y"))
+    np.testing.assert_array_equal(sf.flow(away, [1.0, 0.0], time=2.0, events=stop).final, [0, 0])

@@ -11,6 +11,7 @@ two surfaces.
 
 import functools
 import itertools
+import operator
 
 from .double_crossings import double_crossings_of
 from .event_formulas import GAP, event_set_of
@@ -34,11 +35,13 @@ class Branches:
     jumps, kinks   how many parameters hold the branches at jumps of f, and at kinks
     P              how many other parameters f has; they come before the branches
     shifts         places in `kinds` of tables at arguments p + q, with q constant along a step
+    joins          True if several comparisons have the same two numbers (`_joined_truths`)
     """
 
-    def __init__(self, kinds, jumps, P, shifts):
+    def __init__(self, kinds, jumps, P, shifts, joins):
         """Set attributes; f has P other parameters, and jumps at the first `jumps` of `kinds`."""
         self.P, self.kinds, self.kinds_of_kinks, self.shifts = P, kinds, kinds[jumps:], shifts
+        self.joins = joins
         self.jumps, self.kinks = (
             sum(map(branch_count, of)) for of in (kinds[:jumps], self.kinds_of_kinks)
         )
@@ -147,8 +150,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     counts_of_jumps = places[len(jumps)] - first
     fixed = Expressions(given, range(D, first + counts_of_jumps))
     tests = Expressions(given, values.fixed)  # the branches themselves
+    groups = _joined(operations, jumps)
     new, surfaces, truths, shifts = _with_choices(
-        operations, fixed, tests, first, (kinds, kinks, choices), shifted
+        operations, fixed, tests, first, (kinds, kinks, choices), shifted, groups
     )
     fixed.take_written(values, new)
     surfaces = [*surfaces, *(new[a] for a in on_surfaces), *shifts.values()]
@@ -161,27 +165,68 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     _watch(f, found, len(jumps), [*choices.values()])
     f.branch_program = _choices(tests, found, len(jumps), truths, first)
     f.derived = _derived(f, range(first, first + counts_of_jumps))
-    f.branches = Branches(found, len(jumps), P, places)
+    f.branches = Branches(found, len(jumps), P, places, bool(groups))
     return f
 
 
-def _with_choices(operations, fixed, tests, first, chosen, shifted):
+def _joined(operations, jumps):
+    """Return {number of a comparison: the group of all that compare the same two numbers a, b}.
+
+    A group is a dict {number: (truth where a > b, truth where a < b)}; `jumps` has the comparisons.
+    Comparisons without others of their numbers are left out.
+    """
+    groups, found = {}, {}
+    for name, number, (a, *others) in operations:
+        if number in jumps and name in _COMPARISONS:
+            is_reversed = (repr(others[0]), repr(a)) in groups
+            pair = (repr(others[0]), repr(a)) if is_reversed else (repr(a), repr(others[0]))
+            is_up = is_reversed == (name == "olt")
+            own = (False, False) if name == "oeq" else (is_up, not is_up)
+            groups.setdefault(pair, {})[number] = own
+            found[number] = groups[pair]
+    return {number: group for number, group in found.items() if len(group) > 1}
+
+
+def _passed(tests, number, group, choices, truth, a, b):
+    """Return the operand of a comparison of a and b, by its `truth` at a state and by old branches.
+
+    All comparisons of a `group` (`_joined`) change at once: a motion that meets a = b, which the
+    step rounds, is beyond it, as with a single comparison. `np.sign` would be 0 there, and f jump
+    twice. After an action and at the start old branches, `choices`, are NaN; then `truth` holds.
+    """
+    was = []
+    for k in (0, 1):
+        equal = [tests.number(choices[c]).equals(float(own[k])) for c, own in group.items()]
+        was.append(functools.reduce(operator.and_, equal))
+    truth, meets = tests.number(truth), tests.number(tests.emit("oeq", a, b))
+    from_above, from_below = (meets & each for each in was)
+    here = truth & ~(from_above | from_below)
+    is_up, is_down = group[number]
+    here = here | from_below if is_up else here | from_above if is_down else here
+    return here.number
+
+
+def _with_choices(operations, fixed, tests, first, chosen, shifted, groups):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
     Both are `Expressions`. Values below number `first` are the state and the other parameters.
     `chosen` has three dicts {number of a condition: ...}: kinds of all conditions, kinds of kinks,
     and numbers of the first parameters that hold their branches. `shifted` is {number of a table's
-    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. The first
-    result is {old operand: its operand in `fixed`}. The second has for each condition an operand in
-    `fixed`: the difference of the compared numbers, or the argument of `floor` or of a table (p for
-    p + q). The third has for each condition the operand in `tests` of its branch at a state. The
-    fourth is {number of a table's value: operand of q in `fixed`}.
+    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. `groups`
+    has comparisons that change at once (`_joined`). The first result is {old operand: its operand
+    in `fixed`}. The second has for each condition an operand in `fixed`: the difference of the
+    compared numbers, or the argument of `floor` or of a table (p for p + q). The third has for each
+    condition the operand in `tests` of its branch at a state. The fourth is {number of a table's
+    value: operand of q in `fixed`}.
     """
     (kinds, kinks, choices), surfaces, truths, shifts = chosen, {}, {}, {}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
     for name, number, operands in operations:
         of, others = renamed(operands, new), renamed(operands, old)
         old[number] = tests.emit(name, *others)
+        if number in groups:
+            own = groups[number]
+            old[number] = _passed(tests, number, own, choices, old[number], *others)
         if number not in kinds:
             new[number] = fixed.emit(name, *of)
             continue

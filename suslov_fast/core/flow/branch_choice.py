@@ -15,7 +15,7 @@ solution continues there with the other branches.
 """
 
 import itertools
-from math import inf
+from math import inf, nan
 
 from ..expressions.tables import Table, is_table
 from ..expressions.values import larger, smaller
@@ -116,8 +116,15 @@ def add_branches(text, integrator, name, for_each):
         _put_all(code, code.work.chooses[0] > 0.0)
 
 
-def update_branches(code, truth):
-    """Choose all branches of f at the new state, in lanes where `truth` is true."""
+def update_branches(code, truth, by_motion=False):
+    """Choose all branches of f at the new state, in lanes where `truth` is true.
+
+    Only a solution that moved there (`by_motion`) is beyond a surface that it just meets.
+    """
+    branches = code.f.branches
+    if branches.joins and not by_motion:
+        for k in code.text.each(branches.jumps):
+            code.text.array(code.table, branches.P).choose(truth, k, nan)
     code.work.chooses[0] = truth.select(1.0, 0.0)
     code.text.invoke(f"{code.name}_choose", code.arguments)
 
@@ -185,7 +192,7 @@ def _choose(code, truth, acted):
     text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
-    update_branches(code, truth)
+    update_branches(code, truth, by_motion=True)
     code.call("f", work.new, code.table, work.f_new)
     if has_columns:
         own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # events update columns

@@ -124,7 +124,7 @@ class Suslov(BodyOfEquations):
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)([1.0, 0.5])
         array([ 0.078125, -0.625   ])
         """
-        return self._value("vector_field", omega)
+        return super().__call__(omega)
 
     @public
     def energy(self, omega: ArrayLike, /) -> FloatArray:

@@ -54,13 +54,6 @@ def _energy(problem: Problem) -> FloatArray:
     return np.asarray(0.5 * (I1 * w1 * w1 + I2 * w2 * w2))
 
 
-def _vector_field(problem: Problem) -> FloatArray:
-    """Return equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
-    I1, I2, I13, I23, k, _, w1, w2 = _numbers(problem)
-    ell = I13 * w1 + I23 * w2 + k
-    return _vectors(problem, -(ell * w2) / I1, (ell * w1) / I2)
-
-
 def _to_xy(problem: Problem) -> FloatArray:
     """Return x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2, equation (7)."""
     I1, I2, I13, I23, _, _, w1, w2 = _numbers(problem)
@@ -244,7 +237,6 @@ def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 IN_3D = {
     **KAHAN,
     "energy": Formula(_energy),
-    "vector_field": Formula(_vector_field),
     "to_xy": Formula(_to_xy),
     "momentum": Formula(_momentum),
     "reaction": Formula(_reaction),

@@ -98,13 +98,9 @@ def _sums_of_others(terms: FloatArray) -> FloatArray:
     return np.stack([a + b for a, b in zip(before, reversed(after), strict=True)], axis=-1)
 
 
-def _vector_field(problem: Problem) -> FloatArray:
-    return _rates(problem.body, problem.omega, problem.omega)
-
-
 def _modified_energy(problem: Problem) -> FloatArray:
     """Return E**2 / (E + eps**2 f.Jf / 8)."""
-    J, E, f = problem.body.J, _energy(problem), _vector_field(problem)
+    J, E, f = problem.body.J, _energy(problem), _rates(problem.body, problem.omega, problem.omega)
     ratio = 0.125 * problem.eps * problem.eps * in_range(_sum(J * f * f)) / E
     return np.where(E == 0.0, 0.0, E / in_range(1.0 + ratio))
 
@@ -215,7 +211,6 @@ IN_ND = {
     **KAHAN,
     "energy": Formula(_energy),
     "modified_energy": Formula(_modified_energy),
-    "vector_field": Formula(_vector_field),
     **_known("first_integral", _first_integral),
     **_known("criticality", _criticality),
     **_known("invariant_density", _density, poles=True),

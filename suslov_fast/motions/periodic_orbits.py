@@ -25,7 +25,10 @@ from .shooting import OfMotion, Shooting
 
 _AT_REST = 1e-6  # part of its size that a state at rest moves in a period
 _NEUTRAL = 1e-6  # from 1, within which a modulus of a multiplier decides nothing
+_TURNS, _AGAIN = 12, 1e-6  # of an orbit in a period, at most; how near they are, in its ranges
+_FAR = 0.5  # distance from x0, in ranges of the orbit, above which it is told
 _ROUGH = 1e-8  # tolerance of the search for a near return
+_LOOKS = np.arange(1, 512) / 512  # parts of the period, at which it is looked at
 _NEARER = "an x0 nearer to it, as flow(system, x0, time={T}).final is if the orbit attracts"
 
 
@@ -121,9 +124,10 @@ def periodic_orbit(
     Warns
     -----
     UserWarning
-        If the orbit is a member of a family: more multipliers are 1 than the flow and known
-        integrals explain: the Hamiltonian of `Field.from_hamiltonian`, and linear integrals. A
-        force that is written as states has such a family, of all its amplitudes.
+        If `period` is a multiple of the period of the orbit, which is returned. If the orbit
+        neither attracts nor passes near x0: with its period and its distance. If the orbit is a
+        member of a family: more multipliers are 1 than the flow and known integrals explain: the
+        Hamiltonian of `Field.from_hamiltonian`, and linear integrals.
 
     See Also
     --------
@@ -160,8 +164,12 @@ def periodic_orbit(
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
+    search = _one_turn(search)
     acts = any(event.to is not None for event in acting)  # they may change what f keeps
-    return _result(search, 0 if acts else _integrals(body))
+    orbit = _result(search, 0 if acts else _integrals(body))
+    if not (orbit.stable or search.flow.is_forced):  # where x0, or the force, may lead to it
+        _warn_of_distance(search, x)
+    return orbit
 
 
 def _checked_start(system: Any, x0: Any) -> FloatArray:
@@ -232,6 +240,35 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
     return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
 
 
+def _one_turn(search: Shooting) -> Shooting:
+    """Return arcs of one turn of an orbit that is found several times around, with a warning."""
+    flow, x, own = search.flow, search.nodes[0], ~search.drifts
+    turns = np.arange(_TURNS, 1 if not flow.is_forced else _TURNS, -1)
+    with np.errstate(all="ignore"):
+        ways = abs(flow.states(x, search.T / turns) - x) / search.sizes
+        for m in turns[(ways[:, own] < _AGAIN).all(axis=1)]:
+            one = shooting.found(flow, x, search.T / m)
+            if one.is_found and not _not_an_orbit(one, one.T):
+                which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
+                warn(f"periodic_orbit found {which}")
+                return one
+    return search
+
+
+def _warn_of_distance(search: Shooting, x0: FloatArray) -> None:
+    """Warn if an orbit passes x0 far away."""
+    own, x = ~search.drifts, search.nodes[0]
+    with np.errstate(all="ignore"):
+        states = np.vstack([x, search.flow.states(x, search.T * _LOOKS)])[:, own]
+    ranges = np.ptp(states, axis=0)
+    ways = abs(states - x0[own]) / np.maximum(ranges, 1e-3 * ranges.max())
+    nearest = ways.max(axis=1).argmin()
+    if ways[nearest].max() > _FAR:
+        far = np.linalg.norm(states[nearest] - x0[own])
+        passes = f"an orbit of period {search.T:.4g} that passes x0 at a distance of {far:.2g}"
+        warn(f"periodic_orbit found {passes}: pass an x0 or a period nearer to those that you want")
+
+
 def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     x, T, own = search.nodes[0], search.T, ~search.drifts
     product = np.eye(int(own.sum()))
@@ -266,5 +303,6 @@ def _warn_of_families(search: Shooting, known: int | None) -> None:
     phase = 0 if search.flow.is_forced else 1
     if known is None or search.freedom <= phase + known:
         return
-    how = "write a force as a function of a time t with t' = 1, not of states"
-    warn(f"periodic_orbit found a member of a family, which x0 and period choose: {how}")
+    why = "the equations conserve something, so near orbits are periodic, too"
+    how = "if states are a force, write it as a function of a time t with t' = 1"
+    warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")

@@ -224,6 +224,33 @@ def test_time_scales_with_its_unit():
         assert abs(other.period / (one.period * unit) - 1) < 1e-8
 
 
+@pytest.mark.parametrize("turns", [2, 3, 4])
+def test_one_turn_of_an_orbit(turns):
+    """The period of van der Pol's cycle is known to many digits."""
+    cycle = Field(lambda s: (s[1], (1 - s[0] ** 2) * s[1] - s[0]), 2)
+    with pytest.warns(UserWarning, match=f"{turns} times around") as told:
+        orbit = periodic_orbit(cycle, [2.0, 0.0], period=6.65 * turns)
+    assert len(told) == 1
+    assert orbit.period == pytest.approx(6.663286859323, rel=1e-11)
+
+
+def test_an_orbit_far_from_x0_is_told():
+    """From this start of a three-body problem arcs close about the Earth, .81 away."""
+
+    def H(s, mu=0.01215058560962404):
+        earth, moon = np.hypot(s[0] + mu, s[1]), np.hypot(s[0] - 1 + mu, s[1])
+        turning = s[1] * s[2] - s[0] * s[3]
+        return (s[2] ** 2 + s[3] ** 2) / 2 + turning - (1 - mu) / earth - mu / moon
+
+    moon = Field.from_hamiltonian(H, "x y px py")
+    with pytest.warns(UserWarning, match=r"period 1\.852 .* distance of 0\.81"):
+        periodic_orbit(moon, [0.82, 0, 0, 0.96], period=2.75)
+    orbit = periodic_orbit(moon, [0.82, 0, 0, 0.82 + 0.16248], period=2.75)
+    motion = flow(moon, orbit.state, time=np.linspace(0, orbit.period, 100))
+    assert 2.69 < orbit.period < 2.8  # of Lyapunov's family, about the point at .8369
+    assert (abs(motion["x"] - 0.8369) < 0.03).all()
+
+
 def test_an_orbit_about_the_first_point_of_lagrange():
     moon = sf.Field(three_bodies, "x y z u v w", mu=0.01215)
     assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4

@@ -57,7 +57,7 @@ def watch_of(f, kinds, jumps):
 
     `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
     of them. The program reads the values of all surfaces at x and at y; for surfaces of events the
-    side of x, and the level at which they act (`TrajectoryRows.side`); and the table of f.
+    side of x, and the level at which they act (row `side` of `flow.memory`); and the table of f.
     The first result is the fraction of the line before the first crossing, or 1 without a crossing.
     The second is 1 if a surface is crossed, else 0. The third is 1 if f jumps at a crossed surface,
     else 0. The others are, for each kink, the branch at y, 1 or 0; for a table, its argument.

@@ -25,7 +25,7 @@ from .values import operand_of
 OF_SURFACE = 5
 _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that jump
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all around a state
-# Operations without a value everywhere; the side of a surface without one: `TrajectoryRows.side`.
+# Operations without a value everywhere; the row `side` (`flow.memory`) of a surface without one.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75

@@ -18,7 +18,7 @@ def aim_of(f, kinds, choices, is_implicit):
     """Return the `Program` that finds when surfaces of f and of its events are crossed.
 
     It reads the state, f there with the sign of time, sides and levels of the surfaces of events
-    (see `TrajectoryRows`), and the table of f. `kinds` are the conditions at which f has branches,
+    (see `flow.memory`), and the table of f. `kinds` are the conditions at which f has branches,
     as in `Branches.kinds`; `choices` are the numbers of the parameters that hold these branches.
     `is_implicit` is True for ends of implicit steps: fast modes spoil rates there, so only surfaces
     of events and of clocks are used. The first result is the least time to a surface, negative if

@@ -273,7 +273,7 @@ class BatchSolver:
         return lambda done: report(max(before + done, most))
 
     def _rows(self, block):
-        """Return an array (K, -), `TrajectoryRows` of the slice `block` before the first step."""
+        """Return an array (K, -): rows of trajectories in the slice `block`, before any step."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)

@@ -13,7 +13,7 @@ class CodeArguments(NamedTuple):
     budget: int  # steps of all lanes, after which the code returns
     table: int  # address of the table (n,) or (count, n)
     table_bytes: int  # from trajectory to trajectory
-    work: int  # address of the rows of `WorkRows`
+    work: int  # address of the workspace, see `memory.rows_of_work`
     numbers: int  # address of `SharedNumbers`
     components: int  # address of the rows of `ComponentNumbers` (5, D)
     times: int = 0  # address of the moduli of times, ascending, and two infinite ones

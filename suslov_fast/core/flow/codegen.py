@@ -1,6 +1,6 @@
 """Shared parts of functions in an integrator's text: arrays, scalar kernels, calls.
 
-`FunctionCode` is a function with rows of `WorkRows`; `StepCode` takes steps of SIMD packs.
+`FunctionCode` is a function with rows of the workspace; `StepCode` takes steps of SIMD packs.
 """
 
 from ..llvm.text import Carried, Integers, Shared, Truth
@@ -12,7 +12,7 @@ from .memory import LaneState
 class FunctionCode:
     """A function of an `Integrator` in the text `text`: the base of classes that add functions.
 
-    `work` is the address of the workspace; `self.work` has an array for each part of `WorkRows`.
+    `work` is the address of the workspace; `self.work` has an array for each part.
     `name` begins the names of all functions. If `for_each` is True, each lane has its own table.
     """
 
@@ -31,8 +31,8 @@ class StepCode(FunctionCode):
     """A function that takes steps of lines, SIMD packs of W lanes: its arrays and operations.
 
     of        the arguments of the code, see `CodeArguments`
-    line      an array for each part of `TrajectoryRows`
-    work      an array for each part of `WorkRows`
+    line      an array for each part of `memory.rows_of_trajectory`
+    work      an array for each part of `memory.rows_of_work`
     table     the address of the table
     """
 

@@ -15,7 +15,7 @@ may stay on its two sides, and all columns agree on a false end. A weighted sum 
 
 Both forms have the same bits: a loop over pairs of sub-steps, one column after the other
 (`in_turn`), and straight-line code of all columns if f is short (`side_by_side`). For results see
-`WorkRows`; `stormer` has half of this rule.
+`memory.rows_of_work`; `stormer` has half of this rule.
 """
 
 from ..llvm.compiler import numbers_in_register

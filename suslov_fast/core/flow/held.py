@@ -60,7 +60,7 @@ class Plan(NamedTuple):
     state: int  # at the time
     numbers: int  # `SharedNumbers`
     times: int  # the time, and two infinite ones
-    rows: int  # `TrajectoryRows`
+    rows: int  # of the trajectory, see `memory`
     inputs: int  # all parameters of f
     table: int  # which follows them
     work: int  # workspace of the first integrator

@@ -2,14 +2,14 @@
 
 from ..cached import cached_property
 from ..expressions.double_crossings import POINTS, DoubleCrossings
-from ..expressions.event_formulas import OF_SURFACE, read_by
+from ..expressions.event_formulas import read_by
 from ..expressions.partitioned import part_of, sets_of
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.stage_elimination import Elimination, operations_of
 from ..expressions.symbolic_elimination import elimination_order, filled
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
-from .memory import OF_EVENTS, TrajectoryRows, WorkRows, firsts_of, scalars_of
+from .memory import rows_of_trajectory, rows_of_work, scalars_of
 from .vector_functions import (
     LONGEST,
     ChainFunction,
@@ -40,8 +40,10 @@ class Integrator:
                  read `at_points` numbers at points of the step, such as values of surfaces
     events       `EventSet`, or None
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
-    pivots       how many factors of 1 - s f', from the first on, are inverse pivots
-    rows, work   `TrajectoryRows` of a trajectory, and `WorkRows`; `scalars` are parts of one row
+    factors      the number of factors of 1 - s f', 0 in the explicit integrator
+    pivots       how many of them, from the first on, are inverse pivots
+    rows, work   first rows of a trajectory's data and of the workspace, see `memory`; `scalars` are
+                 the names of parts with one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
@@ -76,43 +78,9 @@ class Integrator:
             self._add_events()
         if f.branches:
             self._add_branches()
-        factors = self._add_implicit() if is_implicit else 0
-        self._set_rows(factors)
-
-    def _set_rows(self, factors):
-        """Set the first row of each part of `rows` and `work`; 1 - s f' has `factors` factors."""
-        f, D, of_x, c, watched = self.f, self.f.D, self.f.of, self.events, self.watched
-        extended, chooses, events = D + len(f.denominators), int(bool(f.branches)), int(bool(c))
-        surfaces, count = (c.surfaces, c.count) if c else (0, 0)
-        of_f = dict.fromkeys(("f", "f_new", "b", "f_last"), extended)
-        self.rows = firsts_of(TrajectoryRows, of_f | {
-            "x": D, "largest": D, "mode": D, "lost": of_x.D, "far": watched,
-            "chosen_at": chooses, "chosen_often": chooses, "side": 2 * surfaces,
-            "counts": count, "acted": 2 * surfaces,
-            **dict.fromkeys(OF_EVENTS, events),
-        })  # fmt: skip
-        columns = len(self.columns) * D
-        jumps = bool(chooses and f.branches.jumps and f.columns)
-        self.work = firsts_of(WorkRows, of_f | {
-            "line": self.rows.size, "table": len(f.table), "start": D, "a": D, "ends": columns,
-            "apart": D if self.is_implicit else columns, "nodes": 6 * D,
-            "beside": 6 * extended, "new": D, "error": D, "factors": factors, "right": D,
-            "jacobian": f.entries + 1 if self.is_implicit else 0,
-            "points": self.at_points + watched + 1, "point": watched,
-            "quartic": of_x.D if watched else 0, "told": 3, "moving": 2 * watched + 1,
-            "end": 2 * (watched + surfaces), "aim": 5,
-            "between": 2 * self.surfaces, "sides": 2 * surfaces, "seen": 4 + len(self.kinks),
-            "changed": events * D, "before": events * D, "f_before": events * D,
-            "pair": events * (4 * of_x.D + 1), "toward": OF_SURFACE * surfaces,
-            "ahead": OF_SURFACE * surfaces, "fired": 3 * surfaces, "noted": events,
-            "chooses": chooses,
-            "chosen": len(of_x.branch_program.results) if chooses else 0,
-            "derived": len(of_x.derived.results) if chooses else 0, "f_old": chooses * of_x.D,
-            "slopes": len(of_x.slope_places) if jumps else 0,
-            "gradient": of_x.D + f.q if jumps else 0,
-            "tau": events * D // of_x.D,
-            "scratch": max(function.scratch for function in self.functions.values()),
-        })  # fmt: skip
+        self.factors = self._add_implicit() if is_implicit else 0
+        self.rows = rows_of_trajectory(self)
+        self.work = rows_of_work(self)
         self.scalars = {*scalars_of(self.rows), *scalars_of(self.work)}
 
     def _add_surfaces(self):

@@ -1,15 +1,18 @@
 """The rows of a line of lanes along a motion, by name.
 
 A row has one number of each lane: in memory a line is (rows, W). Temporary results of a step have
-rows of their own, which all lines share (`WorkRows`).
+rows of their own, which all lines share. Each part of a line is named here, with its number of rows
+and its meaning.
 """
 
+from collections import namedtuple
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+
+from ..expressions.event_formulas import OF_SURFACE
 
 
 class LaneState:
-    """The state of a lane, in `TrajectoryRows.state`, which decides its next action.
+    """The state of a lane, in its row `state`, which decides its next action.
 
     The states are plain numbers: NumPy compares with enum members ten times as slowly.
     """
@@ -29,128 +32,144 @@ class LaneState:
 BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
-class TrajectoryRows(NamedTuple):
-    """The first row of each part of a trajectory's data. Parts have one row unless noted: (D)."""
+def rows_of_trajectory(integrator):
+    """Return the first row of each part of a trajectory's data, and `size`, the number of rows.
 
-    x: int  # the state (D)
-    f: int  # f(x), and its denominators of clocks (D + denominators)
-    largest: int  # moduli of components so far (D)
-    mode: int  # a vector of the power iteration on f' (D)
-    lost: int  # errors of components beside their sizes, see `growing_components` (those of x)
-    far: int  # the state after a step of length `outer` (watched)
-    chosen_at: int  # time at which branches of f changed last (1 if f has branches)
-    chosen_often: int  # how often in a row they changed at once (1 if f has branches)
-    side: int  # of surfaces of events: 1 where the state is at the level or above, 0 below,
-    #            between both where it stays on it, `GAP` where it has no value; and the level,
-    #            0 but for rounding (2 surfaces)
-    counts: int  # how often each event has acted (events)
-    acted: int  # when each event at a surface has acted last, and how much later than the time
-    #             before (2 surfaces)
-    # These exist if there are events, see OF_EVENTS.
-    stop: int  # modulus of the next time of an event, infinity after the last
-    stop_which: int  # number of that event
-    stop_place: int  # the place of the time, an integer
-    at: int  # time of the last action; of actions that accumulate their limit
-    recorded: int  # crossings of surfaces where nothing acts
-    often: int  # how often in a row an event has acted again at once
-    resting: int  # number of surfaces on which the state stays
-    actions: int  # since the last requested time
-
-    t: int  # modulus of the time
-    wanted: int  # length of the next step
-    longer: int  # the largest factor between this length and the one after it
-    next: int  # modulus of the next requested time, infinity after the last
-    second: int  # of the one after it
-    state: int  # a `LaneState`
-    stiff: int  # steps that look stiff; explicit steps that would do, of an implicit lane
-    easy: int  # steps in a row that do not look stiff
-    patience: int  # how many stiff steps it takes to become implicit
-    trial: int  # implicit steps that are left of the first ones
-    steps: int  # that were taken
-    tries: int  # steps, also refused ones, since the last time that was asked for
-    watches: int  # more than 0 while a component has lost digits; infinity for an alarm
-    inner: int  # length of a step that crosses no surface, while one is looked for
-    outer: int  # and of one that does, infinity if none is looked for
-    weight: int  # of the last guess where it is crossed, see `event_location.CUT`
-    rounds: int  # how many lengths have been tried
-    whole: int  # length of the next step after that to the surface
-    place: int  # number of the next time, an integer
-    trajectory: int  # number of the trajectory, an integer
-    size: int  # number of all rows
-
-
-OF_EVENTS = "stop stop_which stop_place at recorded often resting actions".split()
-
-
-def firsts_of(kind, sizes):
-    """Return first rows of parts as a `kind` (`WorkRows` ...); part p has sizes[p] rows, or one."""
-    counts = [sizes.get(name, 1) for name in kind._fields[:-1]]
-    return kind(*accumulate(counts, initial=0))
+    The counts are attributes of the integrator, or of its right-hand side f.
+    """
+    f, watched, events = integrator.f, integrator.watched, integrator.events
+    D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
+    surfaces, actions = (events.surfaces, events.count) if acts else (0, 0)
+    return _first_rows(
+        x=D,  # the state
+        f=D + len(f.denominators),  # f(x), and its denominators of clocks
+        largest=D,  # moduli of components so far
+        mode=D,  # a vector of the power iteration on f'
+        lost=f.of.D,  # errors of components beside their sizes, see `growing_components`
+        far=watched,  # the state after a step of length `outer`
+        chosen_at=chooses,  # time at which branches of f changed last
+        chosen_often=chooses,  # how often in a row they changed at once
+        # Of surfaces of events: 1 where the state is at the level or above, 0 below, between both
+        # where it stays on it, `GAP` where it has no value. And the level, 0 but for rounding.
+        side=2 * surfaces,
+        counts=actions,  # how often each event has acted
+        # When each event at a surface has acted last, and how much later than the time before.
+        acted=2 * surfaces,
+        stop=acts,  # modulus of the next time of an event, infinity after the last
+        stop_which=acts,  # number of that event
+        stop_place=acts,  # the place of the time, an integer
+        at=acts,  # time of the last action; of actions that accumulate their limit
+        recorded=acts,  # crossings of surfaces where nothing acts
+        often=acts,  # how often in a row an event has acted again at once
+        resting=acts,  # number of surfaces on which the state stays
+        actions=acts,  # since the last requested time
+        t=1,  # modulus of the time
+        wanted=1,  # length of the next step
+        longer=1,  # the largest factor between this length and the one after it
+        next=1,  # modulus of the next requested time, infinity after the last
+        second=1,  # of the one after it
+        state=1,  # a `LaneState`
+        stiff=1,  # steps that look stiff; explicit steps that would do, of an implicit lane
+        easy=1,  # steps in a row that do not look stiff
+        patience=1,  # how many stiff steps it takes to become implicit
+        trial=1,  # implicit steps that are left of the first ones
+        steps=1,  # that were taken
+        tries=1,  # steps, also refused ones, since the last time that was asked for
+        watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
+        inner=1,  # length of a step that crosses no surface, while one is looked for
+        outer=1,  # and of one that does, infinity if none is looked for
+        weight=1,  # of the last guess where it is crossed, see `event_location.CUT`
+        rounds=1,  # how many lengths have been tried
+        whole=1,  # length of the next step after that to the surface
+        place=1,  # number of the next time, an integer
+        trajectory=1,  # number of the trajectory, an integer
+    )
 
 
-def scalars_of(firsts):
-    """Return the names of the parts that have one row; `firsts` is a result of `firsts_of`."""
-    return [
-        name for name, (a, b) in zip(firsts._fields, pairwise(firsts), strict=False) if b - a == 1
-    ]
+def rows_of_work(integrator):
+    """Return the first row of each part of a step's workspace, and `size`, the number of rows.
+
+    The counts are attributes of the integrator, or of its right-hand side f.
+    """
+    f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
+    D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
+    extended, surfaces = D + len(f.denominators), events.surfaces if acts else 0
+    of_ends, entries = len(integrator.columns) * D, 0
+    if integrator.is_implicit:
+        entries = f.entries + 1
+    of_branches = of_derived = of_slopes = of_gradient = 0
+    if chooses:
+        of_branches, of_derived = len(of_x.branch_program.results), len(of_x.derived.results)
+    if chooses and f.branches.jumps and f.columns:
+        of_slopes, of_gradient = len(of_x.slope_places), of_x.D + f.q
+    return _first_rows(
+        line=integrator.rows.size,  # rows of the trajectories
+        own=1,  # their numbers, integers
+        table=len(f.table),  # their tables, if each has one
+        start=D,  # a state inside a step
+        f=extended,  # f there, and its denominators of clocks
+        a=D,  # states of a column, and y_N after it
+        b=extended,  # another one, or f of it
+        f_last=extended,  # f(y_N)
+        ends=of_ends,  # y_c - x at the ends of columns
+        # What shows false steps, of each explicit column or of all implicit ones.
+        apart=D if integrator.is_implicit else of_ends,
+        # States at the ends of the first three quarters of an explicit step, and f. Those of an
+        # implicit step are less x, and those of the last columns follow.
+        nodes=6 * D,
+        beside=6 * extended,  # f at a point of the step, the point, and changes of f beside it
+        new=D,  # the next state
+        f_new=extended,  # f there
+        error=D,
+        jacobian=entries,  # entries of f', s, and a vector
+        factors=integrator.factors,  # of 1 - s f'
+        right=D,  # the right side, after the factors
+        taken=1,  # length of this step
+        signed=1,  # the same with the sign of time
+        aside=1,  # 1 where it is a step aside
+        accepted=1,  # 1 where the step is taken, else 0
+        served=1,  # 1 where a step aside has reached its time, else 0
+        t=1,  # time before the step
+        at_surface=1,  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
+        jumped=1,  # 1 where f may have jumped there
+        # Surfaces at the start and at POINTS, and inputs of `double_crossings`.
+        points=integrator.at_points + watched + 1,
+        point=watched,  # the state at such a point
+        quartic=of_x.D if watched else 0,  # what polynomials of degree 4 have there beside cubics
+        moving=2 * watched + 1,  # that state, how it changes in a step, and rtol, for rates
+        told=3,  # what `DoubleCrossings` tells of them
+        end=2 * (watched + surfaces),  # the state, f there, and sides of events, for `aim`
+        aim=5,  # when surfaces are crossed, see `event_location`
+        between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
+        sides=2 * surfaces,  # what the row `side` of the trajectory holds
+        seen=4 + len(integrator.kinks),  # what `watch` finds there
+        changed=acts * D,  # what functions of events return
+        before=acts * D,  # the state before an action
+        f_before=acts * D,  # f there
+        pair=acts * (4 * of_x.D + 1),  # a state and f there, and what columns need beside them
+        toward=OF_SURFACE * surfaces,  # `OF_SURFACE` numbers of surfaces of events at that state
+        ahead=OF_SURFACE * surfaces,  # the same a moment later
+        # 1 where an event acts after a crossing upward at this instant, -1 downward, else 0; and
+        # before it how near the surface was, and its rate.
+        fired=3 * surfaces,
+        noted=acts,  # number of actions at surfaces at this instant
+        chooses=chooses,  # 1 where branches are chosen
+        chosen=of_branches,  # what `branches` returns
+        derived=of_derived,  # numbers of the table that depend on branches
+        f_old=chooses * of_x.D,  # f before a jump
+        slopes=of_slopes,  # of surfaces where f jumps, if there are columns
+        gradient=of_gradient,  # of the surface that is crossed, by x and parameters
+        tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
+        scratch=max(each.scratch for each in integrator.functions.values()),
+    )
 
 
-class WorkRows(NamedTuple):
-    """The first row of each part of a step's workspace: a line of lanes, temporary results."""
+def _first_rows(**sizes):
+    """Return the first rows of parts with these numbers of rows, one after the other."""
+    return namedtuple("Rows", [*sizes, "size"])(*accumulate(sizes.values(), initial=0))
 
-    line: int  # `TrajectoryRows` of the trajectories
-    own: int  # their numbers, integers
-    table: int  # their tables, if each has one
 
-    start: int  # a state inside a step (D)
-    f: int  # f there (D + denominators)
-    a: int  # states of a column, and y_N after it (D)
-    b: int  # another one, or f of it (D + denominators)
-    f_last: int  # f(y_N) (D + denominators)
-    ends: int  # y_c - x at the ends of columns (columns D)
-    apart: int  # what shows false steps, of each explicit column or of all implicit ones (- D)
-    nodes: int  # states at the ends of the first three quarters of an explicit step, and f; of an
-    # implicit one they are less x, and those of the last columns follow (6 D)
-    beside: int  # f at a point of the step, the point, and changes of f beside it (6 of f)
-    new: int  # the next state (D)
-    f_new: int  # f there (D + denominators)
-    error: int  # (D)
-    jacobian: int  # entries of f', s, and a vector (D)
-    factors: int  # of 1 - s f'
-    right: int  # (D), after the factors
-    taken: int  # length of this step
-    signed: int  # the same with the sign of time
-    aside: int  # 1 where it is a step aside
-    accepted: int  # 1 where the step is taken, else 0
-    served: int  # 1 where a step aside has reached its time, else 0
-    t: int  # time before the step
-    at_surface: int  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
-    jumped: int  # 1 where f may have jumped there
-    points: int  # surfaces at the start and at POINTS, and inputs of `double_crossings`
-    point: int  # the state at such a point (watched)
-    quartic: int  # what polynomials of degree 4 have there beside cubics (D if they are needed)
-    moving: int  # that state, how it changes in a step, and rtol, for rates (2 watched + 1)
-    told: int  # what `DoubleCrossings` tells of them (3)
-    end: int  # the state, f there, and sides, for `aim` (2 watched + 2 surfaces of events)
-    aim: int  # when surfaces are crossed, see `event_location` (5)
-    between: int  # surfaces at two points, between which they are crossed or not
-    sides: int  # what `TrajectoryRows.side` holds (2 surfaces)
-    seen: int  # what `watch` finds there (4 + kinks)
-    changed: int  # what functions of events return (D)
-    before: int  # the state before an action (D)
-    f_before: int  # f there (D)
-    pair: int  # a state and f there, and what columns need beside them (4 D + 1)
-    toward: int  # `OF_SURFACE` of surfaces of events at that state (5 surfaces)
-    ahead: int  # the same a moment later (5 surfaces)
-    fired: int  # 1 where an event acts after a crossing upward at this instant, -1 downward, else
-    #             0; and before it how near the surface was, and its rate (3 surfaces)
-    noted: int  # number of actions at surfaces at this instant, if there are events
-    chooses: int  # 1 where branches are chosen
-    chosen: int  # what `branches` returns (2 + surfaces of f)
-    derived: int  # numbers of the table that depend on branches
-    f_old: int  # f before a jump (D)
-    slopes: int  # of surfaces where f jumps, if there are columns
-    gradient: int  # of the surface that is crossed, by x and parameters (D + parameters)
-    tau: int  # how much earlier solutions displaced by columns reach this instant (columns)
-    scratch: int  # rows that functions need
-    size: int
+def scalars_of(rows):
+    """Return the names of the parts that have one row; `rows` is a result of `_first_rows`."""
+    pairs = zip(rows._fields, pairwise(rows), strict=False)
+    return [name for name, (a, b) in pairs if b - a == 1]

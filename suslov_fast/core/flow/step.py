@@ -75,7 +75,7 @@ def take_step(code):
 
 
 def _find_columns(code):
-    """Write y_c - x, the ends of the columns less x, to the rows `ends` of `WorkRows`.
+    """Write y_c - x, the ends of the columns less x, to the rows `ends` of the workspace.
 
     Return |mu|, the largest rate of the motion, if the step is implicit, else None.
     """

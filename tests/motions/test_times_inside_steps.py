@@ -84,3 +84,23 @@ def test_later_times_change_no_derivative():
             for name in ("x0", "a"):
                 one, other = (each.derivatives[name] for each in (alone, motion))
                 assert abs(one[0] - other[k]).max() < 10 * rtol * abs(one).max()
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("backward", [1, -1])
+def test_clocks_are_their_start_plus_rate_times_time(rng, stiff, backward):
+    """Also where nothing depends on a clock, and in records of events that leave clocks alone."""
+    field = sf.Field(lambda s, w: (np.cos(s[1]), 1.0, w), "x t u", w=np.array([-2.5, 0.1]))
+    starts = rng.uniform(-1, 1, (2, 3)) * [0.5, 30, 30]
+    rates, times = np.array([[1.0, -2.5], [1.0, 0.1]]), backward * np.linspace(0, 10, 173)
+    kick = sf.Event(times=[3.0], to=("-x", "t", "u"))
+    events = [kick, sf.Event("x")] if backward > 0 else [sf.Event("x")]
+    for start in (starts, 0 * starts):
+        motion = sf.flow(field, start, time=times, events=events, stiff=stiff)
+        exact = start[:, 1:] + rates * times[:, np.newaxis, np.newaxis]
+        np.testing.assert_array_equal(motion.states[..., 1:], exact)
+        own = motion.events
+        exact = start[own.trajectory, 1:] + rates[own.trajectory] * own.time[:, np.newaxis]
+        assert len(own.time) > 2
+        np.testing.assert_array_equal(own.states[:, 1:], exact)
+        np.testing.assert_array_equal(own.before[:, 1:], exact)

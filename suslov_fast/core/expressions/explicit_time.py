@@ -52,11 +52,8 @@ class ElapsedTime:
             return
         of_actions = [[each and emitted(values, each) for each in action[:2]] for action in actions]
         wanted = [*results, *(a for pair in of_actions for own in pair for a in own or ())]
-        operations = needed_for(values.operations, wanted)
-        read = [a for *_, operands in operations for a in operands] + wanted[len(results) :]
-        if clocks := [*{*clocks}.intersection(a for a in read if type(a) is int)]:
-            self._shift(operations, clocks)
-            self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
+        self._shift(needed_for(values.operations, wanted), clocks)
+        self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
         """Return the `EventAction` `action`, rewritten for clocks that count from 0.

@@ -114,6 +114,18 @@ class StepCode(FunctionCode):
             with self.text.when(bit.equals(1)):
                 yield lane * 8
 
+    def put_clocks(self, one, offset, time, to):
+        """Write clocks that count from 0 to the state at `to`: the rate times the `time`, exactly.
+
+        `one` is the text of one lane, which is at the byte `offset`. Steps would add up rounding.
+        """
+        rates, sign = (
+            one.array(self.line.f.at() + offset),
+            Shared(one, self.of.numbers)[NUMBER.sign],
+        )
+        for clock in self.f.offsets:
+            to[clock] = rates[clock] * (sign * time)
+
     def keep(self, rows, found, truth=None):
         """Write each found[name] to the row `name` of `rows`, in lanes `truth`, or in all lanes."""
         for name, value in found.items():

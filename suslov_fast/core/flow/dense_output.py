@@ -257,6 +257,7 @@ def save(code, bits, states):
         to = to + trajectory * (8 * code.D)
         for i in text.each(code.D):
             Shared(one, to)[i] = one.array(of_work, states.first)[i]
+        code.put_clocks(one, offset, line.next[0], Shared(one, to))
         following = place + 1
         place_at[0] = following
         times = Shared(one, of.times)

@@ -31,4 +31,6 @@ def record(code, truth, k, time, before, after, *of_columns):
             for i in text.each(count):
                 target[i] = source[i]
             place += count
+        for first in (3, 3 + D):
+            code.put_clocks(one, offset, numbers[2], numbers.after(first))
         code.arguments[SLOT.recorded] = number + 1

@@ -22,12 +22,12 @@ from .memory import LaneState
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .tolerance import LARGER_RATIO
-from .weights import EXPLICIT, weights
+from .weights import EXPLICIT, ORDER, weights
 
 # The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
 # its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
 # step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
-FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = 3, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
+FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Of FEW columns, and of one more; 0 of the others.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
 _NODES = range(5)

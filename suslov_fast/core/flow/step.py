@@ -20,7 +20,7 @@
 
    f_next is finite, and components keep the signs that the equations keep. In both cases
 
-       h_next = 0.75 ratio**(-7/64) h.
+       h_next = 0.75 ratio**(-1/9) h.
 
 5. Choice of the explicit or the implicit integrator for the next step (`step_length`).
 

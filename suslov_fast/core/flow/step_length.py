@@ -1,8 +1,8 @@
 """The length of the next step, and which integrator takes it.
 
-The next length is 0.75 ratio**(-7/64) times this one, within 3.4 percent, by the bits of the ratio:
-the estimate of an explicit step is of order 9. A rejected step is taken again with this length, and
-the step after that is not longer.
+The estimate of an explicit step of order 10 is of order 9. So the next length is SAFETY
+ratio**(-1/9) times this one, within 3.4 percent, by the bits of the ratio. A rejected step is taken
+again with this length, and the step after that is not longer.
 
 All columns may agree on a false end, because f changes within a layer thinner than their sub-steps.
 Columns of `gragg` and `linearly_implicit` have a sum that vanishes on true steps, to the order of
@@ -25,13 +25,12 @@ from ..expressions.elementary import from_bits
 from ..expressions.values import larger, smaller
 from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
+from .weights import ORDER
 
 # Factors; AFTER_TRIAL is less than LONGER, so that it tells, and OF_NAN has many digits: steps that
 # met a time without a value of f should not meet it again.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
-# Less 7/64 of the bits of a number they are those of its root, the error in both directions.
-_ROOT = from_bits(round((1023 * 71 / 64 - 0.05) * 2**52))
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST = 2.0**-44  # of a step: part of the time
@@ -49,17 +48,36 @@ OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 
 def first_part(rtol):
-    """Return the relative change of x in the first step: 5 rtol**(1/8), but at most 1."""
-    return min(FIRST_PART * _root8(rtol), 1.0)
+    """Return the relative change of x in the first step: 5 rtol**(1/8) for order 10; at most 1."""
+    return min(FIRST_PART * _root(rtol), 1.0)
 
 
 def limit_of(rtol):
     """Return the h |mu| above which a step of length h looks stiff; mu are eigenvalues of f'."""
-    return min(max(17.0 * _root8(rtol), 1.4), 4.8)
+    return min(max(17.0 * _root(rtol), 1.4), 4.8)
 
 
-def _root8(a):
-    return sqrt(sqrt(sqrt(a)))
+def _halvings(order):
+    """Return pairs (k, sign); the sum of sign / 2**k is 1 / order, rounded to 64ths."""
+    left, k, found = round(64 / order), 6, []
+    while left:
+        if left % 2:
+            sign = 2 - left % 4
+            left -= sign
+            found.append((k, sign))
+        left, k = left // 2, k - 1
+    return found
+
+
+def _root(a):
+    """Return a**(1 / (ORDER - 2)), the exponent rounded to a multiple of 1/64."""
+    result = 1.0
+    for k, sign in _halvings(ORDER - 2):
+        root = a
+        for _ in range(k):
+            root = sqrt(root)
+        result = result * root if sign > 0 else result / root
+    return result
 
 
 @scalar_kernel
@@ -134,10 +152,18 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     return {"taken": taken, "signed": signed, "aside": is_aside.select(1.0, 0.0)}
 
 
-def _root(ratio):
-    """Return ratio**(-7/64), within 3.4 percent: the bits of a number are nearly its logarithm."""
-    eighth, back = (ratio.then("bits_lshr", from_bits(k)) for k in (3, 6))
-    return ratio._of("bits_sub", _ROOT, eighth.then("bits_sub", back))
+def _factor(ratio):
+    """Return ratio**(-1 / (ORDER - 1)), within 3.4 percent for order 10.
+
+    The bits of a number are nearly its logarithm; 0.05 makes the errors of both signs equal.
+    """
+    halvings = _halvings(ORDER - 1)
+    exponent = sum(sign / 2**k for k, sign in halvings)
+    bits = from_bits(round((1023 * (1 + exponent) - 0.05) * 2**52))
+    for k, sign in halvings:
+        part = ratio.then("bits_lshr", from_bits(k))
+        bits = ratio._of("bits_sub" if sign > 0 else "bits_add", bits, part)
+    return bits
 
 
 def _is_false(ratio, apart):
@@ -163,7 +189,7 @@ def AFTER(
     # All that follows waits for the factor: what can be known without it is known before.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
-    factor = sees.select(larger(smaller(SAFETY * _root(of_length), most), SHORTER), OF_NAN)
+    factor = sees.select(larger(smaller(SAFETY * _factor(of_length), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)

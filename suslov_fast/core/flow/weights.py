@@ -5,8 +5,8 @@ an expansion in (h / N)**p. Weights that cancel its first terms (Aitken and Nevi
 
 x_next = x + sum_c w_c (y_c - x),     w_c = prod_{b != c} N_c**p / (N_c**p - N_b**p).
 
-The explicit integrator has p = 2; its five columns have order 10 (`gragg`). The implicit integrator
-has p = 1; its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.9 degrees
+The explicit integrator has p = 2 and the order ORDER (`gragg`). The implicit integrator has p = 1;
+its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.9 degrees
 (`linearly_implicit`). The moduli of their weights sum to 121. For columns 2, 3, ..., 9 the sum is
 9851, and so many more digits are lost.
 """
@@ -17,6 +17,7 @@ IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
 
 EXPLICIT = 2, 4, 6, 8, 10
+ORDER = 2 * len(EXPLICIT)
 
 
 def weights(columns, p):

@@ -134,6 +134,9 @@ def within(name: str, value: Any, exponent: int) -> Any:
 
 def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     """Return states (..., D) with the components `labels`; a state with one NaN becomes all NaN."""
+    is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
+    if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
+        return value  # for speed in small calls
     array = _floats(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]

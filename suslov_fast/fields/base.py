@@ -154,8 +154,9 @@ class Body(Members, metaclass=Answering):
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        axes, parts = self._axes, self._parts
-        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
+        axes = self._axes
+        arrays = {n: a for n, a in self._parts.items() if type(a) is not float}
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in arrays.items()}
         return checks.common_shape(shapes)
 
     if not TYPE_CHECKING:  # type checkers know the attributes
@@ -288,6 +289,8 @@ def summary(name: str, values: Any) -> str:
 
 def frozen(part: Any) -> Any:
     """Return a read-only copy of an array; a plain number if it has no axes."""
+    if type(part) is float:
+        return part
     array = np.array(part, order="C")
     array.flags.writeable = False
     return array if array.ndim else array.item()

@@ -66,14 +66,23 @@ def numbers(name: str, value: Any, is_batch: bool) -> Any:
 
 def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
     """Return checked parameters by name: numbers as they are, arrays as floats."""
+    for name in parameters:
+        check_parameter(name, variables)
+    return numbers_by_name(parameters)
+
+
+def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return checked values by name: numbers as they are, arrays as floats."""
     checked: dict[str, Any] = {}
     for name, value in parameters.items():
-        check_parameter(name, variables)
+        if type(value) is float and math.isfinite(value):  # for speed in small calls
+            checked[name] = value
+            continue
         array = as_given(name, value)
         checked[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
             exact(name, checked[name])
-    common_shape({name: np.shape(value) for name, value in checked.items()})
+    common_shape({n: a.shape for n, a in checked.items() if isinstance(a, np.ndarray)})
     return checked
 
 

@@ -493,8 +493,10 @@ class Field(Traced):
 
 def system_of(system: Any, x0: Any) -> Any:
     """Return a system; a function of the state is a field with as many variables as x0 has."""
-    if isinstance(system, (Body, type)) or not callable(system):
+    if isinstance(system, Body):
         return system
+    if isinstance(system, type) or not callable(system):
+        checks.instance("system", system, Body)  # which raises
     if isinstance(x0, Mapping):
         return Field(system, [*x0])
     D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]

@@ -26,6 +26,8 @@ from .terms import Terms
 _MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
 _MOST_FORMS = 64  # of equations, which are known
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
+_ONE = np.arange(1)
+_PATIENCE = 500  # tables of one member by NumPy, which take as long as compiling
 _LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
 
 
@@ -38,6 +40,19 @@ class OfMembers(NamedTuple):
     members: NDArray[np.int64]  # their numbers (K,)
     f: Any  # a `RightHandSide`
     table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+
+
+@lru_cache(64)
+def _with_constants(
+    equations: Equations, names: tuple[str, ...], twice: bool, actions: tuple[EventAction, ...]
+) -> tuple[RightHandSide, tuple[float, ...]]:
+    """Return the right-hand side of equations, and the values of parameters that it adds."""
+    constants: tuple[float, ...] = ()
+    if actions:
+        actions, constants = with_parameters(actions, len(equations.all_names))
+    else:
+        equations, constants = _of_known_form(equations)
+    return _of_list(equations, names, twice, actions, len(constants) * bool(actions)), constants
 
 
 @lru_cache(64)
@@ -111,9 +126,23 @@ def of_equations(
     differentiate f by, `twice` asks for second derivatives, and `actions` are events.
     """
     f, given = _with_inputs(equations, parameters, names, twice, actions)
+    if given.ndim == 1:
+        return [OfMembers(_ONE, f, _table_of_one(f, given)[np.newaxis])]
     count = math.prod(parameters.shape[1:])
     table = f.table_of(given).reshape(len(f.table), count)
     return [OfMembers(np.arange(count), f, np.ascontiguousarray(table.T))]
+
+
+def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
+    """Return the table (n,) of f for parameters (P,): after many calls by machine code."""
+    if not f.fixed:
+        return given if f.has_own_table else given[[number - f.D for number in f.table]]
+    f.calls += 1
+    if f.calls < _PATIENCE:
+        return f.table_of(given)
+    from ..core.flow.batch_solver import table_by_code  # with Numba
+
+    return table_by_code(f, given)
 
 
 def of_one(field: Any, actions: tuple[EventAction, ...] = ()) -> tuple[Any, FloatArray]:
@@ -135,16 +164,13 @@ def _with_inputs(
     actions: tuple[EventAction, ...],
 ) -> tuple[RightHandSide, FloatArray]:
     """Return the right-hand side of all members as `of_equations`, and its parameters (P, ...)."""
-    if not actions:
-        equations, constants = _of_known_form(equations)
-        own = np.empty((len(constants), *parameters.shape[1:]))
-        own.T[...] = constants
-        parameters = np.concatenate([parameters, own])
-    actions, constants = with_parameters(actions, len(equations.names) + len(parameters))
-    f = _of_list(equations, names, twice, actions, len(constants))
-    shape, P = parameters.shape[1:], len(parameters)
-    given = np.zeros((f.P, *shape))  # choices and starts of clocks are last, of no state yet
-    given[:P], given.T[..., P : P + len(constants)] = parameters, constants
+    f, constants = _with_constants(equations, names, twice, actions)
+    P = len(parameters)
+    # Choices and starts of clocks are last, of no state yet.
+    given = np.zeros((f.P, *parameters.shape[1:]))
+    given[:P] = parameters
+    if constants:
+        given.T[..., P : P + len(constants)] = constants
     return f, given
 
 

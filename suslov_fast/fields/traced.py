@@ -16,7 +16,7 @@ from ..keywords import public
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
 from .equations import LONGEST, Equations
-from .exact_numbers import named_parameters, to_lists
+from .exact_numbers import named_parameters, numbers_by_name, to_lists
 from .latex import symbol
 from .names import labels, variables
 from .symbolic import Symbol, Symbols, Tracer
@@ -69,11 +69,11 @@ class Traced(Body):
         >>> decay.with_parameters(k=2.0)([3.0])
         array([-6.])
         """
-        known = self.parameters
+        known = self._coordinates
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known) or 'none'}; defaults of f are constants"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self._with_parts({**self._parts, **named_parameters(parameters, self.names)})
+        return self._with_parts(self._parts | numbers_by_name(parameters))
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
@@ -168,6 +168,8 @@ class Traced(Body):
     @property
     def _inputs(self) -> FloatArray:
         """The parameters (P, ...) of all members."""
+        if not self.shape:
+            return np.array([float(self._parts[name]) for name in self._coordinates])
         rows = [np.broadcast_to(a, self.shape) for a in self._arrays.values()]
         return np.array(rows, np.float64).reshape(len(rows), *self.shape)
 

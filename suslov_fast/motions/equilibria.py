@@ -17,19 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.systems import System
-from ..checks import (
-    FloatArray,
-    StatesLike,
-    common_shape,
-    first_index,
-    instance,
-    spell,
-    states,
-    warn,
-)
+from ..checks import FloatArray, StatesLike, common_shape, first_index, spell, states, warn
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
-from ..fields.base import Body
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import lacking, public
@@ -150,7 +140,6 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     (array([0.631354, 0.189406]), array([-1.923739,  0.155946]))
     """
     body: Any = system_of(system, near)
-    instance("system", body, Body)
     given = states("near", near, body._labels)
     is_map = isinstance(body, Map)
     field = body._displacement if is_map else body._field

@@ -236,7 +236,7 @@ def field_of(system: Any) -> Any:
 
 def traced(event: Event, system: Any) -> TracedEvent:
     """Return the `TracedEvent` of an event for a field's names of components and parameters."""
-    key, known = (tuple(system.names), tuple(system._arrays)), event._traced
+    key, known = (system.names, system._coordinates), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
             known.clear()

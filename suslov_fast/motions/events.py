@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -206,14 +207,23 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
         return NO_EVENT_TIMES
     # The number of the first one of these.
     first = sum(each.times is None for each in events)
-    shapes = [event.times.shape[:-1] for event in later]
-    is_shared = all(math.prod(shape) == 1 for shape in shapes)
-    times, which = [np.empty((1 if is_shared else math.prod(batch), 0))], []
-    for k, event in enumerate(later, first):
-        array = event.times
-        if not is_shared:
-            array = np.broadcast_to(array, (*batch, array.shape[-1]))
-        moduli = sign * array.reshape(len(times[0]), array.shape[-1])
+    if all(each.times.size == each.times.shape[-1] for each in later):
+        return _shared_times(first, sign, *(each.times.tobytes() for each in later))
+    arrays = [np.broadcast_to(a.times, (*batch, a.times.shape[-1])) for a in later]
+    return _event_times(first, sign, [a.reshape(-1, a.shape[-1]) for a in arrays])
+
+
+@functools.lru_cache(64)
+def _shared_times(first: int, sign: int, *each: bytes) -> EventTimes:
+    """Return the `EventTimes` that all trajectories share: one object for equal times."""
+    return _event_times(first, sign, [np.frombuffer(times)[np.newaxis] for times in each])
+
+
+def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
+    """Return the `EventTimes` of events with numbers from `first` on, and times (rows, k) each."""
+    times, which = [], []
+    for k, array in enumerate(each, first):
+        moduli = sign * array
         times.append(np.where(moduli >= 0.0, moduli, np.inf))
         which += [float(k)] * moduli.shape[1]
     both = np.concatenate(times, axis=1)
@@ -221,14 +231,12 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
     return EventTimes(np.take_along_axis(both, order, 1), np.array(which)[order])
 
 
-def warn_of_times_that_never_come(
-    events: tuple[Event, ...], sign: int, last: float, count: int
-) -> None:
-    """Warn of events with no time up to the end, sign * `last`; not if `count` (of times) is 0."""
-    for k, event in enumerate(events if count else ()):
+def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
+    """Warn of events with no time up to the end of the times `asked`."""
+    for k, event in enumerate(events if len(asked) else ()):
         if event.times is None:
             continue
-        times = event.times[np.isfinite(event.times)]
+        last, times = abs(asked).max(), event.times[np.isfinite(event.times)]
         if not times.size or ((sign * times >= 0.0) & (abs(times) <= last)).any():
             continue
         warn(
@@ -250,10 +258,10 @@ def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
         action = traced(event, field).action
         if action.surface is None or (action.to is None and math.isinf(action.most)):
             continue
+        is_on = _surface_at(field, action.surface, x) == 0.0
+        if not np.count_nonzero(is_on):
+            continue
         with np.errstate(all="ignore"):
-            is_on = _surface_at(field, action.surface, x) == 0.0
-            if not is_on.any():
-                continue
             rates, sizes = field(x), abs(x).max(axis=-1, keepdims=True)
             h = _NEAR * np.where(sizes > 0, sizes, 1.0) / abs(rates).max(axis=-1, keepdims=True)
             middle = x + h * rates
@@ -262,16 +270,20 @@ def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
         sizes = abs(after + before) + abs(later)
         is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
         leaves = later * action.direction > 0.0 if action.direction else later != 0.0
-        if (which := is_at_rest & leaves).any():
-            found, of = (which.ravel() if found is None else found | which.ravel()), event
+        if (which := np.ravel(is_at_rest & leaves)).any():
+            found, of = (which if found is None else found | which), event
     return found, of
 
 
 def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
     """Return the values of a surface function at states (..., D) of a field, or of a family."""
-    values = dict(enumerate([*(x[..., i] for i in range(x.shape[-1])), *field._inputs]))
-    evaluate(surface.operations, values)
-    return np.broadcast_to(values[surface.results[0]], x.shape[:-1])
+    components = x.tolist() if x.ndim == 1 else np.moveaxis(x, -1, 0)  # for speed in small calls
+    values = dict(enumerate([*components, *field._inputs]))
+    if surface.operations:
+        with np.errstate(all="ignore"):
+            evaluate(surface.operations, values)
+    found = values[surface.results[0]]
+    return found if x.ndim == 1 else np.broadcast_to(found, x.shape[:-1])
 
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:

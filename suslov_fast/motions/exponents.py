@@ -11,7 +11,6 @@ from .. import checks
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
-from ..fields.base import Body
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
@@ -126,7 +125,6 @@ def lyapunov_exponents(
     if not either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
         return _of_map(checked, integer("steps", steps, 1), transient, progress)
-    checks.instance("system", body, Body)
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))

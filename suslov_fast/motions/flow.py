@@ -9,19 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
 from ..bodies.exact import states_at
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, StatesLike, short, wrong
 from ..core.expressions.event_formulas import EventAction
 from ..core.flow.batch_solver import SolverRequest
-from ..fields.base import Body
 from ..fields.field import Field, system_of
 from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps import map_of
 from ..maps.batch import Progress, reporter
-from ..maps.kernel_calls import thread_count
 from ..maps.problem import Problem
 from ..status import Status
 from .event import Event, field_of
@@ -30,7 +27,6 @@ from .events import (
     batch_of,
     checked_events,
     event_times_of,
-    events_of_records,
     starts_at_rest,
     warn_of_times_that_never_come,
 )
@@ -39,7 +35,7 @@ from .motion import Motion
 from .motion_arguments import (
     checked_settings,
     checked_starts,
-    checked_times,
+    request_of,
     warn_of_ends,
     warn_of_lost_components,
     warn_of_tables,
@@ -157,9 +153,8 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    checks.instance("system", body, Body)
-    times, sign = checked_times(time)
-    settings = checked_settings(body, rtol, atol, max_step, stiff)
+    request = request_of(time, checked_settings(body, rtol, atol, max_step, stiff), threads)
+    times, sign = request.times, request.sign
     names, field = checked_derivatives(body, derivatives)
     acting = checked_events(events)
     if acting:
@@ -171,10 +166,10 @@ def flow(
             warn_of_tables(body, x, times.max(initial=0.0))
     at_rest = None, None
     if acting:
-        warn_of_times_that_never_come(acting, sign, abs(times).max(initial=0.0), times.size)
+        warn_of_times_that_never_come(acting, sign, times)
         if sign > 0:
-            at_rest = starts_at_rest(field, acting, x.reshape(*batch, x.shape[1]))
-    request = SolverRequest(times, sign, settings, thread_count(threads))
+            starts = x.reshape(*batch, x.shape[1]) if batch else x[0]
+            at_rest = starts_at_rest(field, acting, starts)
     return solved(body, x, batch, request, progress, names, field, acting, at_rest)
 
 
@@ -196,13 +191,15 @@ def solved(
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
     of_columns = event_times = None
+    new: Any = None  # arrays of the result that are not read-only yet, by default all
     if events:
         actions = actions_of(field, events)
         event_times = event_times_of(events, request.sign, batch)
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
-            request = request._replace(report=report, event_times=event_times)
+            others = request.threads, report, event_times, request.most, request.since
+            request = SolverRequest(times, request.sign, settings, *others)
         if names:
             found, of_columns = with_derivatives(field, x, batch, names, request, actions)
         elif events:
@@ -223,8 +220,9 @@ def solved(
         states = found.states.reshape((len(times), *batch, body.dimension))
     else:
         states = found.states[:, 0]  # sooner than by `reshape`
+    steps = found.steps.reshape(batch)
     if found.is_good:
-        end, status = without_ends(batch)
+        (end, status), new = without_ends(batch), (states, times, steps, of_columns)
     else:
         end, status = found.t.reshape(batch), found.status.reshape(batch)
     motion = Motion._of(
@@ -234,19 +232,20 @@ def solved(
             "body": body,
             "status": status,
             "end": end,
-            "steps": found.steps.reshape(batch),
+            "steps": steps,
             "rtol": settings.rtol,
             "atol": settings.atol,
             "max_step": settings.max_step,
             "stiff": settings.stiff,
             "_by": names,
             "_derivatives": of_columns,
-            "events": None,
-        }
+        },
+        new,
     )
     if events:
-        records = found.records.first(request.most)
-        vars(motion)["events"] = events_of_records(records, events, motion)
+        vars(motion)["_records"] = found.records, events, request.most
+    else:
+        vars(motion)["events"] = None
     return motion
 
 

@@ -35,6 +35,10 @@ class Records(NamedTuple):
     of_columns: Any = None  # (K, C + 2 D), tau of C columns, f before and after, if there are any
     derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
 
+    def in_order(self) -> Records:
+        """Return these records."""
+        return self
+
     def first(self, most: float) -> Records:
         """Return the first `most` records of each trajectory."""
         if most == math.inf:
@@ -58,6 +62,31 @@ class Records(NamedTuple):
         return Records(both[order], *map(joined, self[1:], part[1:]))
 
 
+class Rows(NamedTuple):
+    """Records of events of one or more trajectories, as the engine writes them."""
+
+    arrays: list[FloatArray]  # of rows, see `event_records`
+    sign: int  # of time
+    starts: FloatArray  # (B, D)
+
+    def in_order(self) -> Records:
+        """Return the records in order of trajectory, then time."""
+        first, last = 3 + self.starts.shape[1], 3 + 2 * self.starts.shape[1]
+        rows = np.concatenate([np.empty((0, last)), *self.arrays][len(self.arrays) > 0 :])
+        B = len(self.starts)
+        if B > 1:
+            small = np.min_scalar_type(B)  # NumPy sorts 16 bits by digits, seven times faster
+            order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
+            rows = np.take(rows, order, axis=0)
+        trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
+        if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
+            # Several in a step may be in another order. It takes many times as long.
+            rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
+        trajectory, which = rows[:, :2].view(np.int64).T.copy()
+        before, states, others = (a.copy() for a in np.split(rows[:, 3:], (first - 3, last - 3), 1))
+        return Records(trajectory, which, self.sign * rows[:, 2], before, states, others)
+
+
 class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
 
@@ -66,7 +95,7 @@ class SolverResult(NamedTuple):
     steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
-    records: Any = None  # `Records`, if there are events; of `_of_group` as in `BatchSolver`
+    records: Any = None  # `Records` or `Rows`, if there are events
     doubtful: NDArray[np.bool_] | None = None  # (B,), see `BatchSolver`
     is_good: bool = False  # True if it is known that there is nothing to warn of
 
@@ -78,7 +107,7 @@ class SolverResult(NamedTuple):
         own[2][where], own[3][where] = part.steps, part.status
         records, doubtful = self.records, self.doubtful
         if part.records is not None:
-            records = records.with_part(where, part.records)
+            records = records.in_order().with_part(where, part.records.in_order())
         if part.doubtful is not None or doubtful is not None:
             doubtful = np.zeros(len(own[1]), bool) if doubtful is None else doubtful
             doubtful[where] = False if part.doubtful is None else part.doubtful
@@ -104,8 +133,8 @@ def empty_result(starts: FloatArray, count: int) -> SolverResult:
     B = len(starts)
     states = np.full((count, *starts.shape), np.nan)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
-    records = _in_order([], 1, starts)
-    return SolverResult(states, np.zeros(B), np.zeros(B, np.int64), status, records=records)
+    steps = np.zeros(B, np.int64)
+    return SolverResult(states, np.zeros(B), steps, status, records=Rows([], 1, starts))
 
 
 def right_hand_sides(
@@ -138,15 +167,14 @@ def solve(
 
     If `request.report` returns False, states that are not yet computed stay NaN.
     """
-    B, count = len(starts), len(request.times)
-    if not B:
-        return empty_result(starts, count)
     groups = field._right_hand_sides
-    if field.shape:
-        groups = right_hand_sides(groups, field.shape, batch)
-    where, f, table = groups[0]
+    if not len(starts):
+        return empty_result(starts, len(request.times))
     if not field.shape:
+        [(_, f, table)] = groups
         return _of_group(f, table[0], starts, request)
+    groups = right_hand_sides(groups, field.shape, batch)
+    where, f, table = groups[0]
     if where is ALL:
         return _of_group(f, table, starts, request)
     return _of_groups(groups, starts, request)
@@ -163,11 +191,9 @@ def to_tolerance(
     ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
     if ascend and (is_changed or moduli[-1] > 0.0):
         found = solve(field, x, batch, request)
-        if moduli[0] == 0.0 and not is_changed:
-            found.states[0] = x
-        elif moduli[0] == 0.0:  # the engine saves this state, unless a solution has no value
-            has_none = found.status == Status.NONFINITE
-            found.states[0, has_none] = x[has_none]
+        if moduli[0] == 0.0:  # after events the engine saves it, unless a solution has no value
+            kept = found.status == Status.NONFINITE if is_changed else slice(None)
+            found.states[0, kept] = x[kept]
         return found
     later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
     ascending, places = np.unique(moduli[later], return_inverse=True)
@@ -196,14 +222,14 @@ def _of_group(
         states, steps, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
             ends, status = without_ends((B,))
-            records = _in_order(rows, request.sign, starts) if has_records else None
+            records = Rows(rows, request.sign, starts) if has_records else None
             return SolverResult(states, ends, steps, status, False, records, None, True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
     ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
-    records = _in_order(engine.records, request.sign, starts) if has_records else None
+    records = Rows(engine.records, request.sign, starts) if has_records else None
     others = engine.is_stopped, records, engine.doubtful
     found = SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
     (where,) = np.nonzero(engine.state == LaneState.AGAIN)
@@ -232,23 +258,6 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
         if found.is_stopped:
             break
     return found
-
-
-def _in_order(records: list[FloatArray], sign: int, starts: FloatArray) -> Records:
-    """Return rows of `records` in order of trajectory, then time, sign * t; `starts` is (B, D)."""
-    D = starts.shape[1]
-    rows = np.concatenate(records or [np.empty((0, 3 + 2 * D))])
-    if len(starts) > 1:
-        small = np.min_scalar_type(len(starts))  # NumPy sorts 16 bits by digits, seven times faster
-        order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
-        rows = np.take(rows, order, axis=0)
-    trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
-    if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
-        # Several in a step may be in another order. It takes many times as long.
-        rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
-    trajectory, which = rows[:, :2].view(np.int64).T.copy()
-    before, states, others = (a.copy() for a in np.split(rows[:, 3:], (D, 2 * D), axis=1))
-    return Records(trajectory, which, sign * rows[:, 2], before, states, others)
 
 
 def threads_for(B: int, threads: int | None) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from ..results.result import States
 from ..results.schema import OF_EVENTS
 from ..status import ended_in_words
 from .event import Event
-from .events import Derivatives, Events, events_of
+from .events import Derivatives, Events, events_of, events_of_records
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,9 +75,9 @@ class Motion(States):
     status: NDArray[np.int8]
     end: FloatArray
     steps: NDArray[np.int64]
+    events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _by: tuple[str, ...] = ()
     _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
-    events: Events | None = None
     # The fields of `Settings`.
     rtol: float | Any = None
     atol: float | tuple[float, ...] | None = None
@@ -102,6 +102,17 @@ class Motion(States):
         if self.events is not None:
             attributes["events"] = Events._of(self.events._members(index))
         return attributes
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name == "events" and "_records" in vars(self):
+                records, given, most = vars(self)["_records"]
+                vars(self)["events"] = events_of_records(
+                    records.in_order().first(most), given, self
+                )
+                return self.events
+            return super().__getattr__(name)
 
     @property
     def derivatives(self) -> dict[str, FloatArray]:

@@ -9,9 +9,11 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.batch_solver import Settings
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
+from ..maps.kernel_calls import thread_count
+from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .integration import SolverResult
 
@@ -76,6 +78,20 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
         how = "call flow twice, forward and backward"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
     return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
+
+
+def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequest:
+    """Return the request of `flow` for checked settings: `time` and `threads` are checked here."""
+    if threads is None and type(time) in (float, int) and time:
+        return _at_one_time(time, settings)  # for speed in small calls
+    times, sign = checked_times(time)
+    return SolverRequest(times, sign, settings, thread_count(threads))
+
+
+@functools.lru_cache(64)
+def _at_one_time(time: float, settings: Settings) -> SolverRequest:
+    times, sign = checked_times(time)
+    return SolverRequest(read_only(times), sign, settings)
 
 
 def checked_settings(

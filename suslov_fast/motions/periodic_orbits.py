@@ -13,7 +13,6 @@ from ..bodies.systems import System
 from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..errors import NoConvergence
-from ..fields.base import Body
 from ..fields.field import Field, system_of
 from ..fields.map import Map
 from ..keywords import lacking, public
@@ -146,7 +145,6 @@ def periodic_orbit(
     (5.881088456, -2.403954)
     """
     body: Any = system_of(system, x0)
-    checks.instance("system", body, Body)
     if isinstance(body, Map):
         how = "equilibria(Map(lambda x: f(f(x)), names), near=x0) finds those of period 2"
         raise TypeError(f"system: a Map has no flow: its periodic orbits are fixed points, {how}")

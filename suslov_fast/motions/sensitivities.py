@@ -121,8 +121,9 @@ def with_derivatives(
     request = request._replace(settings=columns.settings)
     found = to_tolerance(columns.field, columns.starts, batch, request)
     if actions:
-        of_records = columns.of_records(found.records)
-        found = found._replace(records=found.records._replace(derivatives=of_records))
+        records = found.records.in_order()
+        of_records = columns.of_records(records)
+        found = found._replace(records=records._replace(derivatives=of_records))
     states, derivatives = columns.parted(found.states)
     shape = len(request.times), *batch, *derivatives.shape[2:]
     return found._replace(states=states), derivatives.reshape(shape)

@@ -120,7 +120,7 @@ class OfMotion:
             return x
         found = self._solved(self._moving, x[np.newaxis], [2.0 * T])
         assert found.records is not None
-        times = np.concatenate([[0.0], np.unique(found.records.time), [2.0 * T]])
+        times = np.concatenate([[0.0], np.unique(found.records.in_order().time), [2.0 * T]])
         k = int(np.diff(times).argmax())
         middle: FloatArray = self.states(x, [0.5 * (times[k] + times[k + 1])])[0]
         return middle if np.isfinite(middle).all() else x

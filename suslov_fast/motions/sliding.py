@@ -112,9 +112,10 @@ class Sliding:
         part = part._replace(states=part.states[..., :D])
         if not self.has_records:
             return found.again(where, part._replace(records=None)), of_columns
-        whole, before, states = found.records, found.records.before, found.records.states
+        whole = found.records.in_order()
+        before, states = whole.before, whole.states
         whole = whole._replace(before=before[:, :D], states=states[:, :D], of_columns=None)
-        part = part._replace(records=self.records(part.records, kept))
+        part = part._replace(records=self.records(part.records.in_order(), kept))
         return found._replace(records=whole).again(where, part), of_columns
 
     def _end_where_modes_are_wrong(self, part: Any, times: Any) -> None:

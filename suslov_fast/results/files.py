@@ -36,7 +36,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     map = vars(result).get("map")
     about |= {} if map is None else {"map": map.name}
     about |= {name: getattr(result, name) for name in ARGUMENTS[kind]}
-    events = result if kind == "Events" else vars(result).get("events")
+    events = result if kind == "Events" else getattr(result, "events", None)
     if events is not None:
         about["events"] = [event.to_dict() for event in events.given]
     class_named(described["body"])  # raises an error for a class of the user

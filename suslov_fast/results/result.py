@@ -42,19 +42,22 @@ class Result:
         """Return the fields, without cached properties."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
-    def __setstate__(self, attributes: dict[str, Any]) -> None:
-        """Set the attributes of a new or unpickled result; nothing else uses its arrays."""
-        for value in attributes.values():
+    def __setstate__(self, attributes: dict[str, Any], own: Any = None) -> None:
+        """Set the attributes of a new or unpickled result; nothing else uses its arrays.
+
+        `own` are its arrays that are not read-only yet, by default all.
+        """
+        for value in attributes.values() if own is None else own:
             if type(value) is np.ndarray:
                 # `write`, by position twice as fast
                 value.setflags(False)  # type: ignore[call-arg]
         object.__setattr__(self, "__dict__", attributes)
 
     @classmethod
-    def _of(cls, attributes: dict[str, Any]) -> Self:
-        """Return a result with these attributes; nothing else uses its arrays."""
+    def _of(cls, attributes: dict[str, Any], own: Any = None) -> Self:
+        """Return a result with these attributes, see `__setstate__`."""
         result = cls.__new__(cls)
-        result.__setstate__(attributes)  # faster than a call of the class
+        result.__setstate__(attributes, own)  # faster than a call of the class
         return result
 
     @classmethod

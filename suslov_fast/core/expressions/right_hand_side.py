@@ -99,9 +99,15 @@ class RightHandSide:
         self.with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, events, offsets, columns = False, None, {}, 0
+    calls = 0  # of `table_of` for one member
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = branch_program = derived = None
     entries = property(lambda self: len(self.pattern))
+
+    @cached_property
+    def has_own_table(self):
+        """True if the table is that of all parameters in their order."""
+        return self.table == [*range(self.D, self.D + self.P)]
 
     @cached_property
     def work(self):

@@ -121,6 +121,15 @@ def code_of_table(f):
     return code, function.scratch
 
 
+def table_by_code(f, parameters):
+    """Return f's table (n,) for parameters (P,), a new array: many times as fast as NumPy."""
+    code, scratch = code_of_table(f)
+    both = np.empty(f.P + len(f.table) + scratch)
+    both[: f.P] = parameters
+    code.call(address_of(both))
+    return both[f.P : f.P + len(f.table)]
+
+
 def _text_of_table(f, function, name):
     text = Code(1)
     function.add(text, f"{name}_table", False)
@@ -177,13 +186,11 @@ def counted_from_start(f, table, x0):
     own, x0 = f.of, x0.copy()
     count = own.P if f.branches is None else f.branches.P  # after them there are branches
     if f is own and len(x0) == 1:  # NumPy takes ten times as long
-        code, scratch = code_of_table(f)
-        both = np.zeros(own.P + len(f.table) + scratch)
-        both[:count] = table.ravel()[:count]
+        given = np.zeros(own.P)
+        given[:count] = table.ravel()[:count]
         for clock, number in f.offsets.items():
-            both[number - own.D], x0[0, clock] = x0[0, clock], 0.0
-        code.call(address_of(both))
-        return both[own.P : own.P + len(f.table)].reshape(table.shape), x0, starts
+            given[number - own.D], x0[0, clock] = x0[0, clock], 0.0
+        return table_by_code(f, given).reshape(table.shape), x0, starts
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
@@ -361,7 +368,8 @@ class StepRunner:
         self.rows, self.table, self.numbers = rows, table, numbers
         self.kept = work, components  # the arguments point to all of these
         self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // integrator.f.work, 1)
-        self.code = code_of(integrator, W, self.for_each)
+        self.code = code_of(integrator, W, self.for_each)  # which lasts as long
+        self.call, self.records = self.code.call, None
 
     def point_to(self, times, states, state_bytes):
         """Set the addresses of times and states; states at two times are `state_bytes` apart."""
@@ -387,10 +395,10 @@ class StepRunner:
         """Take steps until the budget is spent; return whether all trajectories are done."""
         arguments = self.arguments
         arguments[SLOT.budget] = self.budget
-        is_done = self.code.call(self.at)
+        is_done = self.call(self.at)
         if is_done:  # the next ones begin
             arguments[SLOT.following] = 0
-        if count := arguments[SLOT.recorded]:
+        if self.records is not None and (count := arguments[SLOT.recorded]):
             self.records.append(self.buffer[:count].copy())
             arguments[SLOT.recorded] = 0
         return is_done

@@ -36,6 +36,7 @@ class _PreparedRunner(StepRunner):
     """A `StepRunner` of B trajectories, kept for later calls; each has a table if `for_each`."""
 
     other = None  # of the other integrator, with a workspace of its own
+    event_times = None
 
     def __init__(self, f, settings, sign, B, for_each):
         integrator = integrator_of(f, bool(settings.stiff), settings.atol is not None)
@@ -64,6 +65,16 @@ class _PreparedRunner(StepRunner):
             self.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
         self.now[:] = self.first
         self.x[:] = x0
+
+    def begin_events(self, request):
+        """Set times and limits of events of a `SolverRequest`; `records` is a new list."""
+        if (given := request.event_times or NO_EVENT_TIMES) is not self.event_times:
+            self.event_times, first = given, self.integrator.rows.stop
+            self.stops, (times, equal) = self.rows[:, first : first + 2], given.array
+            self.first_stops = times[:, 0]
+            self.point_to_events(times, equal, None)
+        set_limits(self.numbers, request)
+        self.stops[:], self.records = self.first_stops, []
 
     def turn(self, runner):
         """Return the runner of the other integrator than `runner`, for the same trajectory."""
@@ -115,20 +126,18 @@ def solve_small_batch(f, table, x0, request):
     states = _NAN * (count * B * f.D)
     runner.arguments[SLOT.states] = states.buffer_info()[0]
     if f.events:
-        event_times, equal = (request.event_times or NO_EVENT_TIMES).array
-        set_limits(runner.numbers, request)
-        first = runner.integrator.rows.stop
-        runner.rows[:, first : first + 2] = event_times[:, 0]
-        runner.point_to_events(event_times, equal, records)
+        runner.begin_events(request)
+        records = runner.records
     while not runner.take():
         pass
-    own = runner
-    while B == 1 and runner.state[0] < LaneState.DONE:  # it turned to the other integrator
+    own, ends = runner, runner.state.tolist()
+    while B == 1 and ends[0] < LaneState.DONE:  # it turned to the other integrator
         own = runner.turn(own)
         while not own.take():
             pass
+        ends = runner.state.tolist()
     states = np.ndarray((count, B, f.D), np.float64, states)
-    if runner.state.tolist().count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
+    if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
         own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:

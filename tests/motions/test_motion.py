@@ -1,5 +1,7 @@
 """`flow`: the motion at given times, and its result, `Motion`."""
 
+import pickle
+
 import mpmath
 import numpy as np
 import pytest
@@ -257,3 +259,24 @@ def test_the_result_is_no_sequence():
     exact = flow(body, [1.0, 0.5], time=[0.0, 1.0, 2.0])
     assert abs(np.diff(exact.energy())).max() < 1e-14
     assert abs(np.diff(exact.first_integral())).max() < 1e-14
+
+
+# ------------------------------------------------------------------------------------- small calls
+def test_a_parameter_that_changes_at_each_call():
+    """Numbers of f that depend on parameters alone are those of the family, to the bit."""
+    decay = Field(lambda x, a, b: (-np.exp(-a / b) * x[0],), 1, a=1.0, b=2.0)
+    a = np.random.default_rng(5).uniform(0.5, 3.0, 600)  # more than NumPy computes
+    each = [at(decay.with_parameters(a=value), [1.0], 1.5) for value in a]
+    family = at(decay.with_parameters(a=a), [1.0], 1.5)
+    np.testing.assert_array_equal(each, family)
+    np.testing.assert_allclose(family[:, 0], np.exp(-1.5 * np.exp(-a / 2.0)), rtol=1e-8)
+
+
+def test_events_that_are_copied_before_they_are_read():
+    ball = Field(lambda x: (x[1], -1.0), "h v")
+    bounce = sf.Event("h", direction=-1, to=("h", "-v/2"))
+    motion, other = (flow(ball, [1.0, 0.0], time=2.0, events=bounce) for _ in range(2))
+    copy = pickle.loads(pickle.dumps(motion))
+    np.testing.assert_allclose(copy.events.time, [np.sqrt(2.0)], rtol=1e-12)
+    assert copy == other
+    assert not copy.events.states.flags.writeable

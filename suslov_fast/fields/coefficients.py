@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import partial
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,8 @@ def coefficients_by(
             rule = _RULES.get(name, partial(_of_constants, name, number))
             known[place] = rule(*of)
             if known[place] is None:
-                raise NotQuadratic(f"{equations.shown(place)} is no polynomial")
+                why = "is no polynomial" if of[1] else "has the denominator 0"
+                raise NotQuadratic(f"{equations.shown(place)} {why}")
     found: Polynomial = {}
     for i, a in enumerate(results):
         terms = _constant(number(a)) if isinstance(a, float) else known[a]
@@ -135,8 +136,16 @@ def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
     return {m: c / b[()] for m, c in a.items()}
 
 
+def _power(a: Polynomial, exponent: Polynomial) -> Polynomial | None:
+    number = exponent.get((), 0)
+    if exponent.keys() - {()} or np.ndim(number) or number not in range(4):
+        return None
+    return reduce(_product, [a] * int(number), _constant(1 + 0 * number))
+
+
 _RULES: dict[str, Callable[..., Any]] = {
     "fadd": _sum, "sum": _sum_of_products, "fsub": _difference, "fmul": _product, "fdiv": _quotient,
+    "pow": _power,
 }  # fmt: skip
 
 

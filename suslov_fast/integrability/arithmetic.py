@@ -28,6 +28,7 @@ EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
 EXTRA = 10  # equations more than unknowns
 DRAWS = 8  # of primes with points or lines, of which two must agree
 _LONG = 2**20  # denominators of floats such as 0.1
+_WHOLE = 2**53  # floats from here on are integers, but not all integers
 _ODD = 1000  # above factors of denominators of fractions of floats, and of ratios
 
 
@@ -70,10 +71,10 @@ def as_written(a: Any) -> Fraction:
     odd = q // (q & -q)  # without its power of two: 1 for a float
     if 1 < odd < _ODD:  # a third of a float, for example, as in a Hamiltonian
         return as_written(binary * odd) / odd
-    if odd > 1 or q < _LONG:
+    if odd > 1 or (q < _LONG and abs(binary) < _WHOLE):
         return binary
     near, exact = (Fraction(f"{float(binary):.{digits}g}") for digits in (12, 15))
-    for written in (near, binary.limit_denominator(_ODD)):
+    for written in (near, binary.limit_denominator(_ODD)) if q > 1 else ():
         if abs(written - binary) <= abs(binary) / 2**50:
             return written
     return exact if float(exact) == binary else binary

@@ -29,6 +29,7 @@ from .polynomials import (
     exponents_in_x,
     homogenized,
     irreducible_factors,
+    is_irreducible_on_a_line,
     modulo,
     ring_with_letters,
     sort_key,
@@ -40,10 +41,11 @@ from .rational_functions import (
     as_function,
     factored,
     over_common_denominator,
+    product_of,
 )
 
-TERMS = 300_000  # of the largest polynomial that is factored
-TERMS_IN_LETTERS = 20_000  # the same with several letters
+TERMS = 100_000  # of the largest reducible polynomial that is factored, in some 5 s
+TERMS_IN_LETTERS = 3_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 FEW = 100  # products of polynomials times the degree of a map, of an image on a line
 
@@ -57,6 +59,7 @@ class RationalMap(WithLetters):
 
     letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
     names: tuple[str, ...] | None  # of the variables, if they are not x1, ..., xD
+    given: Mapping[str, Fraction]  # the values that letters had in a `Map`
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
@@ -69,11 +72,12 @@ class RationalMap(WithLetters):
         inverse: RationalMap | None = None,
         letters: Sequence[str] = (),
         names: tuple[str, ...] | None = None,
+        given: Mapping[str, Fraction] | None = None,
     ) -> None:
         if callable(forms):
             raise TypeError("RationalMap: a function f of x makes a map by Map(f, names)")
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
-        self.letters, self.names = tuple(letters), names
+        self.letters, self.names, self.given = tuple(letters), checked_names(names), given or {}
 
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
@@ -95,7 +99,7 @@ class RationalMap(WithLetters):
         return hash(self.dimension)  # cheap: points are cached by map
 
     def __reduce__(self) -> Any:
-        return RationalMap, (self.forms, self.inverse, self.letters, self.names)
+        return RationalMap, (self.forms, self.inverse, self.letters, self.names, self.given)
 
     def _with(self, numbers: Mapping[str, Fraction]) -> RationalMap:
         values = [arithmetic.fmpq(a) for a in self._all_numbers(numbers)]
@@ -233,10 +237,15 @@ class RationalMap(WithLetters):
         except ZeroDivisionError:
             return False
 
-    @cached_property
+    @property
+    def is_birational(self) -> bool:
+        """True if the map has a known inverse."""
+        return self.inverse is not None and self.is_invertible
+
+    @property
     def is_planar(self) -> bool:
-        """True for a map of two variables that is birational, with a known inverse."""
-        return self.dimension == 2 and self.is_invertible and self.inverse is not None
+        """True for a birational map of two variables, with a known inverse."""
+        return self.dimension == 2 and self.is_birational
 
     # Polynomials.
 
@@ -303,7 +312,21 @@ class RationalMap(WithLetters):
         n = self.dimension
         if self.cost_of_factors > LONGEST:
             return None
-        return factored(determinant(self._rows())) / factored(self.forms[-1]) ** (n + 1)
+        if (found := self._in_factors(determinant(self._rows()))) is None:
+            return None
+        return found / factored(self.forms[-1]) ** (n + 1)
+
+    def _in_factors(self, P: Any) -> RationalFunction | None:
+        """Return P in factors, those of F_1, ..., F_0 first; None if that may take over 5 s."""
+        most = TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS
+        known = [f for F in self.forms if len(F) <= most for f, _ in irreducible_factors(F)]
+        powers = []
+        for f in {str(f): f for f in known}.values():
+            P, power = divided_out(P, f)
+            powers.append((f, power))
+        if len(P) > most and not is_irreducible_on_a_line(P):
+            return None
+        return factored(P) * product_of(powers, Fraction(1))
 
     def _rows(self) -> list[list[Any]]:
         places = range(len(self.letters), len(self.letters) + self.dimension)
@@ -354,6 +377,13 @@ class RationalMap(WithLetters):
         if degree_of(numerator) or degree_of(denominator):
             return None
         return C * factored(numerator) / factored(denominator)
+
+
+def checked_names(names: Any) -> Any:
+    """Return `names` of variables, or raise an error if one is eps, the step size in formulas."""
+    if "eps" in (names or ()):
+        raise wrong("names", "no eps, which is the step size in formulas", ", ".join(names))
+    return names
 
 
 def check_one_letter(map: RationalMap) -> None:

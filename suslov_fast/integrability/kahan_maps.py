@@ -24,7 +24,7 @@ from ..fields.names import labels
 from ..fields.terms import Terms, collected
 from ..keywords import public
 from .arithmetic import Values, as_written, constant, moduli
-from .birational_maps import FEW, LONGEST, TERMS, TERMS_IN_LETTERS, RationalMap
+from .birational_maps import FEW, LONGEST, RationalMap, checked_names
 from .polynomials import coprime, cramer, degree_of, exponents_in_x, letters_in, primitive
 from .rational_functions import (
     MODULAR,
@@ -38,9 +38,12 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """Coefficients in `letters`: `rates[i, j, k]` of x_j x_k in x_i'; `energy[i, j, k]` in H."""
+    """Coefficients in letters: `rates[i, j, k]` of x_j x_k in x_i'; `energy[i, j, k]` in H.
 
-    letters: tuple[str, ...]
+    `given` has the letters, and the values that they had in the system.
+    """
+
+    given: dict[str, Any]
     rates: dict[tuple[int, ...], RationalFunction]
     energy: dict[tuple[int, ...], RationalFunction] | None
 
@@ -64,8 +67,9 @@ class KahanMap(RationalMap):
         self._is_exact = is_exact  # no floats in the field
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.in_letters = field.dimension, in_letters
-        self.letters = ("eps",) * (eps is None) + (in_letters.letters if in_letters else ())
-        self.names = None if field.names == labels(field.dimension) else field.names
+        self.given = in_letters.given if in_letters else {}
+        self.letters = ("eps",) * (eps is None) + (*self.given,)
+        self.names = checked_names(None if field.names == labels(self.dimension) else field.names)
 
     @cached_property
     def terms(self) -> Terms:
@@ -82,7 +86,9 @@ class KahanMap(RationalMap):
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
         # These take long, and do not depend on eps.
-        map.terms, map._equations = self.terms, self._equations
+        map._equations = self._equations
+        if self.in_letters is None:
+            map.terms = self.terms
         return map
 
     def _with(self, numbers: Mapping[str, Fraction]) -> KahanMap:
@@ -211,10 +217,9 @@ class KahanMap(RationalMap):
         for f, e in backward.factors:
             if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
                 return None
-            P = self.pullback(f, degree_of(f))
-            if len(P) > (TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS):
+            if (found := self._in_factors(self.pullback(f, degree_of(f)))) is None:
                 return None
-            determinant *= factored(P) ** e
+            determinant *= found**e
         return determinant
 
     @cached_property

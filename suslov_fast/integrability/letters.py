@@ -6,16 +6,20 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
+from ..bodies.n_dimensions import SuslovND
 from ..fields import coefficients
 from ..fields.base import Body
 from ..fields.field import Field
 from ..fields.map import Map
+from ..fields.terms import Terms
 from .arithmetic import as_written
 from .birational_maps import RationalMap, check_map
 from .kahan_maps import InLetters, KahanMap, exact_body, kahan
 from .polynomials import ring_with_letters
 from .rational_functions import RationalFunction, factored
-from .rational_maps import checked_letters, rational_map
+from .rational_maps import checked_letters, places_of_letters, rational_map
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
@@ -43,16 +47,24 @@ def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
     names = checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
-    in_letters = InLetters(names, *_coefficients(system, symbols))
+    _ = system._has_eps or system._field  # which raises
+    places = places_of_letters(system)
+    given = {name: places[name].value for name in names}
+    in_letters = InLetters(given, *_coefficients(system, symbols))
     return KahanMap(system._field, None, in_letters=in_letters)
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return {(i, j, k): coefficient} of f, and of H or None; `symbols` replace parameters."""
     if not isinstance(system, Field):
-        parts = {**exact_body(system)._parts, **symbols}
-        terms = system._of(parts)._field._own_terms
-        return {place: _function(c) for place, c in terms.members()}, None
+        body, known = exact_body(system), places_of_letters(system)
+        parts = {name: np.array(a, object) for name, a in body._parts.items()}
+        for name, symbol in symbols.items():
+            part, indices, _ = known[name]
+            parts.setdefault(part, np.array(0, object))[indices] = symbol
+        body = system._of({name: a[()] for name, a in parts.items()})
+        terms = Terms(*body._terms) if isinstance(body, SuslovND) else body._field._own_terms
+        return {place: _function(c) for place, c in terms.members() if c}, None
     equations = system._equations
 
     def number(a: Any) -> RationalFunction:

@@ -123,7 +123,7 @@ def on_level(
 def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
     """Return the level of integrals through a point, or a generic one, which contains `letter`."""
     D = map.dimension
-    if D < 3 or not map.inverse or not map.is_invertible:
+    if D < 3 or not map.is_birational:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
     if map.is_symbolic and point is None:
         raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)

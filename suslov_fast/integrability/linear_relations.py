@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import accumulate, combinations
+from itertools import accumulate, combinations, islice
 from typing import Any, NamedTuple
 
 import flint
@@ -45,27 +45,34 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
     return arithmetic.matrix([monomial_values(exponents, y) for y in map.orbit(x, length)])
 
 
-def relations_along(map: RationalMap, exponents: Exponents, eps: Values, x: list[Any]) -> Residues:
+def relations_along(
+    map: RationalMap, exponents: Exponents, eps: Values, x: Sequence[Any]
+) -> Residues:
     """Return rows c: ``sum_i c_i m_i = 0`` for monomials m_i on the orbit of x modulo a prime."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
 
 def gradients_of_coefficients(
-    map: RationalMap, exponents: Exponents, relations: Residues, x: Sequence[Any], length: int
+    map: RationalMap,
+    exponents: Exponents,
+    relations: Residues,
+    x: Sequence[Any],
+    length: int,
+    first: int = 0,
 ) -> list[list[list[Any]]]:
     """Return grad c_i for the coefficients c_i of relations, by relation, then by coefficient.
 
     They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
-    `length` points x_k of the orbit of x. Relations must be a basis in echelon form. Coefficients
-    that this form fixes at 0 or 1 are constant, and are left out.
+    `length` points x_k of the orbit of x, from x_k = x_first on. Relations must be a basis in
+    echelon form. Coefficients that this form fixes at 0 or 1 are constant, and are left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
     polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
     slopes = [[P.derivative(i) for i in range(n)] for P in polynomials]
     rows = []  # the equations at x_k: all m_i, and right sides for each relation
-    for y, derivative in map.variations(x, length):
+    for y, derivative in islice(map.variations(x, first + length), first, None):
         values = flint.nmod_mat([[dP(*y[:-1]) for dP in of_relation] for of_relation in slopes], p)
         rows.append([*monomial_values(exponents, y), *(values * derivative * -1).entries()])
     solved = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
@@ -81,16 +88,21 @@ class Counted(NamedTuple):
 
 @lru_cache(maxsize=32)
 def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
-    """Count relations of monomials along a random orbit, and integrals by them, by two primes."""
-    rng = map.generator()
+    """Count relations of monomials along a random orbit, and integrals by them, by two primes.
+
+    If det DPhi = 0, coefficients are the same along an orbit only from a general point of the
+    images of all iterates on.
+    """
+    rng, first = map.generator(), 0 if map.is_invertible else map.dimension
 
     def count_modulo(p: int, eps: Values) -> Counted:
         x = arithmetic.random_point(map.dimension, p, rng)
-        relations = relations_along(map, exponents, eps, x)
+        at_eps, length = map.at_eps(eps), len(exponents) + EXTRA
+        *_, start = at_eps.orbit(x, first + 1)
+        relations = relations_along(at_eps, exponents, eps, start)
         if not relations:
             return Counted(0, 0)
-        length = len(exponents) + EXTRA
-        gradients = gradients_of_coefficients(map.at_eps(eps), exponents, relations, x, length)
+        gradients = gradients_of_coefficients(at_eps, exponents, relations, x, length, first)
         rows = [gradient for of_relation in gradients for gradient in of_relation]
         return Counted(len(relations), int(flint.nmod_mat(rows, p).rank()))
 
@@ -103,7 +115,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
     Quotients are integrals if relations of one orbit span d dimensions, and of all orbits d + 1.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
-    if dimension == 0:
+    if dimension == 0 or not map.is_invertible:
         return ()
 
     def span(p: int, eps: Values) -> Residues:

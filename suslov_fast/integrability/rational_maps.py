@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..bodies.rigid import Suslov3D
 from ..checks import kind_of, wrong
 from ..fields.base import Body
 from ..fields.map import Map
@@ -18,10 +19,17 @@ from .arithmetic import EPS, as_written, constant
 from .birational_maps import RationalMap
 from .interpolation import MOST
 from .polynomials import ring_with_letters
-from .rational_functions import as_function, factored, over_common_denominator
+from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
 
-_RULES = {
-    "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv
+
+def _power(a: RationalFunction, exponent: RationalFunction) -> RationalFunction | None:
+    number = exponent.constant
+    return None if exponent.factors or number.denominator > 1 else a ** int(number)
+
+
+_RULES: dict[str, Any] = {
+    "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv,
+    "pow": _power,
 }  # fmt: skip
 _POINTS = 3  # at which an inverse is checked
 
@@ -73,11 +81,12 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     names = () if letters is None else checked_letters(map, letters)
     forms = _forms("map", map, names)
     own = map.names if map.names != labels(map.dimension) else None
+    given = {name: constant(name, map.parameters[name]) for name in names}
     if inverse is None:
-        return RationalMap(forms, None, names, own)
+        return RationalMap(forms, None, names, own, given)
     backward = _forms("inverse", inverse, names)
     back = RationalMap(backward, RationalMap(forms, None, names, own), names, own)
-    found = RationalMap(forms, back, names, own)
+    found = RationalMap(forms, back, names, own, given)
     if len(backward) != len(forms) or not _takes_images_back(found):
         raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
     return found
@@ -89,9 +98,9 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:
         raise wrong("system", "a single one", f"a batch of shape {system.shape}: pass system[i]")
-    has = [name for name, a in system.parameters.items() if not np.ndim(a)]
+    has = places_of_letters(system)
     if letters is True:
-        return tuple(has)
+        return tuple(n for n, place in has.items() if place.parameter in system.parameters)
     names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
     names = [*names] if isinstance(names, Sequence) else []
     if not names or {*names} - {*has} or len({*names}) < len(names):
@@ -102,6 +111,32 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
     if len(names) >= MOST:
         raise wrong("letters", f"at most {MOST - 1} names", len(names))
     return tuple(names)
+
+
+class Place(NamedTuple):
+    """Where a letter stands: `parameter`, `indices` of its entries, and their own `value`."""
+
+    parameter: str
+    indices: Any
+    value: Any
+
+
+def places_of_letters(system: Body) -> dict[str, Place]:
+    """Return the places of all letters that a system may have, by letter.
+
+    Of a body in n dimensions J1 stands for all J_i that equal the first one, and I1 for I_1.
+    """
+    found: dict[str, Place] = {}
+    parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # k = 0 is no parameter
+    for name, a in (parameters | system.parameters).items():
+        if not np.ndim(a):
+            found[name] = Place(name, (), a)
+            continue
+        for i, value in enumerate(a):
+            indices = np.flatnonzero(a == value) if name == "J" else np.array([i])
+            if indices[0] == i:
+                found[f"{name}{i + 1}"] = Place(name, indices, value)
+    return found
 
 
 def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
@@ -129,12 +164,14 @@ def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
         return as_function(equations.ratios.get(a) or as_written(a))
 
     for rule, place, operands in equations.values.operations:
-        if rule not in _RULES:
-            raise TypeError(f"{name}: {equations.shown(place)} is no quotient of polynomials")
         try:
-            values[place] = _RULES[rule](*(value(a) for a in operands))
+            known = _RULES[rule](*[value(a) for a in operands]) if rule in _RULES else None
         except ZeroDivisionError:
             raise ValueError(f"{name}: {equations.shown(place)} has the denominator 0") from None
+        if known is None:
+            shown = "a comparison, as in np.maximum," if rule[0] == "o" else equations.shown(place)
+            raise TypeError(f"{name}: {shown} is no quotient of polynomials")
+        values[place] = known
     return over_common_denominator([value(a) for a in equations.results], ring)
 
 

@@ -30,7 +30,10 @@ _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
 _SHOWN = 64  # sets of numbers from which on `progress` prints a line, with twice as many the next
-_NO_INVERSE = "No inverse was given: it is not checked that the map is birational."
+_NO_INVERSE = (
+    "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
+    "and densities belong to invariant measures only if the map is one to one."
+)
 Functions = tuple[RationalFunction, ...]
 
 
@@ -78,7 +81,8 @@ class Report:
         """The algebraic entropy of the map if it is proved, else None.
 
         In the plane, contracted curves or an integral prove it; in three dimensions, the generic
-        level of one integral. For D > 2, D - 1 proved integrals show that it is 0.
+        level of one integral. For D > 2, D - 1 proved integrals show that it is 0. The theorems are
+        those of birational maps: None without an inverse.
         """
         if self._levels_are_curves:
             return 0.0
@@ -88,7 +92,7 @@ class Report:
     @property
     def _levels_are_curves(self) -> bool:
         proved = sum(f.basis == IDENTITY for f in self.integrals)
-        return self.map.dimension > 2 and proved >= self.map.dimension - 1
+        return self.map.is_birational and 2 < self.map.dimension <= proved + 1
 
     @property
     def independent(self) -> int:
@@ -175,7 +179,8 @@ class Report:
     def _lines_of_level_sets(self) -> list[str]:
         lines = []
         if (self.relations or 0) > len(self.integrals) + len(self.implicit):
-            shown = f"{self.relations} independent integrals, {MODULAR}"
+            plural = "s" * (self.relations != 1)
+            shown = f"{self.relations} independent integral{plural}, {MODULAR}"
             lines.append(f"Relations along orbits up to degree {self.degree} show {shown}.")
         if self.integrals or self.relations:
             dimension = f"{self.dimension} of {self.map.dimension}"
@@ -284,8 +289,7 @@ def report(
             facts.fill(found)
             watched.tell()
         facts.fill(found)
-        if letters is not None:
-            notes += _special_values(system, facts)
+        notes += _special_values(system, facts)
         if not facts.is_complete:
             notes += watched.left_out
     except _Stopped:
@@ -342,20 +346,27 @@ class _Stopped(BaseException):
 
 
 def _special_values(system: Any, facts: Search) -> list[str]:
-    """Return [a note] if the system's own parameters give more integrals than `facts`, else []."""
-    degree = facts.queue.finished().get("relations", 0)
-    exponents = exponents_up_to(degree, facts.map.dimension)
-    try:
-        special = count_relations(exact_map(system, None, None), exponents).integrals
-    except ArithmeticError:  # there is no map at these values
+    """Return [a note] if the system's own parameters give more integrals than `facts`, or no map.
+
+    Else, and without letters that have values, return [].
+    """
+    map, degree = facts.map, facts.queue.finished().get("relations", 0)
+    if not map.given:
         return []
+    values = ", ".join(f"{name} = {float(a):g}" for name, a in map.given.items())
+    try:
+        is_field = isinstance(map, KahanMap)
+        own = exact_map(system, None, None) if is_field else map.subs(**map.given)
+        check_map(own)
+    except (ArithmeticError, TypeError):
+        return [f"At {values} there is no map: the results are those of general letters."]
+    special = count_relations(own, exponents_up_to(degree, map.dimension)).integrals
     if special <= (facts.relations or 0):
         return []
-    names = [name for name in facts.map.letters if name in system.parameters]
-    values = ", ".join(f"{name} = {system.parameters[name]:g}" for name in names)
+    integrals = "1 independent integral" if special == 1 else f"{special} independent integrals"
     return [
-        f"At {values}, relations up to degree {degree} show {special} independent integrals; for "
-        f"general letters they show {facts.relations or 0}."
+        f"At {values}, relations up to degree {degree} show {integrals}; for general letters they "
+        f"show {facts.relations or 0}."
     ]
 
 

@@ -230,13 +230,11 @@ class Search:
         map = self.map
         if not self._only_integrals:
             yield self._next_degree(agreed_degrees(map))
-            if map.is_planar and len(map.letters) < 2:
+            if map.is_planar:
                 yield Task(self._find_planar_entropy, "planar entropy")
-            is_birational = map.inverse is not None and map.is_invertible
-            if map.dimension > 2 and is_birational and not map.is_symbolic:
+            if map.dimension > 2 and map.is_birational and not map.is_symbolic:
                 yield Task(self._find_entropy_on_level, "levels")
-            has_numbers = isinstance(map, KahanMap) and not map.in_letters
-            if has_numbers and map.dimension in DEGREES:
+            if isinstance(map, KahanMap) and map.dimension in DEGREES:
                 yield Task(self._find_symmetries, "symmetries")
         if not map.is_invertible:
             return
@@ -288,9 +286,13 @@ class Search:
     def _find_planar_entropy(self) -> Tasks:
         """Follow the contracted curves, unless that takes long and a proved integral suffices."""
         is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
-        is_long = self.map.length > 1
-        known = PlanarEntropy(reason="not followed, since a proved integral gives the entropy")
-        self.planar = known if is_long and is_proved else planar_entropy(self.map)
+        has_letters = len(self.map.letters) > 1
+        if is_proved and (has_letters or self.map.length > 1):
+            self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
+        elif has_letters:
+            self.planar = PlanarEntropy(reason="curves are followed with one letter at most: subs")
+        else:
+            self.planar = planar_entropy(self.map)
         self._check_degrees()
         return []
 
@@ -312,7 +314,7 @@ class Search:
     def _modified_energy(self) -> Tasks:
         """Add the density 1 / det A, and the modified energy if there is one; return tasks."""
         ring, modified = self.map.ring, self.map.modified_energy
-        density = quotient_of(ring.constant(1), self.map.denominator, IDENTITY)
+        density = quotient_of(ring.constant(1), without_content(self.map.denominator), IDENTITY)
         self.invariants.densities.append(density)
         self.version += 1
         return self._add_space(modified.as_quotient(ring)) if modified else []
@@ -550,7 +552,7 @@ _TEXTS = {
     "these",
     "planar entropy": "the orbits of contracted curves",
     "levels": "the map on the generic level of the integrals",
-    "symmetries": "affine involutions that take the map to its inverse",
+    "symmetries": "affine involutions with numbers as entries that take the map to its inverse",
     "all cofactors": "Darboux polynomials up to degree {k} with products of powers of the factors "
     "of det DPhi as cofactors",
 }

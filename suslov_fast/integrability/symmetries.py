@@ -13,6 +13,7 @@ import random
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from operator import add, mul
 from typing import Any
 
@@ -23,7 +24,7 @@ from ..fields.exact_numbers import text_of
 from ..fields.names import labels
 from ..fields.terms import Terms
 from . import arithmetic
-from .arithmetic import Point, simplest_fraction
+from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
@@ -57,8 +58,13 @@ class Reversor:
 
 
 def reversors(map: KahanMap) -> list[Reversor]:
-    """Return the isolated involutions with rational entries that reverse the field of a map."""
-    D, p, terms = map.dimension, map.prime, map.terms
+    """Return the isolated involutions with rational entries that reverse the field of a map.
+
+    With letters in the field, they are those of all values of the letters.
+    """
+    numbers = dict(zip(map.letters, EPS, strict=False))
+    at_numbers = map._with({n: Fraction(a) for n, a in numbers.items()}) if map.in_letters else map
+    D, p, terms = map.dimension, at_numbers.prime, at_numbers.terms
     unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
     symmetries = []
     for solution in _isolated_solutions(_equations(D, terms, unknowns), unknowns, DEGREES[D]):
@@ -67,26 +73,28 @@ def reversors(map: KahanMap) -> list[Reversor]:
         if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
             reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
-            if reverses(reversor, terms):
+            if reverses(reversor, map):
                 symmetries.append(reversor)
     symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
     return [replace(reversor, names=map.field.names) for reversor in symmetries]
 
 
-def reverses(reversor: Reversor, terms: Terms) -> bool:
-    """Return True if f(S x + b) = -S f(x), f with `terms`, and the symmetry is an involution."""
-    ring = flint.fmpq_mpoly_ctx.get(labels(len(reversor.b)), ordering="deglex")
-    *S, b = ([*map(arithmetic.fmpq, row)] for row in (*reversor.S, reversor.b))
-    return not any(P != 0 for P in _identities(terms, S, b, ring.gens(), arithmetic.fmpq))
+def reverses(reversor: Reversor, map: KahanMap) -> bool:
+    """Return True if f(S x + b) = -S f(x), and the symmetry is an involution."""
+    ring = flint.fmpq_mpoly_ctx.get(map.ring.names(), ordering="deglex")
+    *S, b = ([arithmetic.fmpq(a) for a in row] for row in (*reversor.S, reversor.b))
+    x = ring.gens()[len(map.letters) :]
+    members = ((place, map.ring.constant(1) * v) for place, v in map._rates[0])
+    terms = [(place, ring.from_dict(v.to_dict())) for place, v in members]
+    return not any(P != 0 for P in _identities(terms, S, b, x))
 
 
-def _identities(f: Terms, S: Any, b: Any, x: Any, number: Any) -> list[Any]:
+def _identities(terms: Any, S: Any, b: Any, x: Any) -> list[Any]:
     """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry.
 
-    `number` is called to convert the coefficients of f.
+    `terms` are pairs ((i, j, k), c) for c x_j x_k in f_i, up to a common factor.
     """
     zero = 0 * x[0]
-    terms = [(place, number(c)) for place, c in f.members()]
 
     def image(y: Sequence[Any]) -> list[Any]:
         return [sum(map(mul, row, y), zero + c) for row, c in zip(S, b, strict=True)]
@@ -108,7 +116,8 @@ def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
     equations: list[Any] = []
-    for P in _identities(terms, S, b, gens[n:], lambda c: int(flint.nmod(arithmetic.fmpq(c), p))):
+    members = [(at, int(flint.nmod(arithmetic.fmpq(c), p))) for at, c in terms.members()]
+    for P in _identities(members, S, b, gens[n:]):
         by_monomial = defaultdict[Any, dict[Any, int]](dict)
         for e, c in P.to_dict().items():
             by_monomial[e[n:]][e[:n]] = int(c)

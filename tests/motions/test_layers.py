@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, i0e
 from systems import field
 
 import suslov_fast as sf
@@ -57,3 +57,31 @@ def test_steps_do_not_bounce_within_a_layer():
     for rtol in 1e-5, 1e-6:
         motion = sf.flow(f, np.stack([x, np.zeros(len(x))], 1), time=20.0, rtol=rtol)
         assert motion.steps.max() < 5000
+
+
+KNEE = sf.Field(lambda s, eps: (((1 - s[1]) * s[0] - s[0] ** 2) / eps, 1.0), "y t", eps=1e-8)
+COSINE = sf.Field(lambda s, eps: (s[0] * (np.cos(s[1]) - s[0]) / eps, 1.0), "y t", eps=1e-8)
+
+
+@pytest.mark.sampled(24)
+@pytest.mark.filterwarnings("ignore:1 of 1 solutions have a component that fell below")
+@pytest.mark.parametrize("seed", range(300))
+def test_knees(seed):
+    """Where f' vanishes along a slow motion, y is the inverse of a Gaussian integral (Bernoulli).
+
+    With k = 1 / eps it is (2 / (pi k))**(1/2) at the knee of 1 - t, and 1 / (k pi i0e(k)) at that
+    of cos t.
+    """
+    rng = np.random.default_rng(seed)
+    eps, rtol = 10 ** rng.uniform(-12, -3), 10.0 ** -rng.integers(6, 10)
+    is_cosine = seed % 3 == 2
+    knee, right = 1.0, np.sqrt(2 * eps / np.pi)
+    if is_cosine:
+        knee, right = np.pi / 2, eps / (np.pi * i0e(1 / eps))
+    before, after = [knee], [knee, 2.0]
+    times = [before, after, [0.5, *after], [0.9, knee, knee + 3 * np.sqrt(eps), 2.0]][seed % 4]
+    atol = rng.choice([1e-6, 1e-9, 1e-12])
+    field = (COSINE if is_cosine else KNEE).with_parameters(eps=eps)
+    start = [[1.0, 0.0], [3.0, 0.0]][seed % 2]
+    run = sf.flow(field, start, time=times, rtol=rtol, atol=atol, stiff=rng.choice([None, True]))
+    assert abs(run.states[times.index(knee), 0] - right) < 100 * (atol + rtol * right)

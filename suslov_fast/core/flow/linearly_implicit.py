@@ -13,6 +13,9 @@ N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 
 They vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is tested by
 A**-1 (first + second / 2), with A of the last column, so that layers at both ends do not cancel.
+At a knee f' at the end is so much smaller than J that A**-1 hides a wrong end, which followed the
+slow motion of the start. So f at the end is evaluated once more, beside it by this sum: where it
+shows another f', A of the end is factored, and its A**-1 second / 2 counts as well.
 
 Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated like the end, are
 of order 4, and as stable. They locate the crossings of surfaces.
@@ -30,6 +33,8 @@ from ..expressions.values import larger
 from ..llvm.text import Carried, Index
 from .codegen import FunctionCode
 from .scalar_kernels import TINY, scalar_kernel
+from .step_length import MOST_APART
+from .tolerance import LARGER_RATIO
 from .weights import IMPLICIT, QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
@@ -70,6 +75,18 @@ def MODE(product, size, seeds, mode):
     return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
+@scalar_kernel
+def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
+    """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
+
+    There `apart` + `at_end` is right - s f' right, to half of it. Sums within MOST_APART allowed
+    errors, 1 / `inverse`, do not matter. `f_beside` is f at the end, moved by `right`.
+    """
+    whole, own = apart + at_end, right - s * (f_beside - f_new)
+    is_large = abs(whole) * inverse > MOST_APART
+    return {"differs": (is_large & (abs(own) < 0.5 * abs(whole))).select(1.0, differs)}
+
+
 class ImplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
 
@@ -87,6 +104,7 @@ class ImplicitColumns(FunctionCode):
             if self.integrator.read:
                 self.begin_quarters()
             text.fill(work.apart, self.D, lambda: 0.0)
+            text.fill(work.at_end, self.D, lambda: 0.0)
             for c in text.each(Index(text, "%count")):
                 N = lengths[c]
                 s = work.signed[0] * inverses[c]
@@ -112,7 +130,7 @@ class ImplicitColumns(FunctionCode):
                 text.fill(apart, D, _plus_change, apart, weight, right, ends)
             self.call("solve", work.factors, "%table", right)
             text.fill(ends, D, add, ends, right)
-        text.fill(apart, D, _plus_part, apart, weight * 0.5, right)
+        text.fill(work.at_end, D, _plus_part, work.at_end, weight * 0.5, right)
 
     def begin_quarters(self):
         """Begin sums for states at quarters of a step; list which one each sub-step ends, or 3."""
@@ -149,10 +167,50 @@ def _plus_change(a, part, after, before):
 
 def find_apart(code):
     """Write to `right` sums that are about 0, but large where all columns agree on a wrong end."""
-    text, work = code.text, code.work
-    half = work.signed[0] * -0.5
-    text.fill(work.right, code.D, _plus_part, work.apart, half, work.f_new)
+    text, work, D = code.text, code.work, code.D
+    text.fill(work.at_end, D, _plus_part, work.at_end, work.signed[0] * -0.5, work.f_new)
+    text.fill(work.right, D, add, work.apart, work.at_end)
     code.call("solve", work.factors, code.table, work.right)
+
+
+def find_apart_at_end(code, errors):
+    """Return `apart` of `errors`, and update `right`: larger where f' at the end makes them so."""
+    text, work, D = code.text, code.work, code.D
+    s = work.signed[0] * (1.0 / IMPLICIT[-1])
+    text.fill(work.a, D, add, work.new, work.right)
+    code.call("f", work.a, code.table, work.b)
+    differs = Carried(differs=0.0)
+    for i in text.each(D, differs):
+        inputs = {"right": work.right[i], "apart": work.apart[i], "at_end": work.at_end[i]}
+        inputs |= {"f_beside": work.b[i], "inverse": work.error[i], "s": s}
+        differs.update(code.apply(DIFFERS, i, **inputs, **vars(differs)))
+    counts = (differs.differs > 0.0) & (errors["ratio"] <= 1.0) & (errors["apart"] <= MOST_APART)
+
+    def with_end():
+        _put_jacobian(code, work.new)
+        work.jacobian[code.f.entries] = s
+        code.call("factor", work.jacobian, code.table, work.of_end)
+        code.call("solve", work.of_end, code.table, work.at_end)
+        largest = Carried(ratio=errors["apart"])
+        for i in text.each(D, largest):
+            own = work.at_end[i]
+            work.right.choose(counts & (abs(own) > abs(work.right[i])), i, own)
+            inputs = {"error": work.right[i], "inverse": work.error[i]}
+            largest.update(code.apply(LARGER_RATIO, **inputs, **vars(largest)))
+        return [largest.ratio]
+
+    return text.otherwise(~counts.any(), [errors["apart"]], with_end)[0]
+
+
+def _finite(a):
+    return a.text.apply(FINITE, entry=a)["entry"]  # a may be wider than the text of the code
+
+
+def _put_jacobian(code, x):
+    """Write f'(x) to the row `jacobian`."""
+    jacobian = code.work.jacobian
+    code.call("j", x, code.table, jacobian)
+    code.text.fill(jacobian, code.f.entries, _finite, jacobian)
 
 
 def derive(code):
@@ -160,8 +218,7 @@ def derive(code):
     text, line, work = code.text, code.line, code.work
     entries = code.f.entries
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a
-    code.call("j", line.x, code.table, jacobian)
-    text.fill(jacobian, entries, lambda a: a.text.apply(FINITE, entry=a)["entry"], jacobian)
+    _put_jacobian(code, line.x)
     largest = code.reduce(SIZE, top=0.0)
     for i in text.each(code.D):
         found = code.apply(SCALE, i, top=largest.top)

@@ -124,6 +124,8 @@ def rows_of_work(integrator):
         jacobian=entries,  # entries of f', s, and a vector
         factors=integrator.factors,  # of 1 - s f'
         right=D,  # the right side, after the factors
+        of_end=integrator.factors,  # factors with f' at the end of a step
+        at_end=D if integrator.is_implicit else 0,  # the right side, after them
         taken=1,  # length of this step
         signed=1,  # the same with the sign of time
         aside=1,  # 1 where it is a step aside

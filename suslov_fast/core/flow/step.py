@@ -46,7 +46,7 @@ from . import (
     step_length,
     tolerance,
 )
-from .linearly_implicit import derive, find_apart
+from .linearly_implicit import derive, find_apart, find_apart_at_end
 from .next_state import find_next_state, move
 
 
@@ -98,6 +98,8 @@ def _estimate_errors(code, kept, sizes):
     if integrator.is_implicit:
         find_apart(code)
     errors = tolerance.find_errors(code, own, sizes)
+    if integrator.is_implicit:
+        errors["apart"] = find_apart_at_end(code, errors)
     if integrator.sets:
         errors |= tolerance.differences_of_sets(code)
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import math
 import os
 import pickle
+import shutil
+import uuid
 import warnings
 from collections.abc import Generator, Iterator
 from contextlib import closing
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
 _AXIS = "trajectory"  # the last axis of the batch, which is cut into chunks
 _INNER = {"system": 0, "x0": 1, "eps": 0, "attitude": 2}  # numbers of axes after the batch
 _BYTES = 2**23  # of the states of a chunk, by default
+_HOW = "choose another name, or delete it"
 _PENDING = -128  # the status of trajectories that are not computed yet
 
 
@@ -251,26 +255,49 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
 
 def _prepared(store: Any, whole: Any, encoding: Any) -> Any:
     """Return the statuses in the store of this run, which is made if there is none."""
-    import xarray
-    import zarr
-
-    how = "choose another name, or delete it"
-    try:
-        there = xarray.open_zarr(store, chunks=None, consolidated=True)
-    except FileNotFoundError:
-        options: Any = {"mode": "w-", "compute": False, "consolidated": False, "zarr_format": 3}
-        whole.to_zarr(store, encoding=encoding, **options)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # because format 3 does not define it yet
-            zarr.consolidate_metadata(store)  # the last step, without which a store is refused
-        there = xarray.open_zarr(store, chunks=None)
-    except (ValueError, OSError) as error:
-        raise wrong("store", "new, or of an ensemble", f"{store}: {how}") from error
+    there = _opened(store)
+    if there is None:
+        _make(store, whole, encoding)
+        there = _opened(store)
     mine, its = (json.loads(data.attrs.get("ensemble", "{}")) for data in (whole, there))
     if others := [name for name in {**mine, **its} if its.get(name) != mine.get(name)]:
-        received = f"{store}, of a run with another {', '.join(others)}: {how}"
+        received = f"{store}, of a run with another {', '.join(others)}: {_HOW}"
         raise wrong("store", "new, or of the same run", received)
     return there.status.values
+
+
+def _opened(store: Any) -> Any:
+    """Return the dataset in the store of an ensemble; None if there is no store."""
+    import xarray
+
+    try:
+        return xarray.open_zarr(store, chunks=None, consolidated=True)
+    except FileNotFoundError:
+        return None
+    except (ValueError, OSError) as error:
+        raise wrong("store", "new, or of an ensemble", f"{store}: {_HOW}") from error
+
+
+def _make(store: Any, whole: Any, encoding: Any) -> None:
+    """Make the store. A folder gets its name when it is complete, so that a kill leaves none."""
+    import zarr
+
+    is_folder = isinstance(store, str) and "://" not in store
+    new = f"{store}.{uuid.uuid4().hex}.new" if is_folder else store
+    try:
+        options: Any = {"mode": "w-", "compute": False, "consolidated": False, "zarr_format": 3}
+        whole.to_zarr(new, encoding=encoding, **options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # because format 3 does not define it yet
+            zarr.consolidate_metadata(new)  # the last step, without which a store is refused
+        if is_folder:
+            os.rename(new, store)
+    except OSError:
+        if _opened(store) is None:  # else another process has made it
+            raise
+    finally:
+        for folder in glob.glob(f"{glob.escape(store)}.*.new") if is_folder else ():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]:

@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import time
 from fractions import Fraction
 from types import ModuleType
 
@@ -123,6 +124,33 @@ def test_a_killed_process_leaves_what_it_has_computed(tmp_path):
     same(data, iterate(BODY, np.concatenate([starts(k) for k in range(6)]), 0.1, 20))
 
 
+BEGUN = """
+    import sys
+    import numpy as np
+    import suslov_fast as sf
+    import dask.array, xarray, zarr
+
+    x0 = np.random.default_rng(5).uniform(-2.0, 2.0, (20000, 2))
+    print("begins", flush=True)
+    sf.ensemble(sf.Suslov3D(4, 1, -0.5, -0.3), x0, sys.argv[1], eps=0.1, steps=20, chunks=6)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no such signal")
+@pytest.mark.slow
+def test_the_same_call_goes_on_after_a_kill_at_any_moment(tmp_path):
+    store, x0 = tmp_path / "run", np.random.default_rng(5).uniform(-2.0, 2.0, (20000, 2))
+    for milliseconds in (5, 20, 40, 60, 80, 100, 150):
+        with children.start(BEGUN, store) as child:
+            assert child.stdout.readline() == "begins\n"
+            time.sleep(milliseconds / 1000)
+            child.send_signal(signal.SIGKILL)
+    with children.start(BEGUN, store) as one, children.start(BEGUN, store) as other:
+        assert (one.wait(60), other.wait(60)) == (0, 0)
+    same(xarray.open_zarr(store), iterate(BODY, x0, 0.1, 20))
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
 @pytest.mark.parametrize(
     "processes", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["threads", "processes"]
 )
@@ -174,7 +202,7 @@ def test_the_store_of_another_run_is_refused(tmp_path):
             call()
     xarray.Dataset({"a": 1}).to_zarr(tmp_path / "other", consolidated=False)
     (tmp_path / "file").write_text("a file")
-    for name, error in (("other", ValueError), ("file", FileExistsError)):
+    for name, error in (("other", ValueError), ("file", OSError)):
         with pytest.raises(error):
             ensemble(BODY, X0, tmp_path / name, **options)
     assert (tmp_path / "file").read_text() == "a file"

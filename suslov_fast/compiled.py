@@ -40,7 +40,15 @@ from .checks import (
     within,
     wrong,
 )
-from .core.flow.held import OF_ANOTHER, PARAMETERS, TIME, MotionSystem, motion_system_of
+from .core.expressions.variational import variational
+from .core.flow.held import (
+    OF_ANOTHER,
+    PARAMETERS,
+    TIME,
+    MotionSystem,
+    has_event_times,
+    motion_system_of,
+)
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
@@ -54,6 +62,7 @@ from .keywords import public
 from .maps import eps_of, map_of
 from .motions.event import Event
 from .motions.events import actions_of, batch_of, checked_events, event_times_of
+from .motions.flow import checked_derivatives
 from .motions.motion_arguments import RTOL, checked_settings, either_map_or_motion
 
 __all__ = [
@@ -110,6 +119,7 @@ def system(
     max_step: float | None = None,
     stiff: bool | None = None,
     events: Event | Sequence[Event] = (),
+    derivatives: str | Sequence[str] = (),
 ) -> System:
     """Return the constants of one body or field and one step size, or of a map, for compiled loops.
 
@@ -128,6 +138,10 @@ def system(
         In place of eps: the time of the motion, positive or negative.
     rtol, atol, max_step, stiff, events
         As in :func:`suslov_fast.flow`, for motions. ``stiff=False`` compiles half as much.
+    derivatives : str or sequence of str
+        As in :func:`suslov_fast.flow`: "x0" is the state at the start of each step. Arrays of
+        `step_system` then have D components, and (D, C) derivatives in C order, columns by "x0"
+        first; of `x` it reads the components.
 
     Returns
     -------
@@ -150,23 +164,32 @@ def system(
     instance("body", body, Body)
     others = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
     both = (0.0, 0) if time is None else (eps, None)
-    if either_map_or_motion("system", *both, time, method=method, events=events, **others):
-        return _motion(body, one_number("time", time), checked_settings(body, **others), events)
+    of_motions = {"events": events, "derivatives": derivatives}
+    if either_map_or_motion("system", *both, time, method=method, **others, **of_motions):
+        settings = checked_settings(body, **others)
+        return _motion(body, one_number("time", time), settings, events, derivatives)
     step_size = _single(body, eps_of("system", body, eps))
     return map_of(body, method).methods[method].system(body, step_size)
 
 
-def _motion(field: Any, time: float, settings: Any, events: Any) -> MotionSystem:
+def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: Any) -> MotionSystem:
     """Return the motion of a single field over a time."""
     instance("system", field, Field)
     acting, sign = checked_events(events), -1 if time < 0.0 else 1
     if shape := field.shape + batch_of(acting):
         received = f"a batch of shape {shape}: make a system for each"
         raise wrong("system", "a single field, with events of the same times for all", received)
-    f, given = of_one(field, actions_of(field, acting) if acting else ())
+    names, _ = checked_derivatives(field, derivatives)
+    parameters = tuple(name for name in names if name != "x0")
+    f, given = of_one(field, parameters, bool(names), actions_of(field, acting))
+    if names:
+        f = variational(f, field.dimension * ("x0" in names) + len(parameters))
+        if isinstance(settings.atol, tuple):
+            settings = settings._replace(atol=settings.atol * (1 + f.columns))
     event_times = event_times_of(acting, sign, ()) if acting else None
     own = given if f.is_dense else given[: len(field._inputs)]
-    return motion_system_of(f, settings, event_times, given, own, time)
+    by = [field._coordinates.index(name) for name in parameters]
+    return motion_system_of(f, settings, event_times, given, own, time, by)
 
 
 @for_users
@@ -182,7 +205,12 @@ def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSyste
 
 @for_users
 def with_time(system: MotionSystem, time: float) -> MotionSystem:
-    """Return the motion over another time, of the same sign if there are events at given times."""
+    """Return the motion over another time; nothing is compiled.
+
+    If there are events at given times, it must have the sign of the time of `system`.
+    """
+    if system.time * time < 0.0 and has_event_times(system):
+        raise ValueError("with_time: events at given times need system(..., time=T) of this sign")
     return with_item(system, TIME, float(time))
 
 

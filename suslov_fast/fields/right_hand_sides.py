@@ -145,15 +145,17 @@ def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
     return table_by_code(f, given)
 
 
-def of_one(field: Any, actions: tuple[EventAction, ...] = ()) -> tuple[Any, FloatArray]:
-    """Return the right-hand side of a single field, and all its parameters (P,)."""
+def of_one(
+    field: Any, names: tuple[str, ...], twice: bool, actions: tuple[EventAction, ...]
+) -> tuple[Any, FloatArray]:
+    """Return the right-hand side of a single field, as `of_equations`, and its parameters (P,)."""
     equations, inputs, D = field._equations, field._inputs, field.dimension
     if equations is None:
         places, _ = field._own_terms.floats
-        if is_full(places, D) and not actions:
+        if is_full(places, D) and not (actions or twice):
             return full_quadratic(places, inputs, D)
         equations = equations_of(places.tobytes(), D)
-    return _with_inputs(equations, inputs, (), False, actions)
+    return _with_inputs(equations, inputs, names, twice, actions)
 
 
 def _with_inputs(

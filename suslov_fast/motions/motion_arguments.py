@@ -23,7 +23,7 @@ _LEAST, _MOST = 1e-13, 1e-2  # of rtol
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of those that only motions have.
 _OF_MAPS = {"method": "auto"}
-_OF_MOTIONS = Settings(RTOL)._asdict() | {"events": ()}
+_OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
 _FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
 # What solutions do that stop.
 _CAUSES = {

@@ -15,6 +15,7 @@ from ..checks import FloatArray
 from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.variational import variational
 from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.flow.held import HALF
 from ..fields.right_hand_sides import OfMembers, with_events
 from ..maps.kernel_arguments import flat_arrays
 from .integration import SolverResult, to_tolerance
@@ -102,8 +103,8 @@ class Columns:
 def _power_of_2(values: FloatArray) -> FloatArray:
     """Return the powers of 2 nearest to values; 1 for 0 and NaN."""
     moduli = abs(np.asarray(values, np.float64))
-    with np.errstate(divide="ignore"):
-        return np.where(moduli > 0.0, np.exp2(np.round(np.log2(moduli))), 1.0)
+    fractions, exponents = np.frexp(moduli)
+    return np.where(moduli > 0.0, np.ldexp(1.0, exponents - (fractions < HALF)), 1.0)
 
 
 def with_derivatives(

@@ -88,6 +88,54 @@ def test_parameters_and_time_change_within_a_loop():
     assert controlled(system(PENDULUM, time=1.0), x.copy(), 20).tobytes() == y.tobytes()
 
 
+@pytest.mark.parametrize("name", ["smooth", "a late clock", "bounces", "terminal", "a pole"])
+@pytest.mark.parametrize("others", [{}, {"atol": 1e-10}])
+def test_derivatives_have_the_bits_of_flow(name, others):
+    field, x0, times, events = CASES[name]
+    names, D = ("x0", *field.parameters), len(x0)
+    others = {"events": events, "derivatives": names} | others
+    own = system(field, time=1.0, **others)
+    C, memory, x = own.dimension // D - 1, work(own), np.zeros(own.dimension)
+    for time in times:
+        if time < 0.0:
+            own = system(field, time=time, **others)
+        motion, x[:D] = sf.flow(field, x0, time=time, **others), x0
+        assert step_system(with_time(own, time), x, x, memory) == motion.status
+        np.testing.assert_array_equal(x[:D], motion.final)
+        each = {name: values[-1] for name, values in motion.derivatives.items()}
+        if motion.status == sf.Status.STOPPED:
+            each = {name: of.states[-1] for name, of in motion.events.derivatives.items()}
+        columns = [each["x0"], *(each[name][:, np.newaxis] for name in names[1:])]
+        np.testing.assert_array_equal(x[D:].reshape(D, C), np.concatenate(columns, axis=1))
+
+
+@njit
+def shoot(system, target):
+    """Newton's method for the start (0, v) from which the motion is at `target`."""
+    memory, x, v = work(system), np.empty(system.dimension), 0.0
+    for _ in range(20):
+        x[:2] = 0.0, v
+        step_system(system, x, x, memory)
+        v += (target - x[0]) / x[3]
+    return v, x[2:].copy()
+
+
+def test_shooting_in_a_loop():
+    """x'' = w: x = v t + w t**2 / 2, whose derivatives are known."""
+    falls = Field(lambda x, w: (x[1], w + 0.0 * x[0]), 2, w=-9.81)
+    v, derivatives = shoot(system(falls, time=2.0, derivatives=("w", "x0")), 1.0)
+    assert abs(v - (1.0 + 2.0 * 9.81) / 2.0) < 1e-12
+    right = [1.0, 2.0, 2.0, 0.0, 1.0, 2.0]  # of x by (x, v) and w, then of v
+    np.testing.assert_allclose(derivatives, right, rtol=1e-12, atol=1e-12)
+
+
+def test_events_at_times_have_a_direction():
+    field, _, _, dose = CASES["doses"]
+    with pytest.raises(ValueError, match="of this sign"):
+        with_time(system(field, time=1.0, events=dose), -1.0)
+    assert with_time(system(BALL, time=1.0, events=BOUNCE), -1.0).time == -1.0
+
+
 @njit(parallel=True)
 def in_threads(system, x):
     for k in prange(len(x)):

@@ -3,6 +3,7 @@
 Steps and bits are those of `BatchSolver`: the code of both integrators takes turns in one call.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 OF_ANOTHER = -128  # in place of a status: the memory is that of another system
+HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
 _made = {}  # codes, which last, f, settings and event times, by address and constants
 
@@ -51,12 +53,15 @@ class Plan(NamedTuple):
     implicit_again: int
     of_table: int  # address of the code of `code_of_table`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
+    by_starts: int  # columns of derivatives by x0, the first ones: D or 0
+    columns: int  # of derivatives
+    clocks: int  # where parameters that columns are by begin below, after pairs for clocks
     # In `constants`, after the rows of `ComponentNumbers`:
     components_again: int  # the same rows with atol = 0
     event_times: int  # pairs (time, event); 0 without events
     template: int  # what memory has from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
-    ended: int  # the time at which the motion ended
+    ended: int  # the time at which the motion ended; and the size of columns by x0
     state: int  # at the time
     numbers: int  # `SharedNumbers`
     times: int  # the time, and two infinite ones
@@ -67,6 +72,7 @@ class Plan(NamedTuple):
     other: int  # of the implicit one
     records: int
     size: int
+    size_of_record: int
     # In the rows:
     t: int
     lane_state: int
@@ -75,7 +81,8 @@ class Plan(NamedTuple):
 
 PLAN = Plan(*range(len(Plan._fields)))
 _ARGUMENTS = len(SLOT) + 1
-_CLOCKS = len(PLAN)  # pairs follow: clocks, and numbers of the parameters that are their starts
+# Pairs follow: clocks, and numbers of the parameters that are their starts.
+_CLOCKS = len(PLAN)
 
 
 @with_address
@@ -88,21 +95,25 @@ class MotionSystem(NamedTuple):
     constants: Any
     parameters: Any  # (n,), the first of the parameters of f
     time: float
-    dimension: int
+    dimension: int  # of x, and of its columns
 
     def __reduce__(self):
         (_, *made), plan = _made[self.address, self.constants.tobytes()], self.plan
-        given = self.constants[plan[PLAN.inputs] - plan[PLAN.table] :]
-        return motion_system_of, (*made, given, self.parameters, self.time)
+        given, by = (
+            self.constants[plan[PLAN.inputs] - plan[PLAN.table] :],
+            plan[plan[PLAN.clocks] :],
+        )
+        return motion_system_of, (*made, given, self.parameters, self.time, by.tolist())
 
 
 PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
 
 
-def motion_system_of(f, settings, event_times, given, parameters, time):
+def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     """Return the motion of f over a time as a `MotionSystem`; its code lasts.
 
-    `given` (P,) are all parameters of f, which begin with `parameters`, those that may change.
+    `given` (P,) are all parameters of f, which begin with `parameters`, those that may change. If f
+    has columns of derivatives, the last ones are by the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     integrators = [integrator_of(f, mode, settings.atol is not None) for mode in modes]
@@ -110,25 +121,27 @@ def motion_system_of(f, settings, event_times, given, parameters, time):
         integrators += [integrator_of(f, mode, True) for mode in modes]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
     of_again = codes[-len(modes) :]
-    of_table, of_this = (0, 0) if f.is_dense else code_of_table(f)
+    of_table, of_this = (0, 0) if f.is_dense else code_of_table(f.of)
     (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
     row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
-    at_once = 0
+    at_once, size = 0, size_of(f)
     if f.events:
         row[rows.stop : rows.stop + 2] = times[0, 0]
-        at_once = 2 * most_records(f.events, equal) * size_of(f)
+        at_once = 2 * most_records(f.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
     both = components_of(f, settings.atol), components_of(f, 0.0)
     ends = np.cumsum([both[0].size, both[1].size, times.size]).tolist()
     constants = np.concatenate([*both, times, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))
-    sizes = [_ARGUMENTS, 1, f.D, *map(len, parts), len(f.table), most, most, at_once]
+    sizes = [_ARGUMENTS, 2, f.D, *map(len, parts), len(f.table), most, most, at_once]
     plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
+    plan += [f.columns - len(by), f.columns, _CLOCKS + 2 * len(f.offsets)]
     plan += [ends[0], ends[1] * bool(f.events), ends[2]]
-    plan += [*np.cumsum(sizes).tolist(), rows.t, rows.state, rows.at]
+    plan += [*np.cumsum(sizes).tolist(), size, rows.t, rows.state, rows.at]
     for clock, number in f.offsets.items():
         plan += [clock, number - f.of.D]
+    plan += by
     _made[int(codes[0]), constants.tobytes()] = (codes, of_table), f, settings, event_times
     own = np.array(parameters, np.float64)
     return MotionSystem(int(codes[0]), np.array(plan), constants, own, float(time), f.D)
@@ -157,17 +170,25 @@ def _begin(system, x0, memory, inputs, x):
     first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
         memory[first + k] = constants[plan[PLAN.template] + k]
-    for i in range(system.dimension):
-        x[i] = x0[i]
+    D, size = _dimension(system), 0.0
+    for i in range(D):
+        x[i], size = x0[i], max(size, abs(x0[i]))
+    size = _power_of_2(size)
+    for j in range(plan[PLAN.by_starts]):
+        x[D + j * D + j] = size
+    memory[plan[PLAN.ended] + 1] = size
     for k in range(min(len(system.parameters), len(inputs))):
         inputs[k] = system.parameters[k]
-    for k in range(_CLOCKS, len(plan), 2):  # these begin at 0
+    for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # these begin at 0
         inputs[plan[k + 1]], x[plan[k]] = x[plan[k]], 0.0
     if plan[PLAN.of_table] != 0:
         call_code(plan[PLAN.of_table], (inputs.ctypes.data,))
     else:
         for k in range(len(inputs)):
             memory[plan[PLAN.table] + k] = inputs[k]
+    sizes = memory[plan[PLAN.work] - (len(plan) - plan[PLAN.clocks]) : plan[PLAN.work]]
+    for q in range(len(sizes)):  # they stand at the end of the table
+        sizes[q] = _power_of_2(inputs[plan[plan[PLAN.clocks] + q]])
     numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
     if plan[PLAN.is_bounded]:
@@ -181,7 +202,7 @@ def motion_of_one(system, x0, out, memory):
     plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
     if (len(memory) != plan[PLAN.size]) | (arguments[len(SLOT)] != system.address):
         return OF_ANOTHER
-    D, time, sign = system.dimension, abs(system.time), -1.0 if system.time < 0.0 else 1.0
+    D, time, sign = _dimension(system), abs(system.time), -1.0 if system.time < 0.0 else 1.0
     x, is_finite = memory[plan[PLAN.rows] :], time - time == 0.0
     inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
     for i in range(D):
@@ -190,6 +211,9 @@ def motion_of_one(system, x0, out, memory):
         memory[plan[PLAN.ended]] = 0.0
         for i in range(D):
             out[i] = x0[i] if is_finite else np.nan
+        out[D:] = 0.0 if time == 0.0 else np.nan
+        for i in range(plan[PLAN.by_starts] * (time == 0.0)):
+            out[D + i * plan[PLAN.columns] + i] = 1.0
         return OK if is_finite else NONFINITE
     state = _begin(system, x0, memory, inputs, x)
     components, first, implicit = np.int64(0), system.address, plan[PLAN.implicit]
@@ -201,9 +225,12 @@ def motion_of_one(system, x0, out, memory):
             arguments[SLOT.work] = memory.ctypes.data + 8 * work
             arguments[SLOT.following] = 0
             is_done = np.int64(0)
-            while is_done == 0:
+            while is_done == 0:  # it pauses after records
+                before = arguments[SLOT.recorded]
                 arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
                 is_done = call_code(code, (arguments.ctypes.data,))
+                if arguments[SLOT.recorded] == 0:
+                    arguments[SLOT.recorded] = before
             state = np.int64(x[plan[PLAN.lane_state]])
             code, work = first, plan[PLAN.work]
             if state == _IMPLICIT:
@@ -215,13 +242,57 @@ def motion_of_one(system, x0, out, memory):
         components = plan[PLAN.components_again]
         first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
     memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
-    first = plan[PLAN.state] if state == _DONE else plan[PLAN.rows]
+    if state in (_DONE, _STOPPED):
+        _write(system, state, memory, inputs, out)
+    else:
+        out[: system.dimension] = np.nan
+    return np.int64(STATUS[state])
+
+
+@function
+def _write(system, state, memory, inputs, out):
+    """Write the state at the last time, or after the event that ended the motion, to `out`."""
+    plan, D, C = system.plan, _dimension(system), system.plan[PLAN.columns]
+    x, tau, rates = memory[plan[PLAN.state] :], memory, memory
+    if state == _STOPPED:  # the last record is that of the event
+        number = memory[:_ARGUMENTS].view(np.int64)[SLOT.recorded] - 1
+        record = memory[plan[PLAN.records] + number * plan[PLAN.size_of_record] + 3 :]
+        x, tau = record[system.dimension :], record[2 * system.dimension :]
+        rates = tau[C + D :]
     for i in range(D):
-        out[i] = memory[first + i] if state in (_DONE, _STOPPED) else np.nan
-    for k in range(_CLOCKS, len(plan), 2):
+        out[i] = x[i]
+    for k in range(_CLOCKS, plan[PLAN.clocks], 2):
         if inputs[plan[k + 1]] != 0.0:
             out[plan[k]] += inputs[plan[k + 1]]
-    return np.int64(STATUS[state])
+    for c in range(C):
+        size = memory[plan[PLAN.ended] + 1]
+        if c >= plan[PLAN.by_starts]:
+            size = memory[plan[PLAN.work] - C + c]
+        for i in range(D):
+            column = x[D + c * D + i]
+            if state == _STOPPED:
+                column -= tau[c] * rates[i]
+            out[D + i * C + c] = column / size
+
+
+@function
+def _dimension(system):
+    """Return the number of components of x."""
+    return system.dimension // (1 + system.plan[PLAN.columns])
+
+
+@function
+def _power_of_2(value):
+    """Return the power of 2 nearest to a number, as `sensitivities` does; 1 for 0."""
+    fraction, exponent = math.frexp(abs(value))
+    return 1.0 if value == 0.0 else math.ldexp(1.0, exponent - (fraction < HALF))
+
+
+@function
+def has_event_times(system):
+    """Return True if events have given times."""
+    first = system.plan[PLAN.event_times]
+    return first > 0 and system.constants[first] < np.inf
 
 
 @function

@@ -63,7 +63,7 @@ def _of_list(
     actions: tuple[EventAction, ...],
     constants: int,
 ) -> RightHandSide:
-    is_written = _is_written(equations.products[0], bool(names or twice))
+    is_written = (names or twice) and _is_written(equations.products[0])
     own = (equations.values, equations.results) if is_written else equations.products
     values, results = in_order(*own, constants)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
@@ -71,19 +71,12 @@ def _of_list(
     return with_fixed_branches(values, results, P, by, twice, actions)
 
 
-def _is_written(values: Any, has_columns: bool) -> bool:
-    """Return True where products of dense matrices must be written as sums.
-
-    Branches that depend on entries of products are surfaces, which need gradients; and columns of
-    derivatives need the trace of f', which is long if products have operands made of others, and
-    derivatives by parameters, which products of parameters alone have not.
-    """
+def _is_written(values: Any) -> bool:
+    """Return True if branches depend on products of dense matrices: then columns need sums."""
     operations = values.operations
     of = depending(operations, [number for name, number, _ in operations if name == ENTRY])
-    if has_columns and any(is_matrix(name) and k in values.fixed for name, k, _ in operations):
-        return True
     return any(
-        (name in _WITH_BRANCHES or is_table(name) or (has_columns and is_matrix(name)))
+        (name in _WITH_BRANCHES or is_table(name))
         and not of.isdisjoint(a for a in operands if type(a) is int)
         for name, _, operands in operations
         if name != "select"

@@ -237,7 +237,7 @@ class _Run:
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
         matters = lives.copy()  # the trace of f' tells of the last column, without a change
-        matters[:, -1] &= is_changed | ~lives.all(axis=1)
+        matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
         # With events, columns may have become infinite in place of the state.

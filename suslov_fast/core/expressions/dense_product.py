@@ -6,11 +6,13 @@ Each component is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: the bits o
 """
 
 import hashlib
+from collections import defaultdict
+from itertools import islice, zip_longest
 
 import numpy as np
 
 from .function_records import FUNCTIONS
-from .programs import Expressions, renamed
+from .programs import Expressions, dot, renamed
 
 ENTRY = "entry"
 AT_ONCE = 16  # rows that machine code may take at once
@@ -84,55 +86,32 @@ def expanded(values, operands):
     return new, renamed(operands, known)
 
 
-class Chain:
-    """The chain rule through the products of a `RightHandSide` f: how f' follows from parts of it.
+def products_in(operations):
+    """Return (matrix, operands, {number of an entry: its place}) of each product, in order."""
+    found, entries = [], defaultdict(dict)
+    for name, number, operands in operations:
+        if name == ENTRY:
+            entries[operands[0]][number] = operands[1]
+        elif is_matrix(name):
+            found.append((name, operands, entries[number]))
+    return found
 
-    The parts are derivatives of rates, and of operands of products, by components and by entries of
-    products. T has a row for each entry of a product, its derivatives by the components:
 
-    T_i += a_il g_lj e_j (`plain`), T_i += a_il g_lr T_r (`nested`) of each product; then f' alike.
+def along(emit, products, rows, v, totals=()):
+    """Return changes of values along v, and v with changes of entries of `products_in` a list.
 
-    products   (`DenseMatrix`, first row of T, plain, nested) in order; lists have (l, j or r, k),
-               where the k-th part is g
-    plain, nested  such lists of rates: l is the number of the rate
-    rows       of T
+    v is {component: operand of its change}. `rows` are derivatives {component or entry: operand},
+    as `gradients` returns them: of the operands of the products in order, then of other values,
+    whose changes are the first result; None means 0. `totals` are operands to add, in this order.
     """
-
-    def __init__(self, f):
-        self.D, self.parts, self.rows, firsts, owner = f.D, len(f.linked), 0, {}, []
-        own = [([], []) for _ in f.products]
-        for q, (name, number, operands) in enumerate(f.products):
-            owner += [(q, l) for l in range(len(operands))]
-            firsts[number] = self.rows
-            self.rows += len(name.matrix)
-        self.plain, self.nested = rates = [], []
-        for k, (target, source) in enumerate(f.linked):
-            q, l = owner[target - f.D] if target >= f.D else (None, target)
-            lists = rates if q is None else own[q]
-            if source < f.D:
-                lists[0].append((l, source, k))
-            else:
-                vector, i = f.entry_of[source]
-                lists[1].append((l, firsts[vector] + int(i), k))
-        names = [(name, firsts[number]) for name, number, _ in f.products]
-        self.products = [(*each, *of) for each, of in zip(names, own, strict=True)]
-
-    def matrix(self, parts, of=np.asarray):
-        """Return f' (D, D, ...) of its parts (n, ...), with the bits of the machine code.
-
-        `of` is a function of all matrices; np.abs finds where f' may differ from 0.
-        """
-        T, J = (np.zeros((n, self.D, *parts.shape[1:])) for n in (self.rows, self.D))
-        for name, first, plain, nested in self.products:
-            own = T[first : first + len(name.matrix)]
-            columns = of(name.matrix.T)
-            columns = columns.reshape(*columns.shape, *[1] * (parts.ndim - 1))
-            for l, j, k in plain:
-                own[:, j] += columns[l] * parts[k]
-            for l, row, k in nested:
-                own += (columns[l] * parts[k])[:, np.newaxis] * T[row]
-        for i, j, k in self.plain:
-            J[i, j] += parts[k]
-        for i, row, k in self.nested:
-            J[i] += parts[k] * T[row]
-        return J
+    v = dict(v)
+    changes = (
+        dot(emit, [(a, v[j]) for j, a in row.items() if j in v], total)
+        for row, total in zip_longest(rows, totals)
+    )
+    for matrix, operands, entries in products:
+        own = [*islice(changes, len(operands))]
+        if any(a is not None for a in own):
+            whole = emit(matrix, *(0.0 if a is None else a for a in own))
+            v |= {a: emit(ENTRY, whole, i) for a, i in entries.items()}
+    return [*changes], v

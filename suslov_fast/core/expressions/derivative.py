@@ -1,28 +1,39 @@
 """Derivatives of expression programs by the chain rule; they are expression programs, too."""
 
-from .dense_product import ENTRY, is_matrix
+from .dense_product import ENTRY, along, is_matrix, products_in
 from .function_records import FUNCTIONS, RECORDS, same
 from .numpy_evaluation import OF_TRUTH_VALUES
 from .tables import is_table
 
 
-def gradients(values, operations, results, D, by=(), has_entries=False):
+def gradients(values, operations, results, D, by=()):
     """Return a dict {j: operand of the derivative by j} for each operand in `results`.
 
     `operations` compute `results` from the components 0 to D - 1 of the state. j is a component, or
     the number of a parameter in `by`. A derivative that is missing is 0. The operations that
-    compute derivatives are added to the `Expressions` `values`. If `has_entries`, entries of
-    products with dense matrices are like components: j may be the number of an entry.
+    compute derivatives are added to the `Expressions` `values`. Entries of products with dense
+    matrices are like components: j may be the number of an entry, see `along`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
         if instruction == ENTRY or is_matrix(instruction):
-            assert has_entries
-            is_own = instruction == ENTRY and number not in values.fixed
+            is_own = instruction == ENTRY and (by or number not in values.fixed)
             rows[number] = {number: 1.0} if is_own else {}
         elif (by or number not in values.fixed) and instruction not in OF_TRUTH_VALUES:
             rows[number] = _row_of(values, instruction, number, operands, rows)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
+
+
+def gradients_along(values, results, D, v):
+    """Return `gradients` of results in `values`, and v with changes of entries of products.
+
+    v is {component: operand of its change}, see `along`.
+    """
+    products = products_in(values.operations)
+    operands = [a for _, of, _ in products for a in of]
+    rows = gradients(values, [*values.operations], [*operands, *results], D)
+    count = len(operands)
+    return rows[count:], along(values.emit, products, rows[:count], v)[1]
 
 
 def _row_of(values, instruction, number, operands, rows):

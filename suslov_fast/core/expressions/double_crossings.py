@@ -30,7 +30,8 @@ from math import inf, pi, prod
 from operator import add
 from typing import NamedTuple
 
-from .derivative import gradients
+from .dense_product import ENTRY, DenseMatrix, is_matrix
+from .derivative import gradients_along
 from .programs import Expressions, Program, Values, depending, emitted, needed_for
 from .tables import LARGEST, interval, is_table
 from .values import larger, operand_of, smaller
@@ -46,7 +47,7 @@ WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
 # For rates: how far the rates beside a hump may be from a straight line, relative to their change
 # in its part; and what counts as 0, relative to the sum of their terms, and to states besides rtol.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
-_OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", *WAVES
+_OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 
 
 class DoubleCrossings(NamedTuple):
@@ -113,7 +114,7 @@ def _humps(f, operations):
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
         is_quotient = name == "fdiv" and (of[-1] is not operands[1] or of[-1] not in varying)
-        is_polynomial = name in _OF_POLYNOMIALS or is_quotient
+        is_polynomial = name in _OF_POLYNOMIALS or is_quotient or is_matrix(name)
         if number in varying and (not is_polynomial or not found.isdisjoint(of)):
             found.add(number)
     return found
@@ -132,10 +133,11 @@ def _rates_of(f, humps):
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
     own = emitted(values, Program(needed_for(f.watched.operations, humps), humps), new)
     results, of_states = [], values.number(2 * D) + OF_STATES
-    for row in gradients(values, [*values.operations], own, D):
+    rows, v = gradients_along(values, own, D, {j: D + j for j in range(D)})
+    for row in rows:
         rate = zero = 0.0
         for j, slope in row.items():
-            term = values.number(slope) * values.number(D + j)
+            term = values.number(slope) * values.number(v.get(j, 0.0))
             rate, zero = rate + term, zero + abs(term) * OF_TERMS
             zero = zero + abs(values.number(slope) * values.number(j)) * of_states
         results += [operand_of(rate), operand_of(zero)]
@@ -299,8 +301,13 @@ def sizes_of(values, operations, state, with_branches=True):
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
-        a, b = (abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)[:2])
-        if name in ("fadd", "fsub"):
+        a, b, *_ = of = [abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)]
+        if is_matrix(name):
+            moduli = DenseMatrix(abs(name.matrix))
+            sizes[number] = values.number(values.emit(moduli, *map(operand_of, of[:-1])))
+        elif name == ENTRY:
+            sizes[number] = values.number(values.emit(ENTRY, a.number, b))
+        elif name in ("fadd", "fsub"):
             sizes[number] = a + b
         elif name == "fmul":
             sizes[number] = a * b

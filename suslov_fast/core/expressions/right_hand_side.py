@@ -5,11 +5,12 @@ import functools
 import numpy as np
 
 from ..cached import cached_property
-from .dense_product import ENTRY, Chain, is_matrix
+from .dense_product import along, products_in
 from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import evaluate
-from .programs import Program, needed_for
+from .programs import Expressions, Program, needed_for
+from .symbolic_elimination import bits_of
 
 
 class RightHandSide:
@@ -24,10 +25,11 @@ class RightHandSide:
     table        numbers of the values of parameters alone that f or f' needs
     places       {number: its place in the table}
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
+    height       how many rows `linked` has
     derivative   `Program` of f' by itself; results are the entries of `pattern`
-    products     (matrix, number, operands) of products with dense matrices in f; then results of
-                 `derivative` are derivatives by x and by entries of products, of f and of these
-                 operands, at the places `linked`; `chain` makes f' of them
+    products     `products_in` f. The results of `derivative` then are derivatives by x and by
+                 entries of products, first of the operands of products, at the places `linked`
+    column       `Program` of f' v (D) from the results of `derivative` and v (D)
     of_parameters  `Program` of df/dp for the parameters `by`, with D results for each
     by           the operands df/dp, which are the results of `of_parameters`
     reads        for each component, as bits, the components that its rate depends on
@@ -58,21 +60,21 @@ class RightHandSide:
         self.D, self.P = len(results), P
         self._results = [*results]
         of_f = [*values.operations]
-        self.products = [(name, number, of) for name, number, of in of_f if is_matrix(name)]
-        operands = [a for *_, of in self.products for a in of]
-        wanted = [*results, *operands, *surfaces[:jumps]]
-        rows = gradients(values, of_f, wanted, self.D, by, True)
-        slopes, of_surfaces = rows[: self.D + len(operands)], rows[self.D + len(operands) :]
-        self.by, self.rows_by = [row.pop(p, 0.0) for p in by for row in slopes], len(slopes)
+        self.products = products_in(of_f)
+        wanted = [*(a for _, of, _ in self.products for a in of), *results]
+        self.height = len(wanted)
+        rows = gradients(values, of_f, [*wanted, *surfaces[:jumps]], self.D, by)
+        slopes, of_surfaces = rows[: self.height], rows[self.height :]
+        self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
         of_surfaces = {
-            (k, place[j]): a for k, row in enumerate(of_surfaces) for j, a in row.items()
+            (k, place[j]): a
+            for k, row in enumerate(of_surfaces)
+            for j, a in row.items()
+            if j in place
         }
         self.linked = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         entries = [slopes[i][j] for i, j in self.linked]
-        if not self.products:
-            self.pattern = self.linked
-        self.entry_of = {number: of for name, number, of in of_f if name == ENTRY}
         fixed = values.fixed
         count = len(values.operations)
         varying = [operation for operation in values.operations if operation[1] not in fixed]
@@ -112,18 +114,29 @@ class RightHandSide:
     @cached_property
     def work(self):
         """About how many operations f takes."""
-        return len(self.f.operations) + sum(name.matrix.size for name, *_ in self.products) + 16
-
-    @cached_property
-    def chain(self):
-        """The `Chain` through products with dense matrices."""
-        return Chain(self)
+        return len(self.f.operations) + sum(each[0].matrix.size for each in self.products) + 16
 
     @cached_property
     def pattern(self):
-        """The places (i, j) where f' may differ from 0, if f has products with dense matrices."""
-        sizes = self.chain.matrix(np.ones(self.chain.parts), np.abs)
-        return [*map(tuple, np.argwhere(sizes).tolist())]
+        """The places (i, j) of f' where an entry may differ from 0, in order."""
+        if not self.products:
+            return self.linked
+        return [(i, j) for i, mask in enumerate(self.reads) for j in bits_of(mask)]
+
+    def rows_of(self, parts):
+        """Return rows {j: part} for `along`, of the `parts` of f' at the places `linked`."""
+        rows = [{} for _ in range(self.height)]
+        for (i, j), a in zip(self.linked, parts, strict=True):
+            rows[i][j] = a
+        return rows
+
+    @cached_property
+    def column(self):
+        """The `Program` of f' v (D) from the parts of f' at the places `linked`, and v (D)."""
+        parts, D = range(len(self.linked)), self.D
+        values, v = Expressions(len(parts) + D), {j: len(parts) + j for j in range(D)}
+        found, _ = along(values.emit, self.products, self.rows_of(parts), v)
+        return Program(values.operations, [0.0 if a is None else a for a in found])
 
     @cached_property
     def key(self):
@@ -178,7 +191,9 @@ class RightHandSide:
         """Return f' (D, D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
         entries = self._at("derivative", x, table)
         if self.products:
-            return self.chain.matrix(entries)
+            unit = np.eye(self.D).reshape(self.D, self.D, *[1] * (entries.ndim - 1))
+            given = dict(enumerate([*entries[:, np.newaxis], *unit]))
+            return _carried_out(self.column, given, (self.D, *entries.shape[1:]))
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry

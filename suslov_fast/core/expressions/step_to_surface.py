@@ -7,7 +7,7 @@ steps contain fast modes; there only surfaces of events and of clocks are used.
 
 from math import inf
 
-from .derivative import gradients
+from .derivative import gradients_along
 from .event_formulas import GAP
 from .programs import Expressions, Program, emitted, needed_for
 from .tables import interval, is_table
@@ -31,14 +31,14 @@ def aim_of(f, kinds, choices, is_implicit):
     values = Expressions(count, range(D, count))
     new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
     results = emitted(values, f.watched, new)
-    slopes = gradients(values, [*values.operations], results, D)
+    slopes, v = gradients_along(values, results, D, {j: D + j for j in range(D)})
     aim, since, number = inf, 0.0, values.number
     kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
     for (kind, choice), a, row in zip(kinds, results, slopes, strict=True):
         s, rate = number(a), 0.0
         tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
         for j, slope in row.items() if tells else ():
-            rate = rate + number(slope) * number(D + j)
+            rate = rate + number(slope) * number(v.get(j, 0.0))
         if kind == "side":
             above, level = (number(2 * (D + choice) + k) for k in (0, 1))
             ends = [(s - level, above > 0.5)]

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from .dense_product import ENTRY
+from .dense_product import along
 from .programs import Expressions, Program, dot, emitted
 from .right_hand_side import RightHandSide
 
@@ -29,12 +29,8 @@ class Variational(RightHandSide):
     of = None
 
     def __init__(self, f, columns, has_trace=False):
-        self.of, self.columns, self.has_trace, self.q = (
-            f,
-            columns,
-            has_trace,
-            len(f.by) // f.rows_by,
-        )
+        self.of, self.columns, self.has_trace = f, columns, has_trace
+        self.q = len(f.by) // f.height
         D, P = f.D, len(f.table) + self.q
         n = D * (1 + columns) + 2 * has_trace
         values, table = Expressions(n + P), range(n, n + P)
@@ -45,30 +41,17 @@ class Variational(RightHandSide):
         found = emitted(values, Program([operations[k] for k in sorted(operations)], wanted), known)
         rates, found = found[:D], found[D:]
         poles, found = found[: len(f.denominators)], found[len(f.denominators) :]
-        entries, by = dict(zip(f.linked, found, strict=False)), found[len(f.linked) :]
-        rows = f.rows_by
+        rows, by = f.rows_of(found[: len(f.linked)]), found[len(f.linked) :]
         for c in range(columns):
-            q, first = c - columns + self.q, D * (1 + c)
-            totals, v = [None] * rows, {j: first + j for j in range(D)}
+            q, first, totals = c - columns + self.q, D * (1 + c), []
             if q >= 0:
-                own = by[q * rows : (q + 1) * rows]
+                own = by[q * f.height : (q + 1) * f.height]
                 totals = [values.emit("fmul", table[q - self.q], a) for a in own]
-
-            def add(begin, end, totals=totals, v=v):
-                for (i, j), a in entries.items():
-                    if begin <= i < end:
-                        totals[i] = dot(values.emit, [(a, v[j])], totals[i])
-                return [0.0 if a is None else a for a in totals[begin:end]]
-
-            begin = D
-            for matrix, number, operands in f.products:
-                whole = values.emit(matrix, *add(begin, begin + len(operands)))
-                begin += len(operands)
-                own = [(a, i) for a, (of, i) in f.entry_of.items() if of == number]
-                v |= {a: values.emit(ENTRY, whole, i) for a, i in own}
-            rates += add(0, D)
-        if has_trace:
-            diagonal = _diagonal(values.emit, f, entries)
+            v = {j: first + j for j in range(D)}
+            changes, _ = along(values.emit, f.products, rows, v, totals)
+            rates += [0.0 if a is None else a for a in changes]
+        if has_trace:  # with products it is 0: see `find_exponents`
+            diagonal = [row[i] for i, row in enumerate(rows) if i in row and not f.products]
             rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
         super().__init__(values, rates, P, kept=table)
         for name in _OF_X:
@@ -85,28 +68,6 @@ class Variational(RightHandSide):
     def table_with(self, parameters, table):
         """Return the table (n, ...) for new parameters of f; scales are from the old `table`."""
         return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
-
-
-def _diagonal(emit, f, entries):
-    """Return the operands whose sum is the trace of f'; no operand of a product has another one."""
-    found, firsts, first = [], {}, f.D
-    for matrix, number, operands in f.products:
-        firsts[number], first = (matrix.matrix, first), first + len(operands)
-    by_column = {}
-    for (l, j), a in entries.items():
-        if l >= f.D:
-            by_column.setdefault(j, []).append((l, a))
-    for (i, j), a in entries.items():
-        if i < f.D and i == j:
-            found.append(a)
-        elif i < f.D <= j:
-            vector, row = f.entry_of[j]
-            matrix, first = firsts[vector]
-            for l, b in by_column.get(i, ()):
-                if first <= l < first + matrix.shape[1]:
-                    c = float(matrix[int(row), l - first])
-                    found.append(emit("fmul", emit("fmul", c, a), b))
-    return found
 
 
 variational = functools.lru_cache(64)(Variational)

@@ -12,8 +12,8 @@ from . import tolerance
 from .memory import rows_of_trajectory, rows_of_work, scalars_of
 from .vector_functions import (
     LONGEST,
-    ChainFunction,
     DenseQuadratic,
+    JacobianColumns,
     ProgramFunction,
     SparseLoops,
 )
@@ -127,10 +127,10 @@ class Integrator:
         f, D, functions = self.f, self.f.D, self.functions
         if f.is_dense:
             functions["j"] = DenseQuadratic(D, True)
+        elif f.products:
+            functions["j"] = JacobianColumns(f)
         else:
             functions["j"] = ProgramFunction(f.derivative, D, f.places)
-        if f.products:
-            functions["j"] = ChainFunction(f.chain, f.pattern, functions["j"])
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
         if operations_of(fill) > LONGEST:

@@ -193,55 +193,38 @@ def address_of_packed(matrix, rows):
 _packed = WeakValueDictionary()  # entries by matrix and rows; codes and matrices keep them
 
 
-class ChainFunction:
-    """f' of an f with products of dense matrices, from the function `parts` of its parts."""
+class JacobianColumns:
+    """f' of an f with products of dense matrices: a column f' v for each unit vector v."""
 
-    def __init__(self, chain, pattern, parts):
-        self.chain, self.pattern, self.parts = chain, pattern, parts
-        self.scratch = chain.parts + (chain.rows + chain.D) * chain.D + parts.scratch
+    def __init__(self, f):
+        self.f, self.is_full = f, f.entries == f.D * f.D
+        self.parts = ProgramFunction(f.derivative, f.D, f.places)
+        self.inputs = len(f.linked) + f.D
+        self.column = ProgramFunction(f.column, self.inputs)
+        inner = max(self.parts.scratch, self.column.scratch)
+        self.scratch = self.inputs + f.D + f.D * f.D * (not self.is_full) + inner
 
     def add(self, text, name, for_each):
+        D = self.f.D
         self.parts.add(text, f"{name}_parts", for_each)
-        chain, D = self.chain, self.chain.D
+        self.column.add(text, f"{name}_column", False)
         with text.function(name):
-            scratch = text.array("%scratch")
-            T = scratch.from_here(chain.parts)
-            to = scratch.from_here(chain.parts + chain.rows * D)
-            inner = scratch.at(chain.parts + (chain.rows + D) * D)
-            text.invoke(f"{name}_parts", "%from", "%table", scratch, inner)
-            for rows, count in ((T, chain.rows), (to, D)):
-                text.fill(rows, count * D, lambda: 0.0)
-
-            def each(triples):
-                """Add a loop over triples (l, j, k); yield l, j, and part k."""
-                if triples:
-                    l, j, k = (text.constants(list(of)) for of in zip(*triples, strict=True))
-                    for n in text.each(Index(text, len(triples))):
-                        yield l[n], j[n], scratch[k[n]]
-
-            def add_row(rows, i, factor, row):
-                own, other = rows.from_here(i * D), T.from_here(row * D)
-                text.fill(own, D, lambda a, c, b: a + c * b, own, factor, other)
-
-            for matrix, first, plain, nested in chain.products:
-                n = len(matrix.matrix)
-                columns = Shared(text, Index(text, address_of_packed(matrix, n)))
-                for l, j, part in each(plain):
-                    for i in text.each(n):
-                        at = (i + first) * D + j
-                        T[at] = T[at] + columns[l * n + i] * part
-                for l, row, part in each(nested):
-                    for i in text.each(n):
-                        add_row(T, i + first, columns[l * n + i] * part, row)
-            for i, j, part in each(chain.plain):
-                at = i * D + j
-                to[at] = to[at] + part
-            for i, row, part in each(chain.nested):
-                add_row(to, i, part, row)
-            if self.pattern:
-                places = text.constants([i * D + j for i, j in self.pattern])
-                for k in text.each(Index(text, len(self.pattern))):
-                    text.array("%to")[k] = to[places[k]]
+            given = text.array("%scratch")
+            v, column = given.after(self.inputs - D), given.after(self.inputs)
+            whole = text.array("%to") if self.is_full else column.after(D)
+            inner = column.after(D + D * D * (not self.is_full))
+            text.invoke(f"{name}_parts", "%from", "%table", given, inner)
+            text.fill(v, D, lambda: 0.0)
+            for j in text.each(D):
+                v[j] = 1.0
+                text.invoke(f"{name}_column", given, "0", column, inner)
+                v[j] = 0.0
+                for i in text.each(D):
+                    whole[i * D + j] = column[i]
+            if not self.is_full:
+                places = text.constants([i * D + j for i, j in self.f.pattern] or [0])
+                for k in text.each(Index(text, len(self.f.pattern))):
+                    text.array("%to")[k] = whole[places[k]]
 
 
 class SparseLoops:

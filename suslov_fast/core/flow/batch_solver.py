@@ -105,7 +105,8 @@ def code_of(integrator, W, for_each):
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
         integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
-        vars(code).setdefault("products", integrator.f.of.products)  # whose entries it reads
+        if integrator.f.products:  # whose entries it reads
+            vars(code).setdefault("functions", integrator.functions)
     return integrator.codes[W, for_each]
 
 
@@ -117,7 +118,7 @@ def code_of_table(f):
     """
     function = ProgramFunction(Program(f.fixed, f.table), f.D + f.P)
     code = compiled(("table", f.key), functools.partial(_text_of_table, f, function), 1)
-    vars(code).setdefault("products", f.of.products)  # whose entries it reads
+    vars(code).setdefault("function", function)  # whose matrices it reads
     return code, function.scratch
 
 

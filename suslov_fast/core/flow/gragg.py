@@ -1,4 +1,4 @@
-"""The columns of an explicit step: Gragg's midpoint rule with smoothing, in two forms of code.
+"""The columns of an explicit step: Gragg's midpoint rule with smoothing, in three forms of code.
 
 A column takes N sub-steps of the length s = h / N:
 
@@ -13,13 +13,16 @@ so that a column ends at (a + b) / 2. The difference a - b has an expansion like
 and is 0 in the limit. But only f connects a and b: if it has a layer thinner than a sub-step, they
 may stay on its two sides, and all columns agree on a false end. A weighted sum of a - b shows it.
 
-Both forms have the same bits: a loop over pairs of sub-steps, one column after the other
-(`in_turn`), and straight-line code of all columns if f is short (`side_by_side`). For results see
-`memory.rows_of_work`; `stormer` has half of this rule.
+All forms have the same bits: a loop over pairs of sub-steps, one column after the other
+(`in_turn`); straight-line code of all columns if f is short (`side_by_side`); and, for one
+trajectory of an f with dense matrices, columns in the lanes of vectors (`in_lanes`). For results
+see `memory.rows_of_work`; `stormer` has half of this rule.
 """
 
+import functools
+
 from ..llvm.compiler import numbers_in_register
-from ..llvm.text import Array, Index, Shared, Value
+from ..llvm.text import Array, Code, Index, Shared, Value
 from .codegen import FunctionCode
 from .vector_functions import INLINED
 from .weights import EXPLICIT
@@ -27,6 +30,8 @@ from .weights import EXPLICIT
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit its cache.
 SHORT = 25
+# Numbers N of the columns that each lane takes in turn; the last lane only repeats the first one.
+IN_LANES = (10,), (8, 2), (6, 4), (10,)
 OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
 
@@ -47,13 +52,17 @@ class ExplicitColumns(FunctionCode):
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
-        inner = self.narrower()
+        inner, lanes, whole = self.narrower(), Code(len(IN_LANES), self.text.target), None
+        if self.f.products and self.text.W == 1 and not self.integrator.sets:
+            self.functions["f"].add(lanes, f"{self.name}_lanes", False)
+            whole = functools.partial(self.in_lanes, lanes)
+        elif self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
+            whole = functools.partial(self.side_by_side, inner)
         with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             self.of_a, self.of_b = map(self.text.listed, self.rows)
-            if self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
-                are_all = Index(self.text, "%count").equals(len(EXPLICIT))
-                with self.text.when(are_all):
-                    self.side_by_side(inner)
+            if whole is not None:
+                with self.text.when(Index(self.text, "%count").equals(len(EXPLICIT))):
+                    whole()
                     self.text.leave("void")
             self.in_turn(inner)
 
@@ -182,6 +191,45 @@ class ExplicitColumns(FunctionCode):
         for_each = self.for_each and self.text.W > 1
         values = self.integrator.functions[name].values(text, lambda k: x[k], table, for_each)
         return {i: Value(text, value) for i, value in values.items() if i < self.D}
+
+    # ------------------------------------------------------------------------------------- in lanes
+    def in_lanes(self, lanes):
+        """Add all columns of one trajectory, in the lanes of the `Code` `lanes`, see IN_LANES.
+
+        So each reading of the matrices of f serves three columns.
+        """
+        text, work, D = self.text, self.work, self.D
+        x, f, own = text.array("%x"), text.array("%f"), work.lanes.at()
+        a, b, rates = (lanes.array(own, k * D) for k in range(3))
+        pairs = ([(N, m) for N in of for m in range(N // 2)] for of in IN_LANES)
+        rounds = [*zip(*pairs, strict=True)]
+        rows = [[1.0 / N for N, _ in now] for now in rounds]
+        rows += [[float(m == 0) for _, m in now] for now in rounds]
+        rows += [[float(2 * m + 2 == N) for N, m in now] for now in rounds]
+        numbers, signed = lanes.array(lanes.constants(rows).base), lanes.splat(work.signed[0])
+
+        def of_lane(rows, k):
+            return Code(1, text.target, lanes.size).array(rows.at() + 8 * k)
+
+        for r, now in enumerate(rounds):
+            s, begins, ends = (numbers[r + len(rounds) * k] for k in range(3))
+            s, begins, ends = signed * s, begins > 0.5, ends > 0.5
+            double = s + s
+            for i in text.each(D):
+                start, rate = lanes.splat(x[i]), lanes.splat(f[i])
+                a[i] = begins.select(start, a[i])
+                b[i] = begins.select(start + s * rate, b[i])
+            for of, to, factor in ((b, a, double), (a, b, ends.select(s, double))):
+                text.invoke(f"{self.name}_lanes", of, "%table", rates, work.scratch)
+                for i in text.each(D):
+                    to[i] = to[i] + factor * rates[i]
+            for k, (N, m) in enumerate(now[:-1]):
+                if 2 * m + 2 == N:
+                    first = EXPLICIT.index(N) * D
+                    to = work.ends.after(first), work.apart.after(first)
+                    self.end(work, of_lane(a, k), of_lane(b, k), x, *to, *self.loops())
+        text.copy(of_lane(a, 0), work.a, D)
+        text.copy(of_lane(rates, 0), work.f_last, self.extended)
 
     # --------------------------------------------------------------------------------- side by side
     def side_by_side(self, inner):

@@ -162,7 +162,9 @@ def rows_of_work(integrator):
         slopes=of_slopes,  # of surfaces where f jumps, if there are columns
         gradient=of_gradient,  # of the surface that is crossed, by x and parameters
         tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
-        scratch=max(each.scratch for each in integrator.functions.values()),
+        lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
+        scratch=max(each.scratch for each in integrator.functions.values())
+        * (4 if f.products else 1),
     )
 
 

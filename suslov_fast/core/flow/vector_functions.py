@@ -161,7 +161,7 @@ class Products:
         if text.W == 1:
             wide, rows, step = text.lanes(8), AT_ONCE, 8
         else:
-            wide, rows, step = text, 8 if numbers_in_register() == 8 else 4, 1
+            wide, rows, step = text, 64 // text.W if numbers_in_register() == 8 else 4, 1
         entries = Index(text, address_of_packed(name, rows))
         parts = range(0, rows, step)
         for block in text.each(-(-n // rows)):

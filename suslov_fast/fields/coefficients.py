@@ -80,7 +80,8 @@ def coefficients_by(
             rule = _RULES.get(name, partial(_of_constants, name, number))
             known[place] = rule(*of)
             if known[place] is None:
-                why = "is no polynomial" if of[1] else "has the denominator 0"
+                has_no_value = name == "fdiv" and not of[1]
+                why = "has the denominator 0" if has_no_value else "is no polynomial"
                 raise NotQuadratic(f"{equations.shown(place)} {why}")
     found: Polynomial = {}
     for i, a in enumerate(results):

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..checks import integer, is_false, kind_of, wrong
 from ..fields.base import Body
+from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import public
 from .birational_maps import RationalMap, check_map
@@ -126,6 +127,10 @@ class Report:
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        title, *lines = str(self).splitlines()
+        return html_table(title, ["", "found"], (line.partition(": ")[::2] for line in lines))
 
     def _title(self) -> str:
         D = self.map.dimension

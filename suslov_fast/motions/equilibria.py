@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.systems import System
-from ..checks import FloatArray, StatesLike, common_shape, first_index, spell, states, warn
+from ..checks import FloatArray, StatesLike, common_shape, first_index, short, spell, states, warn
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
 from ..fields.field import system_of
+from ..fields.html import html_table
 from ..fields.map import Map
+from ..fields.names import labels
 from ..keywords import lacking, public
 from ..status import Status
 
@@ -32,6 +34,7 @@ _LEAST = 1e-6  # sizes of components beside the largest one, at least
 _RANK = 1e-12  # singular values of a scaled matrix beside the largest one, below which they are 0
 _WHOLE = 1e-8  # and above which it is not singular, in units of the given states
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
+_NEUTRAL = 2.0**-48  # rounding of eigenvalues, divided by the largest entry of f'
 _ZERO = 1e-15  # f at a multiple root, beside the terms of f' dx at the given state
 
 
@@ -49,19 +52,64 @@ class Equilibria(NamedTuple):
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
     stable : ndarray(bool, shape=(...))
-        True where the status is `OK` and all eigenvalues have negative real parts, except the zeros
-        that belong to linear integrals. If one has a positive real part, the equilibrium is
-        unstable; otherwise the eigenvalues decide nothing. For a `Map` the moduli of the
+        True where the status is `OK` and the equilibrium attracts: all eigenvalues have negative
+        real parts, except the zeros that belong to linear integrals. For a `Map` the moduli of the
         multipliers are below 1.
+    kind : ndarray(str, shape=(...))
+        "attracting", "repelling", "saddle", or "neutral" if the eigenvalues decide nothing or the
+        status is `DEGENERATE`; of two eigenvalues also "attracting node" or "focus", "repelling
+        node" or "focus", and "centre"; "" where none is found.
     """
 
     states: FloatArray
     eigenvalues: NDArray[np.complex128]
     status: NDArray[np.int8]
     stable: NDArray[np.bool_]
+    kind: NDArray[np.str_]
 
     def __getattr__(self, name: str) -> NoReturn:
         raise lacking(self, name)
+
+    def distinct(self, rtol: float = 1e-6) -> tuple[Equilibria, NDArray[np.int64]]:
+        """Return each equilibrium once, and how many starts led to it.
+
+        Two states are one if all components differ by less than `rtol` times the largest modulus
+        of the component.
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, equilibria
+        >>> well = Field(lambda x: (x[1], x[0] - x[0] ** 3 - 0.2 * x[1]), "q p")
+        >>> starts = [[-2, 0], [-0.9, 0], [0.1, 0], [1.2, 0]]
+        >>> found, count = equilibria(well, near=starts).distinct()
+        >>> found.states[:, 0].round(9) + 0.0, count, found.kind[:2].tolist()
+        (array([-1.,  0.,  1.]), array([2, 1, 1]), ['attracting focus', 'saddle'])
+        """
+        x = self.states.reshape(-1, self.states.shape[-1])
+        left = np.flatnonzero(self.status.ravel() >= 0)
+        scale, first, count = abs(x[left]).max(axis=0, initial=0.0), [], []
+        while left.size:
+            is_same = (abs(x[left] - x[left[0]]) <= rtol * scale).all(axis=1)
+            first.append(left[0])
+            count.append(np.count_nonzero(is_same))
+            left = left[~is_same]
+        parts = (
+            a.reshape(len(x), *a.shape[self.status.ndim :])[np.array(first, int)] for a in self
+        )
+        return Equilibria(*parts), np.array(count, np.int64)
+
+    def __repr__(self) -> str:
+        if not self.status.ndim:
+            words = Status(int(self.status)).name, *filter(None, [str(self.kind)])
+            return f"Equilibria({short(self.states.tolist())}, {', '.join(words)})"
+        found = f"{np.count_nonzero(self.status >= 0)} OK, {len(self.distinct()[1])} different"
+        return f"Equilibria({self.status.size} starts: {found} states)"
+
+    def _repr_html_(self) -> str:
+        found, count = self.distinct()
+        columns = zip(count, found.kind, found.states.tolist(), strict=True)
+        rows = ((n, kind, *x) for n, kind, x in columns)
+        return html_table(self, ["starts", "kind", *labels(self.states.shape[-1])], rows)
 
 
 @public
@@ -86,9 +134,10 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     Returns
     -------
     Equilibria
-        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status` (...) and
-        `stable` (...). Variables with a constant rate in all members, such as time, keep the value
-        that they have in `near`, and count neither in the condition nor in the eigenvalues. If
+        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status`, `stable` and
+        `kind` (...); ``distinct()`` has each state once. Variables with a constant rate in all
+        members, such as time, keep the value that they have in `near`, and count neither in the
+        condition nor in the eigenvalues. If
         Newton's method does not converge at once, shorter steps begin, and then
         ``scipy.optimize.root``, by its methods "hybr" and "lm"; what they find may be far. States
         are NaN, with a negative status, where no equilibrium is found. The status is
@@ -163,8 +212,10 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
         values = _eigenvalues(slopes, is_map)
-        others = _eigenvalues(equations.without_totals(slopes))
-        is_stable = abs(others + 1.0) < 1.0 if is_map else others.real < 0.0
+        others = _eigenvalues(equations.without_totals(slopes, is_map), is_map)
+        growth = abs(others) - 1.0 if is_map else others.real
+        rounding = _NEUTRAL * (abs(slopes).max(axis=(-2, -1), initial=0.0) + is_map)
+        kind, attracts = _kinds(growth, rounding[..., np.newaxis], (others.imag != 0).any(axis=-1))
     status = np.select(
         [is_found & ~is_degenerate, is_found, ~has_value],
         [Status.OK, Status.DEGENERATE, Status.NONFINITE],
@@ -183,7 +234,19 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     tell(is_family, "lead to a family of equilibria, of which a near one is returned")
     tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
     _warn_of_clocks(field)
-    return Equilibria(x, values, status, is_stable.all(axis=-1) & (status == Status.OK))
+    kind = np.select([is_degenerate, is_found], ["neutral", kind], "")
+    return Equilibria(x, values, status, attracts & (status == Status.OK), kind)
+
+
+def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], Any]:
+    """Return words for equilibria, and True where they attract, from rates of growth (..., k)."""
+    grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
+    attracts, is_planar = (growth < -rounding).all(axis=-1), growth.shape[-1] == 2
+    one_way = np.where(grows, "repelling", "attracting")
+    if is_planar:
+        one_way = np.char.add(one_way, np.where(turns, " focus", " node"))
+    others = np.where(turns & is_planar, "centre", "neutral")
+    return np.select([grows & falls, grows | attracts], ["saddle", one_way], others), attracts
 
 
 def _warn_of_clocks(field: Any) -> None:
@@ -272,11 +335,12 @@ class _Equations:
         slopes = self.field.jacobian(self.whole(y))[..., self.own, :][..., self.own]
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
-    def without_totals(self, slopes: FloatArray) -> FloatArray:
+    def without_totals(self, slopes: FloatArray, is_map: bool) -> FloatArray:
         """Return `slopes`, f'; eigenvalues 0 due to integrals become negative, for stability."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
+        size = 1.0 if is_map else size  # the multiplier 0, or an eigenvalue
         return along @ slopes @ along - size * (one - along)
 
     @cached_property

@@ -11,10 +11,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, common_shape, short, warn, wrong
+from ..checks import FloatArray, common_shape, integer, short, warn, wrong
 from ..core.expressions.event_formulas import EventAction, in_order_of_code
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
+from ..fields.html import html_table
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
@@ -60,8 +61,8 @@ class Events(Result):
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order:
-        ``events.time[events.trajectory == i]`` are the times of trajectory i.
+        Index of the trajectory, in the batch flattened in C order: ``events.of(i).time`` are the
+        times of trajectory i.
     which : ndarray(int, shape=(K,))
         The number of the surface, or of the event, in the list that was passed; 0 if there is one.
     time : ndarray(float, shape=(K,))
@@ -158,9 +159,21 @@ class Events(Result):
                 attributes[column.name] = values[own]
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
+    def of(self, trajectory: int) -> Events:
+        """Return the events of one trajectory, by its number in the batch, flattened in C order."""
+        most = math.prod(self._batch) - 1
+        k = integer("trajectory", trajectory, 0, f"an integer from 0 to {most}", most)
+        index = tuple(map(int, np.unravel_index(k, self._batch))) if self._batch else ()
+        return self._of(self._members(index)) if index else self
+
     def _at_events(self, values: Any) -> Any:
         """Return for each event the value of its trajectory; `values` broadcast with the batch."""
         return np.broadcast_to(values, self._batch).ravel()[self.trajectory]
+
+    def _repr_html_(self) -> str:
+        columns = (a.tolist() for a in (self.trajectory, self.which, self.time, self.states))
+        rows = ((k, which, t, *x) for k, which, t, x in zip(*columns, strict=True))
+        return html_table(self, ["trajectory", "which", "time", *self.names], rows)
 
     def __repr__(self) -> str:
         count = ", ".join(map(str, self.count.reshape(-1, len(self._given)).sum(axis=0).tolist()))

@@ -100,10 +100,10 @@ def flow(
         Events at times or on surfaces, see :class:`Event`; ``motion.events`` holds
         what they did.
     derivatives : str or sequence of str
-        "x0", and names of parameters of the field: ``motion.derivatives[name]`` then is the
-        derivative with respect to it. The variational equations are solved to the same tolerance,
-        relative to the size of x0 or of the parameter, and so is the motion of a body, which is
-        exact without them.
+        "x0", and names of parameters of the field, as "x0 k c": ``motion.derivatives[name]`` then
+        is the derivative with respect to it. The variational equations are solved to the same
+        tolerance, relative to the size of x0 or of the parameter, and so is the motion of a body,
+        which is exact without them.
     threads, progress
         As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
         it returns False are NaN. A solution has the same bits on any threads, in any batch.
@@ -221,10 +221,13 @@ def solved(
     else:
         states = found.states[:, 0]  # sooner than by `reshape`
     steps = found.steps.reshape(batch)
+    last = times.item() if len(times) == 1 else request.sign * abs(times).max(initial=0.0)
     if found.is_good:
-        (end, status), new = without_ends(batch), (states, times, steps, of_columns)
+        status, end = without_ends(batch)[1], np.full(batch, last)
+        new = states, times, steps, of_columns, end
     else:
-        end, status = found.t.reshape(batch), found.status.reshape(batch)
+        status = found.status.reshape(batch)
+        end = np.where(status == Status.OK, last, found.t.reshape(batch))
     motion = Motion._of(
         {
             "states": states,
@@ -253,7 +256,7 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     """Return the checked names of derivatives, and the field that has them; None without names."""
     if type(derivatives) is tuple and not derivatives:  # as in most calls
         return (), None
-    names = (derivatives,) if isinstance(derivatives, str) else derivatives
+    names = derivatives.split() if isinstance(derivatives, str) else derivatives
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         such = "x0", *system._coordinates
         received = short(derivatives)

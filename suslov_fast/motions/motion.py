@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from ..bodies.systems import BodyOrField
 from ..checks import FloatArray
+from ..fields.html import html_table
 from ..results.result import States
 from ..results.schema import OF_EVENTS
-from ..status import ended_in_words
+from ..status import Status, ended_in_words
 from .event import Event
 from .events import Derivatives, Events, events_of, events_of_records
 
@@ -35,8 +36,8 @@ class Motion(States):
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory: OK, or negative if it has no state at the last time.
     end : ndarray(float, shape=(...))
-        The time at which a solution ends, or up to which it was computed; NaN if it reaches the
-        last time.
+        The last time of each trajectory: of `time`, or the time at which it ends, or up to which
+        it was computed.
     steps : ndarray(int, shape=(...))
         Number of steps that were taken; 0 where the solution is exact.
     events : Events or None
@@ -128,6 +129,12 @@ class Motion(States):
         if not len(self.time):
             raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]
+
+    def _repr_html_(self) -> str:
+        last = self.final.reshape(-1, len(self.names)).tolist() if len(self.time) else []
+        about = zip(self.status.ravel().tolist(), self.end.ravel().tolist(), last, strict=False)
+        rows = ((k, Status(status).name, t, *x) for k, (status, t, x) in enumerate(about))
+        return html_table(self, ["trajectory", "status", "end", *self.names], rows)
 
     def __repr__(self) -> str:
         time = self.time

@@ -14,6 +14,7 @@ from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..errors import NoConvergence
 from ..fields.field import Field, system_of
+from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
 from . import shooting
@@ -65,6 +66,9 @@ class PeriodicOrbit(NamedTuple):
 
     def __getattr__(self, name: str) -> NoReturn:
         raise lacking(self, name)
+
+    def _repr_html_(self) -> str:
+        return html_table("PeriodicOrbit", ["", "value"], self._asdict().items())
 
 
 @public

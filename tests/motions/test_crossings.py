@@ -90,7 +90,7 @@ def test_solutions_that_end():
     assert points.trajectory.tolist() == [0]
     np.testing.assert_allclose(points.time, [2 / 3], rtol=1e-8)
     assert points.status.tolist() == [sf.Status.ENDED, 0, sf.Status.NONFINITE, 0]
-    np.testing.assert_allclose(points.end, [1.0, np.nan, 0.0, np.nan], rtol=1e-8)
+    np.testing.assert_allclose(points.end, [1.0, 1.5, 0.0, 1.5], rtol=1e-8)
     np.testing.assert_allclose(points.final[:, 0], [np.nan, -0.4, np.nan, 2.0], rtol=1e-8)
     # A trajectory that has stopped before does not end.
     stopped = sf.crossings(field, x0, surface=lambda x: x[..., 0] - 3.0, time=1.5, most=1)

@@ -253,3 +253,11 @@ def test_fields_that_were_computed_before_do_not_matter():
         found = lagged(lambda t, *lags, k=place: np.interp(t - lags[k], knots, heights))
         right = lagged(lambda t, a, b, lag=lag: np.interp(t, knots + lag, heights))
         assert abs(found / right - 1) < 1e-8
+
+
+def test_names_in_one_text():
+    decay = Field(lambda x, k, c: (-k * x[0] + c,), 1, k=1.0, c=0.0)
+    motion = flow(decay, [1.0], time=2.0, derivatives="k c")
+    assert [*motion.derivatives] == ["k", "c"]
+    assert motion.derivatives["k"].item() == pytest.approx(-2 * np.exp(-2))
+    assert motion.end == 2.0

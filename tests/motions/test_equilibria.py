@@ -38,6 +38,47 @@ def test_equilibria_of_families_and_folds():
     assert found.stable.tolist() == [[True, True, True, False, False]] * 2
 
 
+def test_each_state_once():
+    """Of a double well from 400 starts: two minima and a saddle, each with its number of starts."""
+    starts = np.random.default_rng(0).uniform(-2, 2, (20, 20, 2))
+    found = _near(lambda s: (s[1], s[0] - s[0] ** 3), starts)
+    each, count = found.distinct()
+    kinds = {round(x[0]): kind for x, kind in zip(each.states, each.kind, strict=True)}
+    assert kinds == {-1: "centre", 0: "saddle", 1: "centre"}
+    nearest = abs(found.states[..., :1] - each.states[:, 0]).argmin(axis=-1)
+    assert count.tolist() == np.bincount(nearest.ravel()).tolist()
+    assert repr(found) == "Equilibria(400 starts: 400 OK, 3 different states)"
+    assert found._repr_html_().count("<tr>") == 4
+
+
+@pytest.mark.parametrize(
+    ("matrix", "of_motion", "of_map"),
+    [
+        ([[-0.5, 0.2], [0, -0.3]], "attracting node", "attracting node"),
+        ([[-0.5, 0.2], [-0.2, -0.5]], "attracting focus", "attracting focus"),
+        ([[0.5, 0.2], [-0.2, 0.5]], "repelling focus", "attracting focus"),
+        ([[3.0, 0.2], [0, 2.0]], "repelling node", "repelling node"),
+        ([[3.0, 0.2], [0, -0.5]], "saddle", "saddle"),
+        ([[0.6, -0.8], [0.8, 0.6]], "repelling focus", "centre"),
+        ([[0.0, -0.8], [0.5, 0.0]], "centre", "attracting focus"),
+        (np.diag([-0.5, -0.4, -0.3]), "attracting", "attracting"),
+        (np.diag([1.5, 1.4, 1.3]), "repelling", "repelling"),
+    ],
+)
+def test_kinds(matrix, of_motion, of_map):
+    """Of linear systems, by their eigenvalues."""
+    D = len(matrix)
+    for system, kind in ((sf.Field, of_motion), (sf.Map, of_map)):
+        found = equilibria(system(lambda x: np.array(matrix) @ x, D), near=np.ones(D))
+        assert (found.kind, found.stable) == (kind, kind.startswith("attracting"))
+
+
+def test_a_map_that_keeps_a_sum():
+    """The multiplier 1 belongs to the sum; the other one is -0.3, whatever the entries are."""
+    found = equilibria(sf.Map(lambda x: np.array([[-1.5, -1.2], [2.5, 2.2]]) @ x, 2), near=[1, 2])
+    assert found.stable
+
+
 @pytest.mark.parametrize(
     ("f", "near", "right", "digits"),
     [
@@ -53,7 +94,7 @@ def test_multiple_roots(f, near, right, digits):
         found = _near(f, near)
     assert len(told) == 1
     assert found.status == sf.Status.DEGENERATE
-    assert not found.stable
+    assert (found.stable, found.kind) == (False, "neutral")
     assert (abs(found.states - right)[-1:] <= digits).all()
     assert abs(found.states - right).max() <= max(digits, 1e-7)
 

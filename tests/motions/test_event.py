@@ -144,3 +144,19 @@ def test_names_of_a_surface_and_of_what_it_calls(monkeypatch):
     change = Event(lambda x: tripled(x[0]) - 6, direction=1)
     monkeypatch.setitem(globals(), "RATE", 1.0)
     np.testing.assert_allclose(flow(clock, [0.0], time=9.0, events=change).events.time, [2.0])
+
+
+def test_events_of_one_trajectory():
+    """Each falls for its own time; the table of a notebook has a row for each event."""
+    ball = Field(lambda s: (s[1], -2.0), "h v")
+    heights = np.array([[1.0, 4.0], [9.0, 16.0]])
+    starts = np.stack([heights, np.zeros((2, 2))], axis=-1)
+    events = sf.flow(ball, starts, time=10.0, events=Event("h", terminal=True)).events
+    times = [events.of(k).time.tolist() for k in range(4)]
+    assert times == [pytest.approx([each]) for each in (1.0, 2.0, 3.0, 4.0)]
+    assert events._repr_html_().count("<tr>") == 5
+    one = sf.flow(ball, [1.0, 0.0], time=10.0, events=Event("h"))
+    assert one.events.of(0) == one.events
+    assert "<td>OK</td><td>10</td>" in one._repr_html_()
+    with pytest.raises(ValueError, match="from 0 to 3"):
+        events.of(4)

@@ -9,6 +9,9 @@ import pytest
 
 import suslov_fast as sf
 
+# Modules that tests share, and that assert.
+pytest.register_assert_rewrite("children", "papers", "promises")
+
 # Processes started in the background ignore Ctrl-C, and so would their children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

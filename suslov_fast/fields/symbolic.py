@@ -375,6 +375,7 @@ def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -
         return _FUNCTIONS[called](*args, **options)
     if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
         _function(called.__name__)
+    # NumPy's own code of the function, without its dispatch; without it the line above answers.
     return _wrapped(called._implementation(*args, **options))
 
 

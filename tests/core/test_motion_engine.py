@@ -11,7 +11,8 @@ from steps_in_numpy import attempts, explicit_step, implicit_step
 from systems import LORENZ, SPRING, rates_of_henon_heiles, robertson
 
 from suslov_fast import Field, flow
-from suslov_fast.core.flow import batch_solver, integrator
+from suslov_fast.core.expressions import numpy_evaluation
+from suslov_fast.core.flow import batch_solver, integrator, step_length
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -212,3 +213,24 @@ def test_stiff_problems(f, x0, last, right, steps):
         found = flow(Field(f, len(x0)), x0, time=last, rtol=rtol)
         np.testing.assert_allclose(found.final[0], right, rtol=20.0 * rtol + 1e-8)
         assert found.steps <= most
+
+
+@pytest.mark.parametrize(
+    ("ratio", "of_length", "apart", "most"),
+    [
+        (0.5, 0.5, 0.0, 1.0),  # taken
+        (2.0, 1e-9, 0.0, 0.9),  # refused, though the ratio for the next length is small
+        (0.5, 0.5, 51.0, 0.5),  # columns agree on a false end
+        (1e9, 1e9, 0.0, 0.2),
+    ],
+)
+def test_a_step_that_is_refused_is_followed_by_a_shorter_one(ratio, of_length, apart, most):
+    known = dict.fromkeys(step_length.AFTER.inputs, 0.0)
+    known |= {"taken": 1.0, "wanted": 1.0, "longer": 1.0, "kept": 1.0, "last": 9.0, "longest": 9.0}
+    known |= {"ratio": ratio, "of_length": of_length, "apart": apart, "reach": 1.0}
+    values = dict(enumerate(known[name] for name in step_length.AFTER.inputs))
+    numpy_evaluation.evaluate(step_length.AFTER.operations, values)
+    found = {name: values[place] for name, place in step_length.AFTER.results.items()}
+    expected = min(max(0.75 * of_length ** (-1 / 9), 0.2), most)
+    assert found["accepted"] == (ratio <= 1.0 and apart <= 50.0)
+    assert abs(found["wanted"] / expected - 1) < 0.04

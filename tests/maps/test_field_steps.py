@@ -17,6 +17,7 @@ import suslov_fast as sf
 from suslov_fast.compiled import system
 from suslov_fast.core.maps import kernel
 from suslov_fast.core.maps.pivoting import pivoting_step
+from suslov_fast.core.maps.step_system import steps_of_one
 from suslov_fast.core.numba import status_codes as codes
 from suslov_fast.maps.orders import COMPOSITIONS
 
@@ -178,6 +179,17 @@ def test_a_pole_and_what_is_next_to_it():
     for A in (np.diag([2.0**-40]), np.diag([0.25]), np.diag([0.25, 1.0])):  # they overflow
         run, _ = linear_step(A, [1e308, 1.0][: len(A)])
         assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+
+
+def test_one_step_at_a_pole():
+    """`step` of one state has the short call of compiled code, which leaves poles to the kernel."""
+    field = sf.Field(square, 1)
+    arguments = kernel.scheme_of(field.terms[0], 1), field.terms[1][np.newaxis], np.array([0.5])
+    assert steps_of_one(arguments, np.array([2.0])) is None
+    assert steps_of_one(arguments, np.array([1.0])) == 2.0  # x + eps x**2 / (1 - eps x)
+    with pytest.warns(sf.IntegrationWarning, match="singular"):
+        assert np.isnan(sf.step(field, [2.0], 0.5)).all()
+    assert sf.step(field, [1.0], 0.5) == 2.0
 
 
 def test_a_state_that_its_increment_cancels():

@@ -55,6 +55,10 @@ def test_changes_differ():
     assert Event("x", most=1) != Event("x", most=2)
     assert Event("x").from_dict({"surface": "x"}) == Event("x")
     assert first != 3
+    levels = [Event("gut - 9"), Event("gut - 8")]
+    none = [flow(PK, [3.0, 4.0], time=1.0, events=each).events for each in levels]
+    assert len(none[0].time) == len(none[1].time) == 0
+    assert none[0] != none[1]
 
 
 def test_results():

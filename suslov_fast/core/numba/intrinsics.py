@@ -9,7 +9,7 @@ Each function brings its own typing and lowering, because an overload is itself 
 from llvmlite import ir
 from numba import types
 from numba.core import errors
-from numba.core.imputils import lower_constant
+from numba.core.imputils import lower_constant  # `numba.extending` has its neighbours alone
 from numba.extending import (
     intrinsic,
     lower_builtin,

@@ -1,25 +1,10 @@
 """Steps as ``njit`` functions, for your own compiled loops and for Python.
 
-:func:`system` returns the constants of a body or field and a step size. :func:`step_system` takes a
-step of a state that is an array, and :func:`work` returns the memory of a thread for it. In three
-dimensions :func:`step` takes a step of two numbers.
+:func:`system` returns the constants of a step: of the motion of a field over a time, or of a map.
+:func:`step_system` takes a step of a state that is an array, and :func:`work` returns the memory of
+a thread for it. In three dimensions :func:`step` takes a step of two numbers.
 
 States that do not exist are NaN. Arrays of types other than float64 do not compile (TypeError).
-
-Examples
---------
->>> from numba import njit
->>> from suslov_fast import Suslov3D
->>> from suslov_fast.compiled import step, system
->>> @njit
-... def steps_to_the_line(system, omega1, omega2):
-...     n = 0
-...     while abs(system.I13 * omega1 + system.I23 * omega2) > 1e-9:
-...         omega1, omega2 = step(system, omega1, omega2)
-...         n += 1
-...     return n
->>> steps_to_the_line(system(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2), 1.0, 0.5)
-255
 """
 
 from collections.abc import Sequence
@@ -41,14 +26,7 @@ from .checks import (
     wrong,
 )
 from .core.expressions.variational import variational
-from .core.flow.held import (
-    OF_ANOTHER,
-    PARAMETERS,
-    TIME,
-    MotionSystem,
-    has_event_times,
-    motion_system_of,
-)
+from .core.flow.held import OF_ANOTHER, PARAMETERS, TIME, MotionSystem, motion_system_of
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
@@ -205,12 +183,9 @@ def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSyste
 
 @for_users
 def with_time(system: MotionSystem, time: float) -> MotionSystem:
-    """Return the motion over another time; nothing is compiled.
-
-    If there are events at given times, it must have the sign of the time of `system`.
-    """
-    if system.time * time < 0.0 and has_event_times(system):
-        raise ValueError("with_time: events at given times need system(..., time=T) of this sign")
+    """Return the motion over another time of the same sign; nothing is compiled."""
+    if system.time * time < 0.0:
+        raise ValueError("with_time: make another system for the other direction of time")
     return with_item(system, TIME, float(time))
 
 

@@ -74,6 +74,7 @@ def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) ->
 def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return checked values by name: numbers as they are, arrays as floats."""
     checked: dict[str, Any] = {}
+    shapes = {}
     for name, value in parameters.items():
         if type(value) is float and math.isfinite(value):  # for speed in small calls
             checked[name] = value
@@ -82,7 +83,9 @@ def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
         checked[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
             exact(name, checked[name])
-    common_shape({n: a.shape for n, a in checked.items() if isinstance(a, np.ndarray)})
+        shapes[name] = array.shape
+    if shapes:
+        common_shape(shapes)
     return checked
 
 

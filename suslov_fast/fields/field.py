@@ -314,9 +314,9 @@ class Field(Traced):
 
     @property
     def _inputs(self) -> FloatArray:
-        if self._equations:
-            return super()._inputs
-        return np.moveaxis(np.asarray(self._parts[VALUES], np.float64), -1, 0)
+        if self._equations is None:
+            return np.moveaxis(np.asarray(self._parts[VALUES], np.float64), -1, 0)
+        return super()._inputs
 
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:

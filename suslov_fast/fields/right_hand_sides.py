@@ -160,7 +160,8 @@ def _with_inputs(
 ) -> tuple[RightHandSide, FloatArray]:
     """Return the right-hand side of all members as `of_equations`, and its parameters (P, ...)."""
     f, constants = _with_constants(equations, names, twice, actions)
-    P = len(parameters)
+    if (P := len(parameters)) == f.P:
+        return f, parameters
     # Choices and starts of clocks are last, of no state yet.
     given = np.zeros((f.P, *parameters.shape[1:]))
     given[:P] = parameters

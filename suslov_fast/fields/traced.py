@@ -25,6 +25,9 @@ from .trace import called_by_name
 # Parts other than named parameters. They hold spaces, because a parameter can have any name that
 # Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations"
+_FLOATS = {float}
+# Cached properties that are the same for all parameters, if these are numbers.
+_OF_EQUATIONS = "shape", "_tables_of_time"
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -77,15 +80,18 @@ class Traced(Body):
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
-        names, axes = parts[NAMES], self._axes
         kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
+        coordinates = tuple(name for name in kept if name not in self._axes)
+        self._set(kept, coordinates, parts[NAMES], parts.get(EQUATIONS))
+
+    def _set(self, parts: Any, coordinates: Any, names: Any, equations: Any) -> None:
         vars(self).update(
-            _parts=kept,
-            _coordinates=tuple(name for name in kept if name not in axes),
+            _parts=parts,
+            _coordinates=coordinates,
             dimension=len(names),
             names=names,
             _labels=names,
-            _equations=parts.get(EQUATIONS),
+            _equations=equations,
         )
 
     @property
@@ -94,7 +100,12 @@ class Traced(Body):
         return {NAMES: self.names, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:
-        return self._of({**parts, **self._shared})
+        if self.shape or not _FLOATS.issuperset(map(type, parts.values())):
+            return self._of({**parts, **self._shared})
+        other, own = object.__new__(type(self)), vars(self)  # sooner than `_of`
+        other._set(parts, self._coordinates, self.names, self._equations)
+        vars(other).update({name: own[name] for name in _OF_EQUATIONS if name in own})
+        return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self._of, ({**self._parts, **self._shared},)
@@ -169,7 +180,7 @@ class Traced(Body):
     def _inputs(self) -> FloatArray:
         """The parameters (P, ...) of all members."""
         if not self.shape:
-            return np.array([float(self._parts[name]) for name in self._coordinates])
+            return np.array([self._parts[name] for name in self._coordinates], np.float64)
         rows = [np.broadcast_to(a, self.shape) for a in self._arrays.values()]
         return np.array(rows, np.float64).reshape(len(rows), *self.shape)
 

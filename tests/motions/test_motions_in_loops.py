@@ -129,13 +129,6 @@ def test_shooting_in_a_loop():
     np.testing.assert_allclose(derivatives, right, rtol=1e-12, atol=1e-12)
 
 
-def test_events_at_times_have_a_direction():
-    field, _, _, dose = CASES["doses"]
-    with pytest.raises(ValueError, match="of this sign"):
-        with_time(system(field, time=1.0, events=dose), -1.0)
-    assert with_time(system(BALL, time=1.0, events=BOUNCE), -1.0).time == -1.0
-
-
 @njit(parallel=True)
 def in_threads(system, x):
     for k in prange(len(x)):
@@ -159,15 +152,6 @@ def test_parameters_are_those_of_the_field():
         )
 
 
-def test_a_system_can_be_pickled():
-    own, (a, b) = system(VAN_DER_POL, time=3.0), np.empty((2, 2))
-    system(VAN_DER_POL, time=3.0, rtol=1e-4)  # of the same code
-    again = pickle.loads(pickle.dumps(own))
-    for each, out in ((own, a), (again, b)):
-        step_system(each, np.array([1.0, 0.5]), out, work(each))
-    assert a.tobytes() == b.tobytes()
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -184,6 +168,10 @@ def test_refuses_arguments_of_the_other_kind(arguments, message):
         step_system(system(PENDULUM, time=1.0), *np.ones((2, 2)), work(system(BALL, time=1.0)))
     with pytest.raises(ValueError, match="as many"):
         with_parameters(system(PENDULUM, time=1.0), np.zeros(2))
+    with pytest.raises(ValueError, match="other direction"):
+        with_time(system(PENDULUM, time=1.0), -1.0)
+    with pytest.raises(TypeError, match="in each process"):
+        pickle.dumps(system(PENDULUM, time=1.0))
     family = Field(lambda x, a: (a * x[0],), 1, a=[1.0, 2.0])
     with pytest.raises(ValueError, match="single field"):
         system(family, time=1.0)

@@ -42,7 +42,7 @@ _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneS
 OF_ANOTHER = -128  # in place of a status: the memory is that of another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
-_made = {}  # codes, which last, f, settings and event times, by address and constants
+_kept = {}  # codes, which last, by their addresses
 
 
 class Plan(NamedTuple):
@@ -87,7 +87,7 @@ _CLOCKS = len(PLAN)
 
 @with_address
 class MotionSystem(NamedTuple):
-    """A field and a time, for compiled loops; unpickling makes its code again."""
+    """A field and a time, for compiled loops."""
 
     # Few fields, because a call from Python takes 0.1 us for each.
     address: int  # of the code of the integrator with which a motion begins
@@ -96,14 +96,6 @@ class MotionSystem(NamedTuple):
     parameters: Any  # (n,), the first of the parameters of f
     time: float
     dimension: int  # of x, and of its columns
-
-    def __reduce__(self):
-        (_, *made), plan = _made[self.address, self.constants.tobytes()], self.plan
-        given, by = (
-            self.constants[plan[PLAN.inputs] - plan[PLAN.table] :],
-            plan[plan[PLAN.clocks] :],
-        )
-        return motion_system_of, (*made, given, self.parameters, self.time, by.tolist())
 
 
 PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
@@ -142,7 +134,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     for clock, number in f.offsets.items():
         plan += [clock, number - f.of.D]
     plan += by
-    _made[int(codes[0]), constants.tobytes()] = (codes, of_table), f, settings, event_times
+    _kept.update((int(code), code) for code in (*codes, of_table))
     own = np.array(parameters, np.float64)
     return MotionSystem(int(codes[0]), np.array(plan), constants, own, float(time), f.D)
 
@@ -286,13 +278,6 @@ def _power_of_2(value):
     """Return the power of 2 nearest to a number, as `sensitivities` does; 1 for 0."""
     fraction, exponent = math.frexp(abs(value))
     return 1.0 if value == 0.0 else math.ldexp(1.0, exponent - (fraction < HALF))
-
-
-@function
-def has_event_times(system):
-    """Return True if events have given times."""
-    first = system.plan[PLAN.event_times]
-    return first > 0 and system.constants[first] < np.inf
 
 
 @function

@@ -38,7 +38,8 @@ for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", pa
         panel.plot(*iterated[:, k].T, "k.", markersize=5)
         panel.plot(*closed[:, k].T, "o", color="steelblue", fillstyle="none", markersize=8)
         for n, point in enumerate(iterated[: last + 1, k]):
-            place = {"xytext": 9 * np.sign(point), "textcoords": "offset points", "fontsize": 8}
+            side = np.sign(point.round(9))  # 0, not the sign of a rounding error
+            place = {"xytext": 9 * side, "textcoords": "offset points", "fontsize": 8}
             panel.annotate(f"{n}", point, ha="center", va="center", **place)
     panel.axvline(0, color="crimson", linewidth=2, zorder=0)
     panel.set(xlim=(-width, width), ylim=(-height, height), xlabel="$X$", title=f"$t = {t:.3g}$")

@@ -8,7 +8,7 @@ States that do not exist are NaN. Arrays of types other than float64 do not comp
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numba import types
@@ -148,6 +148,13 @@ def system(
         return _motion(body, one_number("time", time), settings, events, derivatives)
     step_size = _single(body, eps_of("system", body, eps))
     return map_of(body, method).methods[method].system(body, step_size)
+
+
+def _not_pickled(_: MotionSystem) -> NoReturn:
+    raise TypeError("a motion for loops has addresses of code: make it again in each process")
+
+
+MotionSystem.__reduce__ = _not_pickled  # type: ignore[method-assign]
 
 
 def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: Any) -> MotionSystem:

@@ -205,12 +205,15 @@ def _floats(name: str, value: Any) -> FloatArray:
                 )
     except (ValueError, OverflowError) as error:
         expected = "numbers in the range of float64, with rows of equal length"
+        expected += ", short ones filled with nan" * (name == "times")
         raise wrong(name, expected, short(value)) from error
     except Exception as error:  # of the class of the value, such as a tensor with a gradient
         received = f"{kind_of(value)}, which is no array: {error}"
         raise wrong(name, "hold real numbers", received, TypeError) from error
     if array.dtype.kind not in "iuf":
         what = f" of dtype {array.dtype}"
+        if array.dtype.kind == "c":
+            what += ": split complex variables into real and imaginary parts"
         if array.dtype.kind == "O":
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
             what = f", in which {short(item)}" if array.ndim else ""

@@ -7,7 +7,9 @@ a thread for it. In three dimensions :func:`step` takes a step of two numbers.
 States that do not exist are NaN. Arrays of types other than float64 do not compile (TypeError).
 """
 
+import sys
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -61,6 +63,14 @@ __all__ = [
 
 def __dir__() -> list[str]:
     return __all__
+
+
+class _Module(ModuleType):
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        raise TypeError("compiled is a module: compiled.system(system, eps) is what its steps take")
+
+
+sys.modules[__name__].__class__ = _Module
 
 
 System = BodySystem | NDSystem | FieldSystem | MotionSystem

@@ -145,7 +145,8 @@ def ensemble(
         length = math.ceil(N / count)
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
         whole, encoding = _whole(to_xarray(empty, names), given, N, length)
-        run = {k: _digest(value) for k, value in given.items() if k != "threads"}
+        run = {k: _digest(value) for k, value in given.items() if k not in ("threads", "system")}
+        run |= _digests(system.to_dict())
         whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
         status = _prepared(store, whole, encoding)
         given |= {"x0": x0 if callable(x0) else states} | ({"threads": 1} if client else {})
@@ -215,6 +216,15 @@ def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:
         if axis >= 0 and np.shape(given[name])[axis] == N:
             part[name] = given[name][(slice(None),) * axis + (where,)]
     return part
+
+
+def _digests(system: dict[str, Any]) -> dict[str, str]:
+    """Return digests of the parameters of a system, and of the rest of its description."""
+    rest = {k: system[k] for k in ("body", "names", "definitions", "equations") if k in system}
+    parameters = {k: a for k, a in system.items() if k not in rest and k != "parameters"}
+    parameters |= system.get("parameters", {})
+    own = {f"parameter {name}": _digest(value) for name, value in parameters.items()}
+    return {"system": _digest(rest), **own}
 
 
 def _digest(value: Any) -> str:

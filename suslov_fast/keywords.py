@@ -81,6 +81,11 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                 raise  # of what the function does, not of the call
             raise _wrong_call(function, args, kwargs, error) from None
+        except MemoryError as error:
+            if function.__name__ in ("flow", "iterate"):
+                how = "ensemble(system, x0, 'run.zarr', ...) writes a run to a file in parts"
+                raise MemoryError(f"{error}: {how}") from None
+            raise
 
     return answering
 
@@ -116,6 +121,9 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
 
         each = "; ".join(f"{word!r}: use {how(word)}" for word in unknown)
         return TypeError(f"{called} has no argument {each}")
+    matrix = names[-1] == "__init__" and getattr((*args, 0, 0)[1], "ndim", 0) == 2
+    if matrix and (here := answer("frommatrix", dir(args[0]))) in dir(args[0]):
+        return TypeError(f"{called} takes numbers: {called}.{here} takes a matrix")
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
     if named and str(error).endswith("given") and len(args) > len(parameters) - len(named):
         others = ", ".join(name for name in known if name not in named)

@@ -205,6 +205,8 @@ def values_of(
 def _parsed(text: Any) -> Any:
     if not isinstance(text, str) or len(text) > _LONGEST or not _CHARACTERS.fullmatch(text):
         how = f"a text of at most {_LONGEST} characters, names, numbers and signs of Python"
+        if ":" in str(text):
+            how = "a formula, without units and : signs"
         if "[" in str(text):
             how = "a text whose tables are in parentheses, interp(x, (0, 1, 2), (0, 1, 0))"
         raise ValueError(f"equations: each must be {how}, not {short(text)}")
@@ -240,6 +242,9 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
         if node.id in ("inf", "nan"):
             return float(node.id)
         names = ", ".join(name for name in known if isinstance(name, str))
+        if node.id in ("t", "time"):
+            how = f"time is a variable: add the equation {node.id}' = 1"
+            raise ValueError(f"equations: there is no {node.id}: {how}")
         raise ValueError(
             f"equations: a name must be one of {names}, not {short(node.id)}: write its value"
         )

@@ -198,7 +198,7 @@ class Field(Traced):
 
     @classmethod
     @public
-    def from_equations(cls, text: str, /, **parameters: Any) -> Field:
+    def from_equations(cls, text: str, /, *names: str, **parameters: Any) -> Field:
         """Return the field of equations that are written as a text.
 
         Parameters
@@ -207,6 +207,8 @@ class Field(Traced):
             An equation ``x' = formula`` for each variable, in the order of the state, on lines of
             their own or between semicolons. Formulas are those of Python, with the functions of
             NumPy by their names. ``a = 2`` gives the value of a parameter.
+        *names
+            None, because the variables are the names on the left.
         **parameters : float or array_like(float, shape=(...))
             Values of further parameters; arrays make a family.
 
@@ -225,6 +227,9 @@ class Field(Traced):
         >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
         Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
         """
+        if names:
+            how = "variables are the names on the left, in their order"
+            raise wrong("names", "left out", f"{short(names[0])}: {how}", TypeError)
         equations: dict[str, str] = {}
         for part in filter(str.strip, re.split("[;\n]", text)):
             name, sign, value = (each.strip() for each in part.partition("="))

@@ -10,7 +10,9 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
@@ -218,7 +220,7 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
 
 @functools.cache
 def _on_arrays(name: str) -> Any:
-    return np.frompyfunc(*_function(name), 1)
+    return np.frompyfunc(*_function(name), 1, identity=None)  # so that all axes can be reduced
 
 
 def _holds_symbols(value: Any) -> bool:
@@ -250,14 +252,14 @@ def _product(a: Any, b: Any) -> Any:
     """Return the product of a large matrix and a vector as one operation, or None."""
     if isinstance(a, Symbols) and not isinstance(b, Symbols):
         if a.ndim == 1 and np.ndim(b) == 2:
-            return _product(np.asarray(b).T, a)
+            return _product(_as_array(b).T, a)
         if a.ndim == 2 and np.ndim(b) == 2:
-            found = _product(np.asarray(b).T, a.T)
+            found = _product(_as_array(b).T, a.T)
             return None if found is None else found.T
         return None
     if not isinstance(b, Symbols) or isinstance(a, Symbols) or not 1 <= b.ndim <= 2:
         return None
-    a = np.asarray(a)
+    a = _as_array(a)
     if a.ndim != 2 or a.dtype.kind not in "fiub" or a.shape[1] != len(b) or not is_large(a):
         return None
     tracer = next((each.tracer for each in b.flat if isinstance(each, Symbol)), None)
@@ -294,7 +296,7 @@ def _base(value: Any) -> Any:
         array = np.empty((), object)
         array[()] = value
         return array
-    return np.asarray(value, object) if _is_array(value) else value
+    return _as_array(value, object) if _is_array(value) else value
 
 
 def _wrapped(value: Any) -> Any:
@@ -303,6 +305,39 @@ def _wrapped(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value.view(Symbols)
     return value
+
+
+_MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
+_as_array = np.asarray  # as NumPy has it, also while f is called
+_ONE_CALL = threading.RLock()
+
+
+@contextmanager
+def arrays_of_symbols() -> Iterator[None]:
+    """While f is called, let NumPy's makers of arrays return arrays of objects as `Symbols`.
+
+    np.array drops the class of an array that it copies, and NumPy has no hook for it. Other threads
+    get what they always get.
+    """
+    caller = threading.get_ident()
+
+    def keeping(make: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(make)
+        def made(*args: Any, **options: Any) -> Any:
+            array = make(*args, **options)
+            return _wrapped(array) if threading.get_ident() == caller else array
+
+        return made
+
+    with _ONE_CALL:
+        plain = {name: getattr(np, name) for name in _MAKERS}
+        try:
+            for name, make in plain.items():
+                setattr(np, name, keeping(make))
+            yield
+        finally:
+            for name, make in plain.items():
+                setattr(np, name, make)
 
 
 def _where(condition: Any, *values: Any) -> Any:
@@ -413,8 +448,8 @@ class Symbols(np.ndarray[Any, Any]):
 def _asked(what: str) -> str:
     how = "np.where(condition, a, b), & | ~ in place of and, or, not, np.maximum in place of max"
     return (
-        f"asks whether {what} is true, as if, and, or, max, and comparisons of np.array(x) do: "
-        f"write {how}, and x itself, which is an array"
+        f"asks whether {what} is true, as if, and, or, max, and comparisons of arrays of objects "
+        f"do: write {how}, np.stack([a, b]) for an array"
     )
 
 

@@ -13,7 +13,16 @@ from ..checks import OF_SYMBOLS, arguments_of, either, short, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import STEPS, answer
 from .names import TIME, of_time
-from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, applied, interpolated
+from .symbolic import (
+    TABLES,
+    Symbol,
+    Symbols,
+    Tracer,
+    Untraceable,
+    applied,
+    arrays_of_symbols,
+    interpolated,
+)
 
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
@@ -30,6 +39,10 @@ def check_callable(argument: str, f: Any) -> None:
 def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, Any]) -> None:
     """Raise TypeError unless a user's function takes the state and these parameters."""
     check_callable(argument, f)
+    for name, value in parameters.items():
+        if isinstance(value, Mapping):
+            how = f"Field(f, names, **{name}), with f(x, {', '.join(map(str, value))})"
+            raise wrong(name, "a number", f"a dictionary: pass {how}", TypeError)
     try:
         signature = inspect.signature(getattr(f, "py_func", f))
     except (TypeError, ValueError):  # it does not tell its arguments
@@ -96,17 +109,23 @@ def taking(f: Any, names: Sequence[str]) -> Any:
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
     """Return the value of f; raise TypeError or ValueError where it does not take symbols."""
     try:
-        return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
+        with arrays_of_symbols():
+            return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()).replace("'Symbols' object", "the state of symbols")
+        text = text.replace("'Symbol' object", "a symbol")
+        if "Cannot cast" in text:  # words of NumPy
+            text = "a function that is no formula needs numbers"
         if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "enough dimensions" in text or "not subscriptable" in text:
-                how = "a parameter is one number: leave a matrix out of the parameters"
+                text = "a number is used as an array"
+                how = "a parameter k is one number in f: pass k1, k2, or leave a matrix out of the "
+                how += "parameters"
             elif "valid indices" in text:
                 how = f"write {STEPS} for values[k] from knots[k] on"
-            elif "'Symbols' object has no" in text:
+            elif "the state of symbols has no" in text:
                 how = f"write x[0] for a component, and {TABLES}"
             text += f": it is called with {len(state)} symbols, {symbols}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError

@@ -126,8 +126,14 @@ class Traced(Body):
         return Parameters({name: self._parts[name] for name in self._coordinates})
 
     # ------------------------------------------------------------------------------ values
-    def __call__(self, x: Any) -> Any:
+    def __call__(self, x: Any, /, *others: Any, **parameters: Any) -> Any:
         """Return f(x) (..., D) at states x (..., D)."""
+        if others or parameters:
+            how = (
+                f"with_parameters({', '.join(f'{k}={short(v)}' for k, v in parameters.items())})(x)"
+            )
+            how = f"system.{how}" if parameters else "lambda t, x: system(x), where t is passed too"
+            raise TypeError(f"system(x) takes the state alone: pass {how}")
         if isinstance(x, Symbols):
             return self._traced_at(x)
         return self._value(checks.states("x", x, self.names))

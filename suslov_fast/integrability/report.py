@@ -6,13 +6,13 @@ import dataclasses
 import math
 import sys
 from time import perf_counter
-from typing import Any
+from typing import Any, NoReturn
 
 from ..checks import integer, is_false, kind_of, wrong
 from ..fields.base import Body
 from ..fields.html import html_table
 from ..fields.map import Map
-from ..keywords import public
+from ..keywords import lacking, public
 from .birational_maps import RationalMap, check_map
 from .darboux import check_unknowns
 from .degrees_of_iterates import Growth, growth
@@ -65,6 +65,9 @@ class Report:
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)
     finished: bool = False
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise lacking(self, name)
 
     @property
     def growth(self) -> Growth:

@@ -67,7 +67,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
     """Open a bar of `total` steps; yield the function that moves it to a number of steps done."""
-    with tqdm(total=total, unit="step", unit_scale=True) as bar:
+    with tqdm(total=total, unit="", unit_scale=True) as bar:  # steps, states or trajectories
 
         def report(done: int) -> bool:
             bar.update(done - bar.n)

@@ -68,7 +68,7 @@ class Equilibria(NamedTuple):
     kind: NDArray[np.str_]
 
     def __getattr__(self, name: str) -> NoReturn:
-        raise lacking(self, name)
+        raise lacking(self, name, "field.jacobian(found.states)" if name == "jacobian" else "")
 
     def distinct(self, rtol: float = 1e-6) -> tuple[Equilibria, NDArray[np.int64]]:
         """Return each equilibrium once, and how many starts led to it.

@@ -125,6 +125,8 @@ class Event:
         if self.surface is not None:
             _check_surface(self.surface)
         to = self.to
+        if to in ("up", "down", "both"):
+            raise wrong("to", _NEW_STATE, f"{to!r}: pass direction={to!r}")
         to = to.tolist() if isinstance(to, np.ndarray) else to
         to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):

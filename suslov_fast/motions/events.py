@@ -186,12 +186,12 @@ class Events(Result):
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
     """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
-    if type(events) is tuple and not events:  # as in most calls
+    if events is None or (type(events) is tuple and not events):  # as in most calls
         return ()
     many = events if isinstance(events, (tuple, list)) else (events,)
     for each in many:
         if not isinstance(each, Event):
-            received = short(each)
+            received = short(each) + f": pass Event({each!r})" * isinstance(each, str)
             if callable(each):
                 more = ", terminal=True" * bool(getattr(each, "terminal", False))
                 received = f"a function: pass Event({getattr(each, '__name__', 'f')}{more})"

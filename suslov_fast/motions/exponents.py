@@ -45,7 +45,7 @@ def lyapunov_exponents(
     *,
     time: float | None = None,
     rtol: float = RTOL,
-    events: Event | Sequence[Event] = (),
+    events: Event | Sequence[Event] | None = (),
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,

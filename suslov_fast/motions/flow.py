@@ -56,7 +56,7 @@ def flow(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    events: Event | Sequence[Event] = (),
+    events: Event | Sequence[Event] | None = (),
     derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,

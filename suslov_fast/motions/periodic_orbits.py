@@ -65,7 +65,9 @@ class PeriodicOrbit(NamedTuple):
     known integral; none is known with events that change states."""
 
     def __getattr__(self, name: str) -> NoReturn:
-        raise lacking(self, name)
+        times = "np.linspace(0, orbit.period, 200)"
+        here = f"flow(system, orbit.state, time={times}).states" if name == "states" else ""
+        raise lacking(self, name, here)
 
     def _repr_html_(self) -> str:
         return html_table("PeriodicOrbit", ["", "value"], self._asdict().items())
@@ -79,7 +81,7 @@ def periodic_orbit(
     period: float | None = None,
     *,
     rtol: float = 1e-12,
-    events: Event | Sequence[Event] = (),
+    events: Event | Sequence[Event] | None = (),
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
 

@@ -89,6 +89,8 @@ class Result:
                 here = f"run[{labels[plain]!r}], or run.states for all"
             elif name in ("omega", "x"):
                 here = "run.states"
+            elif hasattr(type(self.body), name):
+                here = f"run.body.{name}(run.states)"
             if name in self.body.parameters:
                 here = f"run.body.parameters[{name!r}]"
             raise lacking(self, name, here)

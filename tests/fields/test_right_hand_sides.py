@@ -2,6 +2,7 @@
 
 import json
 import math
+import threading
 from fractions import Fraction
 
 import mpmath as mp
@@ -388,3 +389,37 @@ def test_equations_can_be_typed():
     text = "where((x > 0) & ~(x >= k), u**2.5, -abs(x)/3) + interp(x, (0, 1), (2, 3), 2, 3)"
     field = read([text], definitions={"u": "exp(-x)"}, parameters={"k": 2.0})
     np.testing.assert_allclose(field([0.5]), np.exp(-1.25) + 2.5, rtol=1e-15)
+
+
+ARRAYS = {
+    "clip": lambda x: np.clip(np.array([x[1], -x[0]]), -0.5, 1),
+    "method": lambda x: np.asarray([x[1], -x[0]]).clip(max=0.5),
+    "minimum": lambda x: np.minimum(np.array([x[1], -x[0]]), x),
+    "where": lambda x: np.where(np.array(x) > 0.3, 1, np.sign(np.array([x[1], x[0]]))),
+    "interp": lambda x: np.interp(np.array([x[1], x[0]]), [0, 1], [1, 3]),
+    "all axes": lambda x: x * (np.array([[x[0], x[1]], [x[1], 2]]) ** 2).sum(),
+    "mean": lambda x: x * (x.reshape(2, 1) * x).mean() + np.outer(x, x).max(),
+    "any": lambda x: np.where((np.outer(x, x) > 1).any(), x, np.outer(x, x).prod()),
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_of_symbols_behave_as_arrays(name):
+    f, make = ARRAYS[name], np.array
+    field = Field(f, 2)
+    assert np.array is make
+    for x in np.random.default_rng(3).normal(size=(5, 2)):
+        np.testing.assert_allclose(field(x), f(x), rtol=1e-14)
+
+
+def test_other_threads_make_the_arrays_of_numpy():
+    kinds = []
+
+    def f(x):
+        other = threading.Thread(target=lambda: kinds.append(type(np.array([None]))))
+        other.start()
+        other.join()
+        return np.array([x[1], -x[0]])
+
+    Field(f, 2)
+    assert {*kinds} == {np.ndarray}

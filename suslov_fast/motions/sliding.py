@@ -20,16 +20,13 @@ from .event import traced
 from .integration import to_tolerance
 from .sensitivities import WithColumns, with_derivatives
 
-_MOST = 12  # modes
-_FAR = 2.0**-16  # part of the largest component
-
 
 @lru_cache(32)
 def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
     """Return equations with modes, and the actions of events: or None if nothing slides."""
     D, P = len(equations.names), len(equations.parameters)
     found = SlidingEquations(equations.values, equations.results, D, P, actions, sign)
-    if not 0 < found.size <= _MOST:
+    if not found.size:
         return None
     names = [*equations.names, *(f"mode {g}" for g in range(found.size))]
     own = Equations(names, equations.parameters, found.values, found.results)
@@ -106,9 +103,9 @@ class Sliding:
             groups = WithColumns(self.field.shape, with_events(self.field, self.actions))
             part, kept = to_tolerance(groups, self.starts, K, self.request), None
         part = part._replace(t=part.t.copy(), status=part.status.copy())  # others may share them
-        self._end_where_modes_are_wrong(part, self.request.times)
-        if not self.surfaces:  # modes change without end, as on two surfaces that are crossed
-            part.status[part.status == Status.ACCUMULATES] = Status.SLIDING
+        # Modes change without end, as on two surfaces that are crossed, or there is none.
+        ends = [Status.ENDED] if self.surfaces else [Status.ENDED, Status.ACCUMULATES]
+        part.status[np.isin(part.status, ends)] = Status.SLIDING
         part = part._replace(states=part.states[..., :D])
         if not self.has_records:
             return found.again(where, part._replace(records=None)), of_columns
@@ -117,26 +114,6 @@ class Sliding:
         whole = whole._replace(before=before[:, :D], states=states[:, :D], of_columns=None)
         part = part._replace(records=self.records(part.records.in_order(), kept))
         return found._replace(records=whole).again(where, part), of_columns
-
-    def _end_where_modes_are_wrong(self, part: Any, times: Any) -> None:
-        """End solutions that lie on the other side of a surface than their mode tells.
-
-        They meet where several surfaces do, so that modes change again and again at one instant.
-        """
-        x = np.moveaxis(part.states[..., : len(self.field.names)], -1, 0)
-        for g, s in enumerate(self.modes.surfaces_at(x, self.field._inputs)):
-            mode = x[self.D + g]
-            with np.errstate(invalid="ignore"):
-                size = np.nanmax(abs(x[: self.D]), axis=(0, 1), initial=0.0)
-                is_wrong = (mode * s < -_FAR * size) | ((mode == 0.0) & (abs(s) > _FAR * size))
-            is_wrong = np.logical_or.accumulate(is_wrong[np.argsort(abs(times))], axis=0)
-            ends = is_wrong.any(axis=0)
-            for k in np.flatnonzero(ends):
-                order = np.argsort(abs(times))
-                first = int(np.argmax(is_wrong[:, k]))
-                part.states[order[first:], k] = np.nan
-                part.t[k] = times[order[first - 1]] if first else 0.0
-                part.status[k] = Status.SLIDING
 
     def records(self, records: Any, columns: Any = None) -> Any:
         """Return records without those of modes, with the numbers of the whole batch."""

@@ -10,6 +10,7 @@ the jumps at the surfaces add up.
 """
 
 from functools import reduce
+from itertools import chain, combinations, product
 from math import inf
 
 import numpy as np
@@ -29,8 +30,11 @@ ON = 2.0**-44  # part of the terms of a surface, within which a state is on it
 BARELY = 2.0**-24  # part of the rate on the other side of a surface
 FAR = 2.0**-16  # part of the way of a free body, beyond which a body no longer rests
 PULL = 64.0  # rate, times the time, with which a body that rests is pulled back to its surface
+NEAR = 2.0**-32  # part of the terms of surfaces, within which they slide together
 LEAST = 2.0**-1000
-MOST = 6  # surfaces of one f: its length grows with their cube
+# Modes of one f; and modes times pairs of them that change each other's rates, to which the time
+# to compile is proportional: five of which each changes all others, or a chain of twelve.
+MOST, MOST_PAIRS = 24, 150
 
 
 class SlidingEquations:
@@ -39,7 +43,8 @@ class SlidingEquations:
     `actions` are the `EventAction`s of events, those on surfaces first. An event that has a new
     state, at a surface whose second derivative by the time depends on that state, is a contact. Its
     mode is 1, or 0 while the body rests above the surface, -1 below. Then f has a further term, the
-    direction in which the action moves a state, with the factor at which d2s/dt2 = 0.
+    direction in which the action moves a state, with the factor at which d2s/dt2 = 0. A mode is
+    infinite where several are consistent, or none.
 
     count     the number of surfaces; modes are components D, D + 1, ...; then those of contacts,
               and, if there are any, T / (1 + T), with the last time T, and the time
@@ -51,38 +56,41 @@ class SlidingEquations:
     def __init__(self, values, results, D, P, actions=(), sign=1):
         self.old, self.D, self.P = Program(needed_for(values.operations, results), results), D, P
         self.of_f, self.sign = _surfaces_of(values, self.old), float(sign)
-        pairs = [*dict.fromkeys(pair for pair, _ in self.of_f.values())]
+        pairs = self._moving([*dict.fromkeys(pair for pair, _ in self.of_f.values())])
         touching = [
             k
             for k, a in enumerate(actions)
-            if a.surface and a.to and a.most == inf and _stays(a, D, P)
+            if a.surface and a.to and a.most > 1 and _stays(a, D, P)
         ]
         self.size = 0
         if len(pairs) + len(touching) > MOST:
             return
         self._begin(pairs, actions, touching)
         self._begin(  # only with surfaces at which f jumps across, and contacts with a force
-            [pair for g, pair in enumerate(pairs) if self._jump(g, g) is not None],
+            [pair for g, pair in enumerate(pairs) if self._reach(D + g, D + g) is not None],
             actions,
-            [k for k in touching if self._has_force(k)],
+            [k for k, place in self.contacts.items() if self._reach(place, place) is not None],
         )
-        self.size = self.count + len(self.contacts) + 2 * bool(self.contacts)
-        if not self.size:
+        pairs = sum(self._reach(a, b) is not None for a in self.held for b in self.held)
+        if not 0 < pairs * len(self.held) <= MOST_PAIRS:
             return
-        f = self._rates({})
-        self.own = [self.values.number(w) for w in self.weights]
-        f = self._press(f) if self.contacts else f
-        clock = [self.sign] * bool(self.contacts)
+        self.size = len(self.held) + 2 * bool(self.contacts)
+        f, self.factors, matrix = self._rates({})
+        self.diagonal = [matrix[D + g, D + g] for g in range(self.count)]
+        self.joined = [
+            pair for pair in combinations(range(self.count), 2) if self._is_joined(*pair)
+        ]
+        clock = []
+        if self.contacts:
+            f, clock = self._pressed(f, matrix), [self.sign]
         self.results = f + [0.0] * (self.size - len(clock)) + clock
-        state = [*range(D + self.size)]
-        modes = [self._event(g, state) for g in range(self.count)]
-        begins = EventAction(None, self._list(self._with_modes(state)), 0, inf)
+        modes = [self._event(g) for g in range(self.count)]
+        begins = EventAction(None, self._list(self._with_modes([*range(D + self.size)])), 0, inf)
         own = [
             self._contact(k, a) if k in self.contacts else self._action(a)
             for k, a in enumerate(actions)
         ]
-        self.surfaces_of_events = sum(a.surface is not None for a in own)
-        n = self.surfaces_of_events
+        n = self.surfaces_of_events = sum(a.surface is not None for a in own)
         self.actions = (*own[:n], *modes, begins, *own[n:])
 
     def _begin(self, pairs, actions, contacts):
@@ -94,15 +102,17 @@ class SlidingEquations:
         self.contacts = {k: D + len(pairs) + c for c, k in enumerate(contacts)}
         mode = [values.number(D + g) for g in range(len(pairs))]
         self.above = [(a > 0.5).number for a in mode]
-        self.slides = [a * a < 0.5 for a in mode]
         new = self._evaluated({})
         self.surfaces = [self._difference(pair, new) for pair in pairs]
         self.gradients = self._slopes(self.surfaces)
-        f = [a if isinstance(a, float) else new[a] for a in self.old.results]
-        if contacts and pairs:
-            f = self._rates({})
-        self.touched = {}
-        for k in contacts:
+        # Of each mode: where it holds, the gradient of its rate, and the direction of its force.
+        self.held = {
+            D + g: (mode[g] * mode[g] < 0.5, self.gradients[g], self._jumps(g, {}))
+            for g in range(len(pairs))
+        }
+        self.touched, of_contacts = {}, {}
+        self.free = f = self._rates({})[0] if contacts else None
+        for k, place in self.contacts.items():
             [s] = emitted(values, actions[k].surface, dict(self.given))
             [row] = self._slopes([s])
             rate = _dot(values, row, f)
@@ -113,69 +123,102 @@ class SlidingEquations:
             for i, own in enumerate(self._slopes(to)):
                 a = _dot(values, own, normal)
                 moves.append(_minus(values, normal.get(i), a))
-            self.touched[k] = s, rate, normal, moves, to, actions[k].direction
+            self.touched[k] = s, rate, to, actions[k].direction
+            of_contacts[place] = values.number(place) < 0.5, normal, moves
+        self.held |= of_contacts
+
+    def _moving(self, pairs):
+        """Return the `pairs` of compared numbers whose difference changes with the state."""
+        values = Expressions(self.D + self.P, range(self.D, self.D + self.P))
+        new = {i: i for i in range(self.D + self.P)}
+        emitted(values, self.old, new)
+        results = [
+            values.emit("fsub", *(a if isinstance(a, float) else new[a] for a in pair))
+            for pair in pairs
+        ]
+        rows = gradients(values, [*values.operations], results, self.D)
+        return [pair for pair, row in zip(pairs, rows, strict=True) if row]
 
     def _slopes(self, results):
         operations = needed_for(self.values.operations, results)
         return gradients(self.values, operations, results, self.D)
 
-    def _has_force(self, k):
-        _, _, normal, moves, *_ = self.touched[k]
-        return _dot(self.values, normal, moves) is not None
+    def _reach(self, a, b, force=None):
+        """Return the operand of what the `force` of mode b does to the rate of mode a; or None."""
+        return _dot(self.values, self.held[a][1], self.held[b][2] if force is None else force)
 
-    def _factors(self, right):
-        """Return factors {k: `Number`} of the moves of contacts that rest, with the sum `right`.
+    def _is_joined(self, g, h):
+        """Return True if the jump of f at surface g depends on the side of surface h."""
+        above, below = (self._jumps(g, {h: side}) for side in (True, False))
+        pairs = [[0.0 if a is None else a for a in both] for both in zip(above, below, strict=True)]
+        results = [*chain.from_iterable(pairs)]
+        program = Program(needed_for(self.values.operations, results), results)
+        found = _values_at(
+            program, np.random.default_rng(0).uniform(0.5, 1.5, (self.D + self.size + self.P, 16))
+        )
+        pairs = zip(found[::2], found[1::2], strict=True)
+        return any(np.any(abs(a - b) > 1e-9 * (abs(a) + abs(b))) for a, b in pairs)
 
-        `right` is {k: `Number`} of the sums along the normals of the contacts.
+    def _moved(self, y, places, right, forces=None):
+        """Return y (D), moved by the forces of modes that hold, their factors, and the matrix.
+
+        The move changes the rate of the mode at `place` by right[place] (a `Number`).
         """
-        number, matrix, own = self.values.number, {}, {}
-        rests = {k: number(place) < 0.5 for k, place in self.contacts.items()}
-        for k, a in right.items():
-            own[k] = rests[k].select(a, 0.0)
-            for h in right:
-                a = _dot(self.values, self.touched[k][2], self.touched[h][3])
-                if h == k:
-                    matrix[k, k] = rests[k].select(_or_0(number, a), 1.0)
-                elif a is not None:
-                    matrix[k, h] = (rests[k] & rests[h]).select(number(a), 0.0)
-        self.own_matrix = matrix
-        return _solved(matrix, own, [*right])
-
-    def _moved(self, f, factors):
-        """Return f (D), moved by the factors of contacts that rest."""
-        number, f = self.values.number, [*f]
-        for k, factor in factors.items():
-            rests = number(self.contacts[k]) < 0.5
-            for i, a in enumerate(self.touched[k][3]):
+        number, matrix, own, y = self.values.number, {}, {}, [*y]
+        held = {a: self.held[a] for a in places}
+        for a, (truth, *_) in held.items():
+            own[a] = truth.select(right[a], 0.0)
+            for b, (other, *_) in held.items():
+                reach = self._reach(a, b, (forces or {}).get(b))
+                if a == b:
+                    reach = number(_or_0(reach))
+                    matrix[a, a] = (truth & ~reach.equals(0.0)).select(reach, 1.0)
+                elif reach is not None:
+                    matrix[a, b] = (truth & other).select(number(reach), 0.0)
+        factors = _solved(matrix, own, [*held])
+        for b, (truth, _, force) in held.items():
+            for i, a in enumerate((forces or {}).get(b) or force):
                 if a is not None:
-                    f[i] = (number(f[i]) + rests.select(factor * number(a), 0.0)).number
-        return f
+                    y[i] = (number(y[i]) + truth.select(factors[b] * number(a), 0.0)).number
+        return y, factors, matrix
 
-    def _press(self, f):
-        """Return the rates f (D) with forces of contacts that rest; set what contacts need.
+    def _rates(self, sides):
+        """Return the rates (D) with the given `sides` of some surfaces, and as `_moved` does.
+
+        The solution slides along others, and rests at contacts.
+        """
+        f, D = self._f(sides), self.D
+        places = [a for a in self.held if a - D not in sides]
+        forces = {a: self._jumps(a - D, sides) for a in places if a < D + self.count}
+        right = {a: -self._along(a, f) for a in places}
+        return self._moved(f, places, right, forces)
+
+    def _along(self, place, f):
+        """Return the `Number` of the rate of a mode, with the right-hand side f."""
+        return self.values.number(_or_0(_dot(self.values, self.held[place][1], f)))
+
+    def _pressed(self, f, matrix):
+        """Return the rates f (D) of bodies that rest; set what contacts need.
 
         A reaction is minus d2s/dt2 without the own force. `stops` is the state with ds/dt = 0 at
         all of them. What rounding leaves of d2s/dt2 is removed by a second, smaller force. It also
         pulls s and ds/dt to 0, because their errors would grow with the time and its square.
         """
-        number = self.values.number
-        self.bends = {
-            k: _or_0(number, _dot(self.values, own[2], f)) for k, own in self.touched.items()
-        }
-        self.forces = {}
-        for k, (_, _, normal, *_) in self.touched.items():
-            products = (number(a) * number(f[i]) for i, a in normal.items())
-            self.forces[k] = joined("fadd", (a * a for a in products))  # squares have no kinks
-        factors = self._factors({k: -bend for k, bend in self.bends.items()})
-        self.reactions = {k: factors[k] * self.own_matrix[k, k] for k in factors}
-        stops = self._factors({k: -number(own[1]) for k, own in self.touched.items()})
-        self.stops = self._moved([*range(self.D)], stops)
-        f, of_last = self._moved(f, factors), number(self.D + self.size - 2)
-        k, pulls = PULL * self.sign * (1.0 - of_last) / of_last, {}
-        for h, (s, rate, normal, *_) in self.touched.items():
-            bend = _or_0(number, _dot(self.values, normal, f))
-            pulls[h] = -(bend + (2.0 * k) * number(rate) + (k * k) * number(s))
-        return self._moved(f, self._factors(pulls))
+        number, places = self.values.number, [*self.contacts.values()]
+        right, rates = {}, {}
+        of_last = number(self.D + self.size - 2)
+        k = PULL * self.sign * (1.0 - of_last) / of_last
+        self.reactions, self.forces = {}, {}
+        for h, place in self.contacts.items():
+            s, rate, *_ = self.touched[h]
+            products = (number(a) * number(self.free[i]) for i, a in self.held[place][1].items())
+            self.forces[h] = joined("fadd", (a * a for a in products))  # squares have no kinks
+            self.reactions[h] = self.factors[place] * matrix[place, place]
+            rates[place] = -number(rate)
+            right[place] = -(self._along(place, f) + 2.0 * k * number(rate) + k * k * number(s))
+        self.bends = {h: self._along(place, self.free) for h, place in self.contacts.items()}
+        self.stops = self._moved([*range(self.D)], places, rates)[0]
+        return self._moved(f, places, right)[0]
 
     def _at(self, x, wanted):
         """Return operands `wanted` at another state x, and sizes of the terms of the first ones."""
@@ -192,8 +235,8 @@ class SlidingEquations:
     def _contact(self, k, action):
         """Return the `EventAction` of event k, which also begins and ends the rest there."""
         number = self.values.number
-        s, rate, *_, to, direction = self.touched[k]
-        rests, stays = number(self.contacts[k]) < 0.5, number(self.contacts[k]) < 0.5
+        s, rate, to, direction = self.touched[k]
+        rests = stays = self.held[self.contacts[k]][0]
         if direction:  # a body that leaves its rest may lie beyond the surface by rounding
             stays = rests | (number(self.sign * direction) * number(rate) < 0.0)
         time, s = number(self.D + self.size - 1), number(s)
@@ -205,9 +248,7 @@ class SlidingEquations:
             a if same(a, i) else stays.select(number(i), number(a)).number for i, a in enumerate(to)
         ]
         x = self._with_modes([*x, *range(self.D, self.D + self.size)], of=k)
-        return EventAction(
-            self._list([surface.number]), self._list(x), action.direction, action.most
-        )
+        return EventAction(self._list([surface.number]), self._list(x), action.direction, inf)
 
     def _with_contacts(self, x, of):
         """Return operands of the state x, in which bodies rest that would leave surfaces by little.
@@ -258,6 +299,12 @@ class SlidingEquations:
         for name, number, operands in self.old.operations:
             of = [a if isinstance(a, float) else new[a] for a in operands]
             own = self.of_f.get(number)
+            if own is not None and own[0] in self.pairs and own[1][0] == "fdiv":
+                g, (_, sign, factor) = self.pairs.index(own[0]), own[1]
+                signed = _folded(emit, "select", (sides.get(g, self.above[g]), sign, -sign))
+                factor = factor if isinstance(factor, float) else new[factor]
+                new[number] = emit("fmul", factor, signed)
+                continue
             if own is not None and own[0] in self.pairs:
                 g, (kind, sign) = self.pairs.index(own[0]), own[1]
                 truth = sides.get(g, self.above[g])
@@ -291,55 +338,26 @@ class SlidingEquations:
         pairs = zip(self._f(sides | {g: True}), self._f(sides | {g: False}), strict=True)
         return [None if same(a, b) else self.values.emit("fsub", a, b) for a, b in pairs]
 
-    def _along(self, g, f):
-        """Return the operand of grad s_g . f; None for 0."""
-        return _dot(self.values, self.gradients[g], f)
-
-    def _jump(self, g, h):
-        return self._along(g, self._jumps(h, {}))
-
-    def _rates(self, sides):
-        """Return the rates (D) with the given `sides` of some surfaces; it slides along others."""
-        number = self.values.number
-        others = [g for g in range(len(self.pairs)) if g not in sides]
-        f = self._f(sides)
-        jumps = {h: self._jumps(h, sides) for h in others}
-        matrix, right = {}, {}
-        for g in others:
-            right[g] = self.slides[g].select(number(-1.0) * _or_0(number, self._along(g, f)), 0.0)
-            for h in others:
-                a = self._along(g, jumps[h])
-                if g == h:
-                    a = _or_0(number, a)
-                    matrix[g, g] = (self.slides[g] & ~a.equals(0.0)).select(a, 1.0)
-                elif a is not None:
-                    matrix[g, h] = (self.slides[g] & self.slides[h]).select(number(a), 0.0)
-        weights = _solved(matrix, right, others)
-        self.weights = [weights[g].number if g in weights else None for g in range(len(self.pairs))]
-        for h in others:
-            for i, a in enumerate(jumps[h]):
-                if a is not None:
-                    part = self.slides[h].select(weights[h] * number(a), 0.0)
-                    f[i] = (number(f[i]) + part).number
-        return f
-
     def _toward(self, g, is_above):
         """Return ds/dt of surface g (a `Number`) on one side, sliding along the others."""
-        return self.sign * _or_0(self.values.number, self._along(g, self._rates({g: is_above})))
+        return self.sign * self._along(self.D + g, self._rates({g: is_above})[0])
 
-    def _event(self, g, state):
+    def _event(self, g):
         """Return the `EventAction` that acts where the mode of surface g ends."""
-        number, s, w = self.values.number, self.values.number(self.surfaces[g]), self.own[g]
-        mode, slides = number(self.D + g), self.slides[g]
+        number, s, w = self.values.number, self.values.number(self.surfaces[g]), self.factors
+        mode, w, (slides, *_) = number(self.D + g), w[self.D + g], self.held[self.D + g]
         surface = slides.select(w * (1.0 - w), mode * s)
         below, above = self._toward(g, False), self._toward(g, True)
         rises, falls = (above >= 0.0).select(1.0, 0.0), (below <= 0.0).select(-1.0, 0.0)
         crossed = (mode > 0.0).select(falls, rises)
-        new = [*state]
+        new = [*range(self.D + self.size)]
         new[self.D + g] = slides.select((w > 0.5).select(1.0, -1.0), crossed).number
-        others = [h for h in range(self.count) if h != g]
-        for h in (*others, g) if others else ():  # other modes may end with this one
+        # Other modes may end with this one.
+        others = [h for h in range(self.count) if h != g and self._reach(self.D + h, self.D + g)]
+        for h in (*others, g) if others else ():
             new[self.D + h] = self._decided(h, new)
+        if others:
+            new = self._together(new, g)
         return EventAction(self._list([surface.number]), self._list(new), -1, inf, True)
 
     def _decided(self, g, x):
@@ -355,33 +373,84 @@ class SlidingEquations:
         on = stays.select(mode, on)
         return (abs(s) <= ON * sizes[0] + LEAST).select(on, mode).number
 
+    def _together(self, x, g=None):
+        """Return operands of the state x with joint modes of several surfaces near it.
+
+        All of them slide if they can do so together, so that solutions go on that wind into the
+        point where they meet. Otherwise modes are as in x, or those of two surfaces that alone are
+        consistent. The first mode is infinite if there are none or several, if a state lies beyond
+        its mode, or where solutions slide along two surfaces of which one has jumps that depend on
+        the side of the other. `g` is the surface at which the solution arrives, if any.
+        """
+        D, number, n = self.D, self.values.number, self.count
+        found, sizes = self._at(x, self.surfaces)
+        slides = [number(a).equals(0.0) for a in x[D : D + n]]
+        near, on = (
+            [
+                abs(s) <= part * size + LEAST if h != g else number(0.0).equals(0.0)
+                for h, (s, size) in enumerate(zip(found, sizes, strict=True))
+            ]
+            for part in (NEAR, ON)
+        )
+        near, on = ([a | b for a, b in zip(own, slides, strict=True)] for own in (near, on))
+
+        def with_modes(modes):
+            return [*x[:D], *(a if isinstance(a, float) else a.number for a in modes), *x[D + n :]]
+
+        modes = [number(a) for a in x[D : D + n]]
+        trial = with_modes([a.select(0.0, mode) for a, mode in zip(near, modes, strict=True)])
+        factors = [self.factors[D + h] for h in range(n)]
+        all_, _ = self._at(trial, [*factors, *self.diagonal])
+        can = number(0.0).equals(0.0) if g is None else ~self.held[D + g][0]
+        for a, w, own in zip(near, all_[:n], all_[n:], strict=True):
+            can = can & (~a | ((w >= 0.0) & (w <= 1.0) & (own <= 0.0)))
+        modes = [can.select(number(a), b) for a, b in zip(trial[D:], modes, strict=False)]
+        is_right = self._are_consistent(with_modes(modes), on, -BARELY)
+        if n == 2:
+            count, best, both = number(0.0), modes, on[0] & on[1]
+            for own in product((1.0, -1.0, 0.0), repeat=n):
+                truth = both & self._are_consistent(with_modes(own), on, BARELY)
+                count = count + truth.select(1.0, 0.0)
+                best = [truth.select(a, b) for a, b in zip(own, best, strict=True)]
+            is_one = count.equals(1.0)
+            modes = [is_one.select(a, b) for a, b in zip(best, modes, strict=True)]
+            is_right = is_one | (is_right & (count < 1.5))
+        far = FAR * joined("fadd", [abs(number(a)) for a in x[:D]])
+        wrong = [mode * s < -far for mode, s in zip(modes, found, strict=True)]
+        wrong += [modes[h].equals(0.0) & modes[k].equals(0.0) for h, k in self.joined]
+        modes[0] = reduce(Number.__or__, wrong, ~is_right).select(inf, modes[0])
+        return with_modes(modes)
+
+    def _are_consistent(self, x, on, part):
+        """Return the truth value that f leads to the modes of the state x from where it is `on`.
+
+        Rates of less than `part` of the rate on the other side do not count.
+        """
+        wanted = [self._toward(g, side) for g in range(self.count) for side in (False, True)]
+        found, truth = self._at(x, wanted)[0], self.values.number(0.0).equals(0.0)
+
+        def leads(rate, other):
+            return rate > part * (abs(other) + LEAST)
+
+        for is_on, mode, below, above in zip(
+            on, x[self.D :], found[::2], found[1::2], strict=False
+        ):
+            mode = self.values.number(mode)
+            up, down = leads(above, below), leads(-below, above)
+            rises, falls = leads(below, above), leads(-above, below)
+            own = (mode < -0.5).select(down.select(1.0, 0.0), (rises & falls).select(1.0, 0.0))
+            own = (mode > 0.5).select(up.select(1.0, 0.0), own)
+            truth = truth & (~is_on | (own > 0.5))
+        return truth
+
     def _with_modes(self, x, of=None):
         """Return operands of a new state, with modes by the side or, on surfaces, by the rates."""
-        D, n, x = self.D, self.count, [*x]
-        if self.contacts:
-            x = self._with_contacts(x, of)
-        for stage in (0, 1) if n else ():
-            wanted = [*self.surfaces]
-            if stage:
-                wanted += [self._toward(g, side) for g in range(n) for side in (False, True)]
-            found, sizes = self._at(x, wanted)
-            for g in range(n):
-                s, side = found[g], (found[g] > 0.0).select(1.0, -1.0)
-                if not stage:
-                    x[D + g] = side.number
-                    continue
-                below, above = found[n + 2 * g : n + 2 * g + 2]
-                slides = (below > 0.0) & (above < 0.0)
-                on = slides.select(0.0, (below + above >= 0.0).select(1.0, -1.0))
-                x[D + g] = (abs(s) <= ON * sizes[g] + LEAST).select(on, side).number
-        return x
-
-    def surfaces_at(self, x, table):
-        """Return the values (n, ...) of the surfaces at states x, with parameters `table`."""
-        known = dict(enumerate([*x, *table]))
-        with np.errstate(all="ignore"):
-            evaluate(needed_for(self.values.operations, self.surfaces), known)
-        return [a if isinstance(a, float) else known[a] for a in self.surfaces]
+        x = self._with_contacts(x, of) if self.contacts else [*x]
+        for g, s in enumerate(self._at(x, self.surfaces)[0]):
+            x[self.D + g] = (s > 0.0).select(1.0, -1.0).number
+        for g in range(self.count):
+            x[self.D + g] = self._decided(g, x)
+        return self._together(x) if self.count > 1 else x
 
     def _list(self, results):
         return EventAction.list_of(self.values, results)
@@ -403,18 +472,20 @@ def _stays(action, D, P):
     Then its function has the same modulus before and after, or is 0 after. Some states are tried.
     """
     x = np.random.default_rng(0).uniform(0.5, 1.5, (D + P, 16))
-
-    def at(program, x):
-        known = dict(enumerate(x))
-        evaluate(program.operations, known)
-        return [a if isinstance(a, float) else known[a] for a in program.results]
-
+    [before], new = _values_at(action.surface, x), _values_at(action.to, x)
+    [after] = _values_at(action.surface, [*new, *x[D:]])
+    before, after = np.abs(before), np.abs(after)
     with np.errstate(all="ignore"):
-        [before], new = at(action.surface, x), at(action.to, x)
-        [after] = at(action.surface, [*new, *x[D:]])
-        before, after = np.abs(before), np.abs(after)
         is_so = np.minimum(after, abs(after - before)) <= 1e-9 * (1.0 + before)
         return bool((is_so | ~np.isfinite(after)).all())
+
+
+def _values_at(program, x):
+    """Return the values of the results of a `Program` with inputs x."""
+    known = dict(enumerate(x))
+    with np.errstate(all="ignore"):
+        evaluate(program.operations, known)
+    return [a if isinstance(a, float) else known[a] for a in program.results]
 
 
 def _dot(values, row, f):
@@ -433,8 +504,8 @@ def _minus(values, a, b):
     return values.emit("fmul", -1.0, b) if a is None else values.emit("fsub", a, b)
 
 
-def _or_0(number, a):
-    return number(0.0 if a is None else a)
+def _or_0(a):
+    return 0.0 if a is None else a
 
 
 def _surfaces_of(values, program):
@@ -455,6 +526,15 @@ def _surfaces_of(values, program):
         if isinstance(a, float) or (not isinstance(b, float) and b < a):
             a, b, sign = b, a, -sign
         found[number] = (a, b), (name, sign)
+    for name, number, operands in program.operations:  # c x / |x| is c or -c
+        own, of = found.get(operands[-1]), values._parts_of(operands[-1])[1]
+        if name == "fdiv" and own is not None and own[1][0] == "fabs":
+            _, factors = values._parts_of(operands[0])
+            if same(operands[0], of[0]):
+                found[number] = own[0], ("fdiv", float(own[1][1]), 1.0)
+            elif len(factors) == 2 and any(same(a, of[0]) for a in factors):
+                factor = factors[0] if same(factors[1], of[0]) else factors[1]
+                found[number] = own[0], ("fdiv", float(own[1][1]), factor)
     return found
 
 

@@ -207,10 +207,11 @@ def solved(
             found = to_tolerance(own, x, batch, request)
         else:
             found = motion_of(body, x, batch, request)
+        phases: dict[str, Any] = {}
         where = () if found.is_good and at_rest[0] is None else are_stuck(found.status, at_rest[0])
         if len(where):
-            part = Sliding(field or body, x, batch, where, request, actions)
-            found, of_columns = part.continued(found, of_columns, names, at_rest)
+            part = Sliding(field or body, x, batch, where, request, events)
+            found, of_columns, phases = part.continued(found, of_columns, names, at_rest)
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
@@ -245,6 +246,8 @@ def solved(
         },
         new,
     )
+    if phases:
+        vars(motion).update(phases)
     if events:
         vars(motion)["_records"] = found.records, events, request.most
     else:

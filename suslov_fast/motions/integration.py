@@ -43,10 +43,14 @@ class Records(NamedTuple):
         """Return the first `most` records of each trajectory."""
         if most == math.inf:
             return self
-        own = np.arange(len(self.time)) - np.searchsorted(self.trajectory, self.trajectory) < most
+        ranks = np.arange(len(self.time)) - np.searchsorted(self.trajectory, self.trajectory)
+        return self.selected(ranks < most)
+
+    def selected(self, own: NDArray[np.bool_]) -> Records:
+        """Return the records that are marked (K,), without `of_columns`."""
         derivatives = self.derivatives and tuple(a[own] for a in self.derivatives)
         arrays: dict[str, Any] = {name: getattr(self, name)[own] for name in self._fields[:5]}
-        return self._replace(derivatives=derivatives, **arrays)
+        return self._replace(of_columns=None, derivatives=derivatives, **arrays)
 
     def with_part(self, where: NDArray[np.int64], part: Records) -> Records:
         """Return records with those of trajectories `where` (K,) as in `part`, of 0 to K - 1."""

@@ -16,6 +16,7 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event
 from .events import Derivatives, Events, events_of, events_of_records
+from .phases import Phases, phases_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +43,10 @@ class Motion(States):
         Number of steps that were taken; 0 where the solution is exact.
     events : Events or None
         What events did, in the order of trajectories and times.
+    phases : Phases
+        When trajectories begin and end to slide along surfaces at which f jumps, or to rest on
+        surfaces of events: arrays `trajectory`, `surface` (its text), `time` and `mode`, "slides",
+        "rests" or "leaves".
     derivatives : dict of str to ndarray
         The derivatives of the states that were asked for. ``motion.derivatives["x0"]`` has the
         shape (n, ..., D, D); at [..., i, j] is the derivative of component i with respect to
@@ -79,6 +84,8 @@ class Motion(States):
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _by: tuple[str, ...] = ()
     _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
+    _phases: FloatArray | Any = None  # `rows_of`, if there are any
+    _surfaces: tuple[str, ...] = ()
     # The fields of `Settings`.
     rtol: float | Any = None
     atol: float | tuple[float, ...] | None = None
@@ -102,6 +109,9 @@ class Motion(States):
         attributes = super()._members(index)
         if self.events is not None:
             attributes["events"] = Events._of(self.events._members(index))
+        if self._phases is not None:
+            own = self._phases[:, 0] == np.ravel_multi_index(index, self.status.shape)
+            attributes["_phases"] = self._phases[own] * [0.0, 1.0, 1.0, 1.0]
         return attributes
 
     if not TYPE_CHECKING:
@@ -120,6 +130,11 @@ class Motion(States):
         """The derivatives of the states, by "x0" or by name of the parameter."""
         of_columns, D = self._derivatives, self.body.dimension
         return Derivatives.of(self._by, D, lambda at: np.ascontiguousarray(of_columns[..., at]))
+
+    @property
+    def phases(self) -> Phases:
+        """When trajectories slide or rest, a table like `events`, with `to_dataframe`."""
+        return phases_of(self._phases, self._surfaces)
 
     @property
     def final(self) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ..core.flow.batch_solver import Settings
 
 # Version of files.
-FORMAT = 16
+FORMAT = 17
 # Files have names that begin with it, datasets do not.
 _PRIVATE = "_"
 
@@ -70,6 +70,7 @@ MOTION = (
     Column("steps", "int64", "batch", "number of steps"),
     Column("status", "int8", "batch"),
     Column("_derivatives", "float64", "time batch component direction", when="_by"),
+    Column("_phases", "float64", "event phase", when="_surfaces"),
     *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),
     Column("events.count", "int64", "batch kind", "number of events", "events"),
 )
@@ -78,7 +79,7 @@ OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
     "Events": ("_by",),
-    "Motion": (*Settings._fields, "_by"),
+    "Motion": (*Settings._fields, "_by", "_surfaces"),
 }
 
 

@@ -176,3 +176,31 @@ def test_two_tanks_with_one_tap(rtol, rng):
     motion = flow(tanks, np.c_[full, np.ones(40)], time=1000.0, events=turns, rtol=rtol)
     assert (motion.status == Status.ACCUMULATES).all()
     np.testing.assert_allclose(motion.end, full.sum(axis=1) / (out.sum(axis=0) - tap), rtol=1e-9)
+
+
+def test_most_counts_hits_and_phases_tell_rests():
+    """A ball rests on a table that vibrates, and is thrown again and again: rests are no hits."""
+    A = 1.2
+    ball = Field(lambda s: (s[1], -1.0, 1.0), "h v t")
+
+    def hit(most):
+        return Event(lambda s: s[0] - A * np.sin(s[2]), direction=-1, most=most,
+                     to=lambda s: (s[0], -0.2 * s[1] + 1.2 * A * np.cos(s[2]), s[2]))  # fmt: skip
+
+    whole = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit(None), derivatives="x0")
+    phases, times = whole.phases, whole.events.time
+    rests = phases.time[phases.mode == "rests"]
+    leaves = phases.time[phases.mode == "leaves"]
+    assert len(leaves) >= 10
+    # It is thrown where A sin(t) bends by more than g.
+    np.testing.assert_allclose(np.sin(leaves), 1 / A, atol=1e-9)
+    np.testing.assert_array_less(rests[: len(leaves)], leaves)
+    n = int(np.searchsorted(times, leaves[5])) + 2  # the second hit after the sixth throw
+    few = flow(ball, [5.0, 0.0, 0.0], time=[10.0, 100.0], events=hit(n), derivatives="x0")
+    assert few.status == Status.STOPPED
+    assert few.events.count == n
+    assert few.end == pytest.approx(times[n - 1])
+    assert few.phases.time.max() <= few.end
+    assert np.isnan(few.states[1]).all()
+    assert np.isnan(few.derivatives["x0"][1]).all()
+    np.testing.assert_allclose(few.final, whole.events.states[n - 1])

@@ -138,7 +138,7 @@ def folder(tmp_path_factory):
 
 # Pages of long reports, of many orbits, and of loops that take long to compile; other tests have
 # shorter forms.
-LONG = "report.md", "discretization.md", "compiled.md", "families.md", "confinement.md"
+LONG = "report.md", "discretization.md", "compiled.md", "confinement.md"
 LONG += "crossings.md", "diagrams.md", "many.md", "large.md", "poles.md", "tolerances.md"
 LONG += ("potentials.md",)
 

@@ -74,7 +74,7 @@ class Equilibria(NamedTuple):
         """Return each equilibrium once, and how many starts led to it.
 
         Two states are one if all components differ by less than `rtol` times the largest modulus
-        of the component.
+        of the component, or 1e-14 of the largest modulus of all, which is rounding.
 
         Examples
         --------
@@ -87,9 +87,10 @@ class Equilibria(NamedTuple):
         """
         x = self.states.reshape(-1, self.states.shape[-1])
         left = np.flatnonzero(self.status.ravel() >= 0)
-        scale, first, count = abs(x[left]).max(axis=0, initial=0.0), [], []
+        largest, first, count = abs(x[left]).max(axis=0, initial=0.0), [], []
+        near = np.maximum(rtol * largest, 1e-14 * largest.max())
         while left.size:
-            is_same = (abs(x[left] - x[left[0]]) <= rtol * scale).all(axis=1)
+            is_same = (abs(x[left] - x[left[0]]) <= near).all(axis=1)
             first.append(left[0])
             count.append(np.count_nonzero(is_same))
             left = left[~is_same]

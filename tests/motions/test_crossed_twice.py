@@ -265,3 +265,29 @@ def test_waves_and_pulses_in_conditions(N, _, rng):
     f = field(lambda s, a, w: (np.where((s[1] - a) ** 2 < w * w, 1.0, 0.0), 1.0), "x t", a=a, w=w)
     found = sf.flow(f, [0.0, 0.0], time=10.0).states[0, :, 0]
     np.testing.assert_allclose(found, np.minimum(a + w, 10) - np.maximum(a - w, 0), atol=1e-8)
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(1500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("wave", "inverse"), [(np.sin, np.arcsin), (np.cos, np.arccos)])
+def test_waves_in_waves_with_shallow_tops(wave, inverse, count, rng):
+    """wave(k sin(a)) = c at sin(a) = p / k, where p is an angle with wave(p) = c."""
+    k, w, start = rng.uniform([1.6, 0.5, 0.0], [8.0, 8.0, 2 * np.pi], (2 * count, 3)).T
+    slope = wave(k + np.pi / 2)  # of wave at k
+    c = wave(k) - np.sign(slope) * 10 ** rng.uniform(-5, np.log10(0.03), 2 * count)
+    good = np.flatnonzero((abs(c) < 1) & (abs(slope) > 0.05))[:count]
+    k, w, start, c = (each[good] for each in (k, w, start, c))
+    p = np.array([inverse(c), np.pi - inverse(c) if wave is np.sin else -inverse(c)])
+    p = p[:, np.newaxis] + 2 * np.pi * np.arange(-2, 3)[:, np.newaxis]
+    with np.errstate(invalid="ignore"):
+        places = np.arcsin(p / k)  # NaN beyond the amplitude
+    places = np.concatenate([places, np.pi - places], axis=1)
+    turns = [np.floor((end - places) / (2 * np.pi)) for end in (start, start + 30 * w)]
+    exact = np.nansum(turns[1] - turns[0], axis=(0, 1))
+
+    def surface(s, k, w, start, c):
+        return wave(k * np.sin(w * s[1] + start)) - c
+
+    waves = field(lambda s, k, w, start, c: (0 * s[0], 1.0), "x t", k=k, w=w, start=start, c=c)
+    for to in (None, ("x + 1", "t")):
+        run = sf.flow(waves, np.zeros((count, 2)), time=30.0, events=sf.Event(surface, to=to))
+        np.testing.assert_array_equal(run.events.count[:, 0], exact)

@@ -21,7 +21,7 @@ ends of that part does not predict the next rate, the step must be shorter.
 
 Waves, functions of sin, cos and tan, need points close to each other: between two of them the phase
 of an argument changes by less than a quarter of a turn. Phases of factors add up. Phases in a
-function that is no polynomial of waves count twice.
+function that is no polynomial of waves count twice, as in exp(sin(t)), and in a wave of a wave.
 """
 
 import functools
@@ -42,7 +42,7 @@ _ENDS = 0.0, *POINTS
 MIDDLE = 2
 # Factors of divided differences. The fourth may vanish by chance; then the third decides.
 OF_FOURTH = 16.0 * prod(abs(_ENDS[MIDDLE] - u) for u in _ENDS if u != _ENDS[MIDDLE])
-OF_THIRD = 2.0**-10
+OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
 # For rates: how far the rates beside a hump may be from a straight line, relative to their change
 # in its part; and what counts as 0, relative to the sum of their terms, and to states besides rtol.
@@ -204,8 +204,7 @@ def _turns(operations, arguments):
         of = [found[a] for a in operands if not isinstance(a, float) and a in found]
         if name in WAVES:
             own = [abs(b - a) for a, b in pairwise(next(arguments))]
-            of.append(own)
-            found[number] = [sum(each[1:], each[0]) for each in zip(*of, strict=True)]
+            found[number] = [2.0 * (a + b) for a, b in zip(*of, own, strict=True)] if of else own
         elif of:
             how = add if name in ("fmul", "fdiv") else larger
             own = [functools.reduce(how, each) for each in zip(*of, strict=True)]

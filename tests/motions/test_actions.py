@@ -74,7 +74,7 @@ CLOCK = Field(lambda x: (1.0, 0.0), "t n")
 
 def test_resets_fill_the_buffer_of_records():
     reset = Event(lambda x: x[0] - 0.01, direction=1, to=lambda x: (0, x[1] + 1))
-    found = flow(CLOCK, np.zeros((20, 2)), time=10.0, events=reset, threads=TWO_THREADS).events
+    found = flow(CLOCK, np.zeros((20, 2)), time=9.995, events=reset, threads=TWO_THREADS).events
     assert found.count.ravel().tolist() == [999] * 20
     assert found.trajectory.tolist() == [k for k in range(20) for _ in range(999)]
     right = np.tile(0.01 * np.arange(1, 1000), 20)

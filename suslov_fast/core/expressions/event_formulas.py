@@ -29,6 +29,8 @@ _BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 _WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75
+# Parts of the terms of a surface: their rounding, and rounding errors of the state after a step.
+ROUNDING, NOISE = 2.0**-50, 2.0**-47
 # Operations whose constants `with_parameters` takes; lists are shorter with some numbers.
 _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"
 _PLAIN = 0.0, 1.0, -1.0

@@ -8,10 +8,13 @@ steps contain fast modes; there only surfaces of events and of clocks are used.
 from math import inf
 
 from .derivative import gradients_along
-from .event_formulas import GAP
+from .double_crossings import sizes_of
+from .event_formulas import GAP, NOISE
 from .programs import Expressions, Program, emitted, needed_for
 from .tables import interval, is_table
 from .values import larger, operand_of, smaller
+
+SOONER = 2.0**-22  # factor of the time to a surface at which a state is but for its errors
 
 
 def aim_of(f, kinds, choices, is_implicit):
@@ -23,7 +26,8 @@ def aim_of(f, kinds, choices, is_implicit):
     `is_implicit` is True for ends of implicit steps: fast modes spoil rates there, so only surfaces
     of events and of clocks are used. The first result is the least time to a surface, negative if
     the state is just beyond it. The second is the longest time since a crossing: 0 without one,
-    infinity if the rate leads back or does not tell it.
+    infinity if the rate leads back or does not tell it. The third is the least time to a surface of
+    an event; where s is NOISE, it is SOONER.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)
@@ -32,9 +36,10 @@ def aim_of(f, kinds, choices, is_implicit):
     new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
     results = emitted(values, f.watched, new)
     slopes, v = gradients_along(values, results, D, {j: D + j for j in range(D)})
-    aim, since, number = inf, 0.0, values.number
+    sizes = sizes_of(values, f.watched.operations, new)
+    aim, since, left_of_events, number = inf, 0.0, inf, values.number
     kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
-    for (kind, choice), a, row in zip(kinds, results, slopes, strict=True):
+    for (kind, choice), own, a, row in zip(kinds, f.watched.results, results, slopes, strict=True):
         s, rate = number(a), 0.0
         tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
         for j, slope in row.items() if tells else ():
@@ -60,6 +65,9 @@ def aim_of(f, kinds, choices, is_implicit):
             leads = is_above.select(-rate, rate) > 0.0
             left = value / -rate
             aim = smaller(leads.select(left, inf), aim)
+            if kind == "side":
+                left = (abs(value) <= NOISE * sizes[own]).select(SOONER * left, left)
+                left_of_events = smaller(leads.select(left, inf), left_of_events)
             since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
-    results = [operand_of(aim), operand_of(since)]
+    results = [*map(operand_of, (aim, since, left_of_events))]
     return Program(needed_for(values.operations, results), results)

@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 
-from ..expressions.event_formulas import GAP, OF_SURFACE
+from ..expressions.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
@@ -24,30 +24,40 @@ from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-ROUNDING, LOW = 2.0**-50, 2.0**-44  # parts of the terms of a sum: its rounding, and a low value
+LOW = 2.0**-44  # part of the terms of a sum: a low value
 SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
+LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
 STAYS = 0.25  # in place of a side
 FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the step before
 
 
-def _side(value, rate, size, rate_size, near, sign):
+def _level(is_above, value, rounding):
+    """Return the level of a surface s = 0, for which s = `value` is above, or below: 0 if it is."""
+    below = (value < 0.0).select(0.0, value + (rounding + LEAST))
+    return is_above.select(smaller(value, 0.0), below)
+
+
+def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
     `side` is 1 above, 0 below, GAP where s is NaN. `value` is s, and `rate` is ds/dt; `size` and
-    `rate_size` are the sums of the moduli of their terms. A state with |s| <= `near` + rounding is
-    on the surface. Its side is where the rate leads, and the level moves, so that s lies on this
-    side. If the rate is rounding, the side is STAYS. `sign` is the sign of time.
+    `rate_size` are the sums of the moduli of their terms. A state is on the surface if |s| is
+    rounding, at most `near`, or what the rate makes of NEARLY the time. Its side is where the rate
+    leads, and the level moves, so that s lies on this side. If the rate is rounding, the side is
+    STAYS. `sign` is the sign of time.
     """
-    rounding = ROUNDING * size + TINY
-    is_on, stays = abs(value) <= near + rounding, abs(rate) <= ROUNDING * rate_size
+    rounding = ROUNDING * (size + rate_size * t)
+    is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
+    stays = abs(rate) <= ROUNDING * rate_size
     goes_up = sign * rate > 0.0
-    level = goes_up.select(smaller(value, 0.0), larger(value, 0.0) + rounding)
+    level = _level(goes_up, value, rounding)
     side = stays.select(STAYS, goes_up.select(1.0, 0.0))
     beside = (value >= 0.0).select(1.0, value.equals(value).select(0.0, GAP))
     return {
         "side": is_on.select(side, beside),
         "level": is_on.select(stays.select(inf, level), 0.0),
+        "is_on": is_on.select(1.0, 0.0),
     }
 
 
@@ -67,46 +77,50 @@ def FLAT_SIDE(side, level, value, slopes, slopes_later, has_branches):
     return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
 
 
-def _is_on(value, rate, last_time, jumps):
-    """Return whether s = `value` counts as 0: if s jumps, only for |s| <= SOON last_time |rate|."""
-    return (abs(value) <= SOON * last_time * abs(rate)) | (jumps < 0.5)
-
-
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, side, level, is_here, by_motion, jumps, t, last, sign, accepted,
-    at_surface,
+    value, rate, size, rate_size, near, side, level, crossed, is_here, by_motion, holds, jumps, t,
+    last, sign, accepted, at_surface,
 ):  # fmt: skip
-    """Return whether a state crossed a surface s = 0: `up`, `down`; new `side`, `level`; `near`.
+    """Return whether a state crossed a surface s = 0: `up`, `down`; new `side`, `level`, `crossed`.
 
     `side` is 1 where s >= `level`, 0 below, STAYS on the surface, GAP where s has no value. A
-    crossing is a change between 1 and 0, where events may act (`is_here` is 1). It does not count
-    if the step led there (`by_motion` is 1), but the rate leads back: an action had left the state
-    beyond by rounding. Then the level moves to the state. A step that ends just before a surface
-    (`at_surface` is 2) crosses it, too. `near` is 2 |s| after a step, 0 after an action; a state so
-    near is on the surface. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the sums
-    of the moduli of their terms. `jumps` is 1 if s jumps. `last` is the last time of the run.
+    crossing is a change between 1 and 0, where events may act (`is_here` is 1). On the surface the
+    rate decides (`_side`); if it is rounding, the side remains, unless the step led across
+    (`by_motion` is 1). A step that led across, but where the rate leads back, has rounding errors;
+    if s `jumps`, only for |s| <= SOON `last` |rate|. The own action of an event that `holds` states
+    leaves them above, until s is below the level. A state that crossed the surface at the time
+    `crossed`, and was not beyond it by more than rounding, does not cross it back. A state with
+    |s| <= `near` is on the surface; `near` becomes 2 |s| after a step that led across. `value` is
+    s, and `rate` is ds/dt; `size` and `rate_size` are the sums of the moduli of their terms. `last`
+    is the last time of the run.
     """
-    shift = sign * rate * (NEARLY * t)
-    is_above = (at_surface > 1.0).select(value + shift, value) >= level
-    stays = side.equals(STAYS)
-    was_known, is_known = ~side.equals(GAP), value.equals(value)
-    at_gap = (is_here > 0.0) & (was_known ^ is_known)
-    differs = (is_here > 0.0) & (is_above ^ (side > 0.5)) & ~stays & was_known & is_known
-    ahead = is_above.select(sign * rate, -(sign * rate))
-    is_back = differs & (by_motion > 0.0) & (ahead < 0.0)
-    is_back = is_back & _is_on(value - level, rate, last, jumps)
-    beyond = is_above.select(value + (ROUNDING * abs(value) + TINY), value)
-    crosses = differs & ~is_back
-    is_near = (by_motion > 0.0) & _is_on(value, rate, last, jumps)
-    here = is_known.select(is_above.select(1.0, 0.0), GAP)
-    own, leaves = _side(value, rate, size, rate_size, LOW * size, sign), stays & (accepted > 0.0)
+    is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
+    has_side = ~(stays | side.equals(GAP))
+    of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
+    is_small = (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
+    leads = by_motion & has_side & ~(of_value.equals(side) | of_value.equals(GAP)) & is_small
+    near = leads.select(abs(value) + abs(value), near)
+    near = (at_surface > 1.0).select(larger(near, NOISE * size), near)
+    own = _side(value, rate, size, rate_size, stays.select(LOW * size, near), t, sign)
+    on, is_slow = own["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
+    of_rest = is_slow | own["side"].equals(STAYS)
+    is_back = leads & ((side > 0.5).select(sign * rate, -(sign * rate)) > 0.0)
+    here = of_rest.select(by_motion.select(of_value, side), own["side"])
+    here = is_back.select(side, (holds > 0.0).select(of_value, here))
+    now = has_side.select(on.select(here, of_value), stays.select(own["side"], of_value))
+    differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
+    again = (by_motion | on) & (t - crossed <= AT_ONCE * t)
+    moved = on & has_side & (by_motion | of_rest)
+    moved = moved.select(_level(now > 0.5, value, ROUNDING * size), 0.0)
+    changes = is_here | (stays & (accepted > 0.0))
     return {
-        "side": leaves.select(own["side"], (crosses | at_gap).select(here, side)),
-        "level": leaves.select(own["level"], is_back.select(beyond, level)),
-        "up": crosses & is_above,
-        "down": crosses & ~is_above,
-        "near": is_near.select(abs(value) + abs(value), 0.0),
+        "side": changes.select(now, side),
+        "level": changes.select(stays.select(own["level"], moved), level),
+        "crossed": differs.select((by_motion | on).select(t, -inf), crossed),
+        "up": differs & ~again & (now > 0.5),
+        "down": differs & ~again & ~(now > 0.5),
+        "near": near,
     }
 
 
@@ -216,10 +230,11 @@ def find_sides(code, begins):
     _look_a_moment_later(code)
     for k in code.text.each(code.integrator.events.surfaces, resting):
         found = code.apply(SIDE, near=0.0, **_at_surface(code, k))
-        found = _with_flat_side(code, k, **found)
+        found = _with_flat_side(code, k, found["side"], found["level"])
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
         code.line.acted.choose(begins, k * 2, -inf)
+        code.line.crossed.choose(begins, k, -inf)
         resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
     code.line.resting.choose(begins, 0, resting.resting)
 
@@ -228,6 +243,11 @@ def _is_at_stop(code):
     """Return in which lanes the step has reached the next given time of an event."""
     accepted = code.work.accepted[0] > 0.0
     return accepted & (code.line.t[0] >= code.line.stop[0])
+
+
+def _is_running(code):
+    """Return in which lanes no event has ended the trajectory, which also ends the instant."""
+    return ~code.line.state[0].equals(float(LaneState.STOPPED))
 
 
 def _is_there(code):
@@ -281,7 +301,7 @@ def _act_at_times(code):
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
         for k in range(events.surfaces, events.count):
-            own = acts & code.line.stop_which[0].equals(float(k))
+            own = acts & _is_running(code) & code.line.stop_which[0].equals(float(k))
             with text.when(own.any()):
                 _act(code, k, own)
         _next_stop(code, acts.bits())
@@ -313,8 +333,8 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     action, led there. `again` gets results of `AGAIN`: whether actions come again at once.
     """
     text, work, events = code.text, code.work, code.integrator.events
-    for k in text.each(events.surfaces):
-        work.fired[k * 3] = 0.0
+    for k in text.each(3 * events.surfaces):
+        work.fired[k] = 0.0
     _look(code)
     if events.count == 1:
         _cross(code, 0, is_there, by_motion)
@@ -333,8 +353,6 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         found = _with_flat_side(code, k, side[place], level[place])
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
-        holds = text.constants([*map(float, events.holds)])[k]
-        level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
         own |= _at_surface(code, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
@@ -370,49 +388,49 @@ def _cross(code, k, is_there, by_motion):
     there.
     """
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
-    place, own = 2 * k, _at_surface(code, k)
-    given = {"by_motion": by_motion.select(1.0, 0.0)}
-    given["jumps"] = text.value(float(integrator.events.jumps[k]))
-    # After its own action a state is there, not just before the surface.
-    has_acted = abs(work.fired[3 * k]) > 0.0
-    given["at_surface"] = has_acted.select(1.0, work.at_surface[0])
-    inputs = {"side": line.side[place], "level": line.side[place + 1]} | own | given
-    found = code.apply(CROSSED, is_here=is_there.select(1.0, 0.0), **inputs)
+    place, own, events = 2 * k, _at_surface(code, k), integrator.events
+    is_there = is_there & _is_running(code)
+    given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
+    given |= {"side": line.side[place], "level": line.side[place + 1], "crossed": line.crossed[k]}
+    given |= {name: text.value(float(getattr(events, name)[k])) for name in ("holds", "jumps")}
+    found = code.apply(CROSSED, near=work.fired[3 * k + 1], **own, **given)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
-    up, direction = found["up"], integrator.events.directions[k]
+    line.crossed.put_chosen(k, found["crossed"])
+    work.fired.put_chosen(3 * k + 1, found["near"])
+    up, direction = found["up"], events.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
-    if integrator.events.only_records(k):
-        _note(code, k, fires, up | found["down"], by_motion)
+    if events.only_records(k):
+        _note(code, k, fires, by_motion)
         return
     with text.when(fires.any()):
-        for n, value in enumerate((up.select(1.0, -1.0), found["near"], own["rate"])):
-            work.fired.choose(fires, 3 * k + n, value)
+        work.fired.choose(fires, 3 * k, up.select(1.0, -1.0))
+        work.fired.choose(fires, 3 * k + 2, own["rate"])
         work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
         _act(code, k, fires, by_motion)
-        if integrator.events.components[k]:
+        if events.components[k]:
             _look(code)
             after = _at_surface(code, k) | {"near": found["near"]}
             after["rate_size"] = after["rate_size"] + abs(own["rate"])
             found = code.apply(SIDE, **after)
-            if integrator.events.holds[k]:
+            if events.holds[k]:
                 is_above = after["value"] > 0.0
                 found = {"side": text.value(1.0), "level": is_above.select(0.0, after["value"])}
+            else:
+                found["level"] = found["side"].equals(STAYS).select(inf, 0.0)
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
+            line.crossed.choose(fires & found["side"].equals(given["side"]), k, -inf)
 
 
-def _note(code, k, fires, crosses, by_motion):
-    """Add code that records crossings of surface k by an event that leaves the state as it is.
+def _note(code, k, counts, by_motion):
+    """Add code that records a crossing of surface k by an event that leaves the state as it is.
 
-    `crosses` marks lanes that cross, `fires` lanes that do so in the event's direction, `by_motion`
-    lanes that a step led there, not an action. Enough crossings end a trajectory.
+    `counts` marks lanes that cross it in the event's direction, `by_motion` lanes that a step led
+    there, not an action. Enough crossings end a trajectory.
     """
     line, work = code.line, code.work
-    t, acted = line.t[0], line.acted[2 * k]
-    slides = by_motion & ~(t - acted > AT_ONCE * t)  # and crosses again at once
-    counts = fires & (t > code.number("since")) & ~slides
-    line.acted.choose(crosses, 2 * k, t)
+    counts = counts & (line.t[0] > code.number("since"))
     with code.text.when(counts.any()):
         _take_columns(code, k, counts, by_motion, work.new, work.f_new, False)
         record(code, counts, k, line.t, work.new, work.new, *_of_columns(code, work.f_new))

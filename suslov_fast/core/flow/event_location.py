@@ -154,7 +154,7 @@ def CUT(
     inner, outer      lengths without and with a crossing; 0 and infinity without a search
     aim               length of the step that ends on the surface, see `step_to_surface`
     since, goal       the longest time since a surface was crossed; the time that no step passes
-    left              time to a surface of an event; if it is NEARLY 0, the step ends there
+    left              time to a surface of an event, less rounding; if it is NEARLY 0, the step ends
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -165,7 +165,7 @@ def CUT(
     is_right = accepted + served > 0.0
     has_waves = (waves > 1.0) & is_long & ~is_near
     cut = seen & ~is_last & ~has_waves
-    arrives = is_right & ~(seen | has_waves) & (left <= 0.5 * NEARLY * (before + taken))
+    arrives = is_right & ~(seen | has_waves) & (left <= NEARLY * (before + taken))
     is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
     again = ((hidden >= 1.0) & is_long & is_right & ~(cut | arrives)) | has_waves
     is_right = is_right & ~(seen | again | arrives)
@@ -340,7 +340,7 @@ def _aim(code, inputs, has_no_search, from_start):
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     events, found = code.integrator.events, work.aim.after(3)
-    for k, value in enumerate((np.inf, 0.0, inputs["place"], np.inf)):
+    for k, value in {0: np.inf, 1: 0.0, 2: inputs["place"], 5: np.inf}.items():
         work.aim.put_chosen(k, value)
     comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
     comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
@@ -365,7 +365,7 @@ def _aim(code, inputs, has_no_search, from_start):
         work.aim.choose(comes_back, 2, place)
     found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
     has_left = events and events.surfaces
-    return found | {"left": is_asked.select(work.aim[3], np.inf) if has_left else np.inf}
+    return found | {"left": is_asked.select(work.aim[5], np.inf) if has_left else np.inf}
 
 
 def put_point(code, u, to, quartic=None):

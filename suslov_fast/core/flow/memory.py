@@ -55,6 +55,9 @@ def rows_of_trajectory(integrator):
         counts=actions,  # how often each event has acted
         # When each event at a surface has acted last, and how much later than the time before.
         acted=2 * surfaces,
+        # When each surface was crossed last; -infinity if the state has turned back there, or was
+        # beyond it by more than rounding.
+        crossed=surfaces,
         stop=acts,  # modulus of the next time of an event, infinity after the last
         stop_which=acts,  # number of that event
         stop_place=acts,  # the place of the time, an integer
@@ -141,7 +144,7 @@ def rows_of_work(integrator):
         moving=2 * watched + 1,  # that state, how it changes in a step, and rtol, for rates
         told=3,  # what `DoubleCrossings` tells of them
         end=2 * (watched + surfaces),  # the state, f there, and sides of events, for `aim`
-        aim=5,  # when surfaces are crossed, see `event_location`
+        aim=6,  # when surfaces are crossed, see `event_location`
         between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
         sides=2 * surfaces,  # what the row `side` of the trajectory holds
         seen=4 + len(integrator.kinks),  # what `watch` finds there

@@ -8,7 +8,7 @@ from ..expressions.values import operand_of
 
 TINY = 2.0**-1000  # in place of 0
 AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
-NEARLY = 2.0**-45  # part of the time, before which what happens does so at this time
+NEARLY = 2.0**-42  # part of the time, before which what happens does so at this time
 
 
 class ScalarKernel(NamedTuple):

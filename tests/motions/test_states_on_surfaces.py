@@ -1,0 +1,263 @@
+"""Events that leave states on surfaces of other events, against loops with exact fractions."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from suslov_fast import Event, Field, flow, periodic_orbit
+
+FREE = "x v"
+N = 60
+
+
+def exact(x, v, T, events):
+    """Return the events (number, time) of x' = v up to time T, and the last state.
+
+    Each event is a level of x, a direction, and a function (x, v) or None. A state on a level
+    belongs to the side to which it moves.
+    """
+    x, v, left, found = Fraction(x), Fraction(v), Fraction(T), []
+
+    def side(k):
+        s = x - events[k][0] or v
+        return (s > 0) - (s < 0)
+
+    sides = [side(k) for k in range(len(events))]
+    while True:
+        ahead = [(a - x) / v for a, *_ in events if v and (a - x) / v > 0]
+        if not ahead or min(ahead) > left:
+            return found, (x + v * left, v)
+        x, left = x + v * min(ahead), left - min(ahead)
+        was_there, acts = set(), True
+        while acts:
+            acts = False
+            for k, (level, direction, to) in enumerate(events):
+                now, before = side(k), sides[k]
+                sides[k] = now
+                if now == before or (x == level and k in was_there):
+                    continue
+                was_there |= {k} if x == level else set()
+                if direction in (0, now):
+                    found.append((k, T - left))
+                    if to is not None:
+                        x, v = to(x, v)
+                        sides[k], acts = side(k), True
+                        was_there -= {k} if sides[k] == before else set()
+
+
+def compare(motion, loops, way=1):
+    """Assert that a motion of a batch has the events and ends of `loops`, results of `exact`."""
+    assert motion.ok.all()
+    events = motion.events
+    for k, (found, (x, v)) in enumerate(loops):
+        own = events.trajectory == k
+        assert events.which[own].tolist() == [which for which, _ in found]
+        right = [way * float(t) for _, t in found]
+        np.testing.assert_allclose(events.time[own], right, rtol=1e-10)
+        np.testing.assert_allclose(motion.states[-1, k, :2], [float(x), float(v)], atol=1e-9)
+
+
+def field(sign=1.0):
+    return Field(lambda s, a, b, q, c, d: (sign * s[1] + 0 * a * b * q * c * d, 0.0), FREE,
+                 a=1.0, b=2.0, q=1.0, c=0.0, d=0.0)  # fmt: skip
+
+
+def crossing(name, direction, to=None):
+    """Return the event at which x passes the parameter `name`."""
+    surface = {
+        "a": lambda s, a: s[0] - a, "b": lambda s, b: s[0] - b,
+        "c": lambda s, c: s[0] - c, "d": lambda s, d: s[0] - d,
+    }[name]  # fmt: skip
+    return Event(surface, direction=direction, to=to)
+
+
+# The actions in both guards of a family, for `flow` and for `exact`.
+ACTIONS = {
+    "exactly": (lambda s, a, q: (a, q * s[1]), lambda s, b, q: (b, q * s[1])),
+    "by the width": (lambda s, a, b, q: (s[0] - b + a, q * s[1]),
+                     lambda s, a, b, q: (s[0] - a + b, q * s[1])),
+    "mirrors": (lambda s, a, b, q: (a + b - s[0], q * s[1]),) * 2,
+    "walls": (lambda s, q: (s[0], -q * s[1]),) * 2,
+    "refill": (None, lambda s, b: (b, s[1])),
+}  # fmt: skip
+EXACT = {
+    "exactly": lambda a, b, q: (lambda x, v: (a, q * v), lambda x, v: (b, q * v)),
+    "by the width": lambda a, b, q: (lambda x, v: (x - b + a, q * v),
+                                     lambda x, v: (x - a + b, q * v)),
+    "mirrors": lambda a, b, q: (lambda x, v: (a + b - x, q * v),) * 2,
+    "walls": lambda a, b, q: (lambda x, v: (x, -q * v),) * 2,
+    "refill": lambda a, b, q: (None, lambda x, v: (b, v)),
+}  # fmt: skip
+
+
+def family(rng, name, n=N):
+    """Return parameters a < b, q, c, d, and starts of n motions between a and b."""
+    a = rng.choice([0.0, 0.3, -1.7], n)
+    b = a + rng.choice([0.7, 1.0, *rng.uniform(0.1, 4, 8)], n)
+    q = rng.choice([1.0, 0.9, 0.5, 1.1], n)
+    if name == "mirrors":
+        b = abs(b) + 0.1
+        a = -b
+    c = np.choose(rng.integers(0, 3, n), [a, b, rng.uniform(a, b)])
+    d = np.choose(rng.integers(0, 3, n), [a, b, rng.uniform(a, b)])
+    v = (b - a) * rng.choice([-1.0, 1.0, *rng.uniform(-3, 3, 6)], n)
+    if name == "refill":
+        v = -abs(v)
+    x = np.choose(rng.integers(0, 4, n), [a, b, *rng.uniform(a, b, (2, n))])
+    return {"a": a, "b": b, "q": q, "c": c, "d": d}, np.stack([x, v], axis=-1)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("name", ACTIONS)
+def test_events_that_leave_states_on_other_surfaces(rng, name, way):
+    at_b, at_a = ACTIONS[name]
+    events = [
+        crossing("c", "both"), crossing("b", "up", at_b), crossing("d", "down"),
+        crossing("a", "down", at_a), crossing("c", "up"),
+    ]  # fmt: skip
+    parameters, x0 = family(rng, name)
+    motion = flow(field(way).with_parameters(**parameters), x0, time=3.3 * way, events=events)
+    loops = []
+    for k, (x, v) in enumerate(x0):
+        a, b, q, c, d = (Fraction(own[k]) for own in parameters.values())
+        at_b, at_a = EXACT[name](a, b, q)
+        levels = (c, 0, None), (b, 1, at_b), (d, -1, None), (a, -1, at_a), (c, 1, None)
+        loops.append(exact(x, v, 3.3, levels))
+    compare(motion, loops, way)
+
+
+def test_records_and_actions_find_the_same_crossings():
+    """The first event puts the state on the surface of the second, from where it goes back."""
+    free = Field(lambda s: (s[1], 0.0), FREE)
+    moved = Event(lambda s: s[0] - 1, to=(lambda s: (2.0, -1.0)))
+    for own in ({}, {"terminal": True}, {"to": lambda s: (s[0] + 3, s[1])}):
+        second = Event(lambda s: s[0] - 2, direction="down", **own)
+        motion = flow(free, [0.0, 0.5], time=2.5, events=[moved, second])
+        assert motion.events.count.tolist() == [1, 0]
+        np.testing.assert_allclose(motion.states, [[1.5, -1.0]], rtol=1e-14)
+
+
+def test_counters_on_a_torus(rng):
+    """Both angles wrap at 1; a record counts where they start, and another one at 0."""
+    f = Field(lambda s, u, w: (u, w), "x y", u=1.0, w=1.0)
+    events = []
+    for k, name in enumerate("xy"):
+        by = [lambda s, sign=sign, k=k: tuple(s[i] + sign * (i == k) for i in range(2))
+              for sign in (-1, 1)]  # fmt: skip
+        events += [
+            Event(f"{name} - 1", direction="up", to=by[0]), Event(name),
+            Event(name, direction="down", to=by[1]), Event(f"{name} - 0.25"),
+        ]  # fmt: skip
+    rates, x0 = rng.normal(size=(2, N)) * 2, rng.choice([0.0, 0.25, 0.5, 0.9], (N, 2))
+    motion = flow(f.with_parameters(u=rates[0], w=rates[1]), x0, time=4.7, events=events)
+    assert motion.ok.all()
+    for k in range(N):
+        for i in range(2):
+            levels = (
+                (1, 1, lambda x, v: (x - 1, v)), (0, 0, None),
+                (0, -1, lambda x, v: (x + 1, v)), (Fraction(1, 4), 0, None),
+            )  # fmt: skip
+            found, (x, _) = exact(x0[k, i], rates[i, k], 4.7, levels)
+            right = [sum(which == j for which, _ in found) for j in range(4)]
+            assert motion.events.count[k, 4 * i : 4 * i + 4].tolist() == right
+            np.testing.assert_allclose(motion.states[-1, k, i], float(x), atol=1e-12)
+
+
+def wheel(most=None):
+    """Return a rimless wheel on a slope g, between its guards at g - a and g + a."""
+    f = Field(lambda s, g, a: (s[1], np.sin(s[0]) + 0 * g * a), "theta w", g=0.1, a=0.3)
+    forth = Event(lambda s, g, a: s[0] - (g + a), direction="up", most=most,
+                  to=lambda s, a: (s[0] - 2 * a, np.cos(2 * a) * s[1]))  # fmt: skip
+    back = Event(lambda s, g, a: s[0] - (g - a), direction="down", most=most,
+                 to=lambda s, a: (s[0] + 2 * a, np.cos(2 * a) * s[1]))  # fmt: skip
+    return f, [forth, back]
+
+
+def test_speeds_of_rimless_wheels(rng):
+    """The energy w**2 / 2 + cos(theta) tells which spoke comes next, and how fast."""
+    f, events = wheel(4)
+    g, a, w = rng.uniform(-0.2, 0.2, N), rng.uniform(0.15, 0.5, N), 1.5 * rng.normal(size=N)
+    x0 = np.stack([g - a * np.sign(w), w], axis=-1)
+    found = flow(f.with_parameters(g=g, a=a), x0, time=6.0, events=events).events
+    for k in range(N):
+        which, speed = [], []
+        ends, at, now = (g[k] - a[k], g[k] + a[k]), int(w[k] < 0), w[k]
+        for _ in range(8):
+            energy = now**2 / 2 + np.cos(ends[at])
+            passes = energy > 1 or ends[0] * ends[1] > 0
+            other = 1 - at if passes and (now > 0) == (at == 0) else at
+            now = np.sqrt(2 * (energy - np.cos(ends[other]))) * (1 if other else -1)
+            now, at = now * np.cos(2 * a[k]), 1 - other
+            which.append(1 - other)
+            speed.append(now)
+        own = found.trajectory == k
+        n = min(own.sum(), 8)
+        assert found.which[own][:n].tolist() == which[:n]
+        np.testing.assert_allclose(found.states[own][:n, 1], speed[:n], rtol=1e-6)
+
+
+def test_the_cycle_of_a_rimless_wheel():
+    f, events = wheel()
+    orbit = periodic_orbit(f, [-0.1, 0.7], 1.0, events=events)
+    section = np.cos(orbit.state[0]) + orbit.state[1] ** 2 / 2
+    square = 4 * np.sin(0.1) * np.sin(0.3) / np.sin(0.6) ** 2  # of w before it lands
+    np.testing.assert_allclose(section, np.cos(0.4) + square / 2, rtol=1e-9)
+    others = orbit.multipliers[np.argsort(abs(orbit.multipliers - 1))[1:]]
+    np.testing.assert_allclose(others, [np.cos(0.6) ** 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["exactly", "by the width", "mirrors"])
+def test_derivatives_through_guards(rng, name):
+    parameters, x0 = family(rng, name)
+    x0[:, 0] = rng.uniform(parameters["a"], parameters["b"])
+    events = [crossing("b", "up", ACTIONS[name][0]), crossing("a", "down", ACTIONS[name][1])]
+    motion = flow(field().with_parameters(**parameters), x0, time=3.3, events=events,
+                  derivatives=("x0", "b", "q"))  # fmt: skip
+    d = Fraction(1, 2**40)
+
+    def end(k, **changes):
+        own = {name: Fraction(of[k]) for name, of in parameters.items()}
+        own |= {"x": Fraction(x0[k, 0]), "v": Fraction(x0[k, 1])}
+        own |= {name: own[name] + by for name, by in changes.items()}
+        at_b, at_a = EXACT[name](own["a"], own["b"], own["q"])
+        levels = (own["b"], 1, at_b), (own["a"], -1, at_a)
+        return np.array(exact(own["x"], own["v"], 3.3, levels)[1])
+
+    for k in range(N):
+        columns = [((end(k, **{of: d}) - end(k, **{of: -d})) / (2 * d)).astype(float)
+                   for of in ("x", "v", "b", "q")]  # fmt: skip
+        found = motion.derivatives
+        np.testing.assert_allclose(found["x0"][-1, k], np.stack(columns[:2], -1), atol=1e-7)
+        np.testing.assert_allclose(found["b"][-1, k], columns[2], atol=1e-7)
+        np.testing.assert_allclose(found["q"][-1, k], columns[3], atol=1e-7)
+
+
+def test_an_instant_ends_with_the_trajectory():
+    """Each gate puts the state on the other one, from where it goes on at once."""
+    free = Field(lambda s: (s[1], 0.0), FREE)
+    gates = [
+        Event(lambda s: s[0] - 0.3, direction="up", to=lambda s: (-1, s[1]), most=3),
+        Event(lambda s: s[0] + 0.5, direction="down", to=lambda s: (1, s[1])),
+    ]
+    motion = flow(free, [0.1, 1.0], time=1.9, events=gates)
+    assert motion.events.count.tolist() == [3, 2]
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_events_at_the_last_time(rng, stiff, level):
+    free = Field(lambda s: (s[1], 0.0), FREE)
+    v = rng.normal(size=500) * 10 ** rng.uniform(-4, 2, 500)
+    for T in (0.3, 1.0, 7.1):
+        x0 = np.stack([level - v * T, v], axis=-1)
+        event = Event(f"x - {level}")
+        motion = flow(free, x0, time=[T / 3, T], events=event, stiff=stiff)
+        assert (motion.events.count == 1).all()
+
+
+@pytest.mark.parametrize("factor", [1e-290, 1e-305, 1e-310])
+def test_surfaces_near_the_least_numbers(factor):
+    free = Field(lambda s: (s[1], 0.0), FREE)
+    found = flow(free, [[-1.0, 1.0], [0.0, 1.0]], time=2.0, events=Event(lambda s: factor * s[0]))
+    assert found.events.count.tolist() == [[1], [0]]

@@ -154,8 +154,8 @@ def rows_of_work(integrator):
         pair=acts * (4 * of_x.D + 1),  # a state and f there, and what columns need beside them
         toward=OF_SURFACE * surfaces,  # `OF_SURFACE` numbers of surfaces of events at that state
         ahead=OF_SURFACE * surfaces,  # the same a moment later
-        # 1 where an event acts after a crossing upward at this instant, -1 downward, else 0; and
-        # before it how near the surface was, and its rate.
+        # 1 where an event acts after a crossing upward at this instant, -1 downward, else 0; |s|,
+        # up to which a state is on the surface; and ds/dt before the event acts.
         fired=3 * surfaces,
         noted=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches are chosen

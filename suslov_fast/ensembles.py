@@ -126,7 +126,7 @@ def ensemble(
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     function: Any = iterate if time is None else flow
-    refuse_unknown(options, ensemble, function)
+    refuse_unknown("ensemble", options, ensemble, function)
     own = _checked(system, eps, steps, time, options)
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")

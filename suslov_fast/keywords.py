@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import FrozenInstanceError
 from functools import wraps
 from importlib.util import find_spec
@@ -90,13 +90,13 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
-def refuse_unknown(options: Any, function: Any, other: Any) -> None:
-    """Raise TypeError for options of a function that neither it nor the other one has."""
-    known = {**inspect.signature(function).parameters, **inspect.signature(other).parameters}
+def refuse_unknown(called: str, options: Iterable[str], *functions: Any) -> None:
+    """Raise TypeError for options that none of the functions has as an argument."""
+    known = {name: 0 for each in functions for name in inspect.signature(each).parameters}
     for word in options:
         if word not in known:
             how = answer(word, known) or ", ".join(known)
-            raise TypeError(f"{function.__name__} has no argument {word!r}: use {how}")
+            raise TypeError(f"{called} has no argument {word!r}: use {how}")
 
 
 def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> TypeError:

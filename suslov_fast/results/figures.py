@@ -8,22 +8,27 @@ import numpy as np
 
 from ..checks import FloatArray, extra, integer, kind_of, real_array, short, wrong
 from ..fields.names import latex
+from ..keywords import refuse_unknown
 from .frames import varying_numbers
 
 try:
     import matplotlib.pyplot as plt
     from matplotlib import colormaps
+    from matplotlib.cbook import normalize_kwargs
     from matplotlib.colors import ListedColormap, Normalize, is_color_like
+    from matplotlib.lines import Line2D
 except ImportError:
     extra("matplotlib", "plots")  # raises an error that says how to install it
     raise
 
 __all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
-COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
+COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
 _MANY = 100_000  # states: above, they are not joined by default, and pixels in PDF files
 _ALONE = 64  # orbits with a line of their own
 _IN_LEGEND = 8  # orbits, or components, with an entry of their own
+_STYLES = "-", "--", ":", "-."  # of lines, for values of a second parameter
+_SIZES = {200: 6, 2000: 4}  # of dots, by the number of states up to which they are so large
 _TIME = -1  # in place of the index of a component
 
 
@@ -38,12 +43,21 @@ def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
     return plt.figure(figsize=size, layout="constrained").add_subplot(**projection)
 
 
-def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any, label: Any) -> Any:
+def plot_run(
+    run: Any, components: Any, lines: bool | None, color: Any, ax: Any, label: Any, given: Any
+) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    if components == ("time",):  # all components, each in a colour of its own
-        for k, name in enumerate(run.body._labels):
+    others = [word for word in given if not hasattr(Line2D, f"set_{word}")]
+    refuse_unknown("plot", others, type(run).plot)
+    given = dict(normalize_kwargs(given, Line2D))
+    color = given.pop("color", color)
+    components = ("time", [*run.body._labels]) if components == ("time",) else components
+    if lists := [each for each in components if isinstance(each, (list, tuple))]:
+        before = [*components[: components.index(lists[0])]]
+        for k, name in enumerate(lists[0]):  # each in a colour of its own
             own = f"C{k % 10}" if color is None else color
-            ax = plot_run(run, ("time", name), lines, own, ax, label or _symbol(name))
+            text = label or _symbol(str(name))
+            ax = plot_run(run, (*before, name), lines, own, ax, text, given)
         ax.set_ylabel("")
         return ax
     chosen, B = _components(run, components), math.prod(run.status.shape)
@@ -53,7 +67,10 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any,
         lines = len(states) * B <= _MANY and _are_near(states, chosen)
     numbers, name, fixed = _colours(run, color)
     norm: Any = None if numbers is None else Normalize(np.nanmin(numbers), np.nanmax(numbers))
-    style = {"linewidth": 0.7} if lines else {"linestyle": "none", "marker": ".", "ms": 2}
+    size = next((each for most, each in _SIZES.items() if len(states) * B <= most), 2)
+    dots = {"linestyle": "none", "marker": ".", "markersize": size}
+    style: dict[str, Any] = {"linewidth": 0.7} if lines else dots
+    second, values = _second(run, name) if numbers is not None else ("", ())
     gaps = np.full((1, B, len(chosen)), np.nan)  # between orbits of one colour
     joined = np.concatenate([states, gaps]).swapaxes(0, 1)
     # Many orbits of about the same colour are one line, because thousands of lines take minutes.
@@ -67,11 +84,17 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any,
             shade = COLOURS(norm(numbers[members][0]))
         if label is None and fixed is None and 1 < B <= _IN_LEGEND:
             own = f"trajectory {k}" if numbers is None else f"{name} = {numbers[k]:g}"
+            if second:
+                own += f", {second} = {values[k]:g}"
+                which = int(np.unique(values).searchsorted(values[k])) % len(_STYLES)
+                style |= {"linestyle": _STYLES[which]} if lines else {}
         points = joined[members].reshape(-1, len(chosen))[:-1]
-        axes.plot(*points.T, label=own, color=shade, rasterized=states.size > _MANY, **style)
+        own_style = {"rasterized": states.size > _MANY} | style | given
+        axes.plot(*points.T, label=own, color=shade, **own_style)
     if numbers is not None and B > _IN_LEGEND:
         mappable = plt.cm.ScalarMappable(norm, COLOURS)
-        axes.figure.colorbar(mappable, ax=axes, label=name, shrink=0.8)
+        text = f"{name}, each for {len(np.unique(values))} {second}" if second else name
+        axes.figure.colorbar(mappable, ax=axes, label=text, shrink=0.8)
     labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
     if axes.get_legend_handles_labels()[1]:
@@ -83,6 +106,7 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any,
 def _components(run: Any, components: Sequence[Any]) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
     names = [*run.body._labels, "time"]
+    components = ["time" if k == "t" and "t" not in names else k for k in components]
     if len(components) == 1:
         components = ("time", *components)
     if len(names) == 2 and tuple(components) == (0, 1):  # the only component, over time
@@ -129,6 +153,15 @@ def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:
     if values.shape != shape:
         raise wrong("color", f"have the shape {shape}", values.shape)
     return values.ravel(), "", None
+
+
+def _second(run: Any, shown: str) -> tuple[str, Any]:
+    """Return a parameter that varies beside the one that is shown, and its values; or "", ()."""
+    for name, values in varying_numbers(run).items():
+        text = r"$\epsilon$" if name == "eps" else _symbol(name)
+        if values.size > 1 and shown and text != shown:
+            return text, np.broadcast_to(np.asarray(values, float), run.status.shape).ravel()
+    return "", ()
 
 
 def _are_near(states: FloatArray, chosen: list[int]) -> bool:

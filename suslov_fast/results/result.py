@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
@@ -212,11 +213,12 @@ class States(Result):
     @public
     def plot(
         self,
-        *names: int | str,
+        *names: int | str | Sequence[int | str],
         lines: bool | None = None,
         color: Any = None,
         ax: Any = None,
         label: str | None = None,
+        **style: Any,
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
@@ -225,22 +227,26 @@ class States(Result):
 
         Parameters
         ----------
-        *names : int or str
+        *names : int, str or list of these
             The components to draw, by default the first two: two or three indices or labels, or
             "time", as in ``run.plot("time", "x1")``; three are drawn in space. ``run.plot("x1")``
-            draws one over time, ``run.plot("time")`` all.
+            draws one over time, ``run.plot("time", ["x1", "x3"])`` several, ``run.plot("time")``
+            all.
         lines : bool, optional
             Whether to join consecutive states; by default if they are at most 100,000, and lie
             close together.
         color : str or array_like(float, shape=(...)), optional
             A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
             default the parameter of a family, or else the colours of Matplotlib one after another,
-            with a legend of up to 8 orbits; several components over time have a colour each.
+            with a legend of up to 8 orbits; several components over time have a colour each. A
+            second parameter that varies is told by the style of lines, or beside the colour bar.
             ``color=run.energy()[0]`` shows levels.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default axes of a new figure.
         label : str, optional
             The name of the run in ``ax.legend()``.
+        **style
+            Properties of Matplotlib's `Line2D`, such as ``linewidth=2``.
 
         Returns
         -------
@@ -260,7 +266,7 @@ class States(Result):
         count = len(self.states)
         if count < 3 and self.status.size == 1 and "map" not in vars(self):
             warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
-        return figures.plot_run(self, names or (0, 1), lines, color, ax, label)
+        return figures.plot_run(self, names or (0, 1), lines, color, ax, label, style)
 
     @public
     def member(self, k: int | tuple[int, ...], /) -> Self:

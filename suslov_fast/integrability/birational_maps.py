@@ -19,7 +19,8 @@ from ..checks import wrong
 from ..core.cached import cached_property
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS, Point, Values
+from .arithmetic import EPS, Point, Residues, Values
+from .interpolation import over_rationals
 from .polynomials import (
     cleared,
     coprime,
@@ -31,6 +32,7 @@ from .polynomials import (
     irreducible_factors,
     is_irreducible_on_a_line,
     modulo,
+    random_line,
     ring_with_letters,
     sort_key,
     value_at,
@@ -42,6 +44,7 @@ from .rational_functions import (
     factored,
     over_common_denominator,
     product_of,
+    rational_roots,
 )
 
 TERMS = 100_000  # of the largest reducible polynomial that is factored, in some 5 s
@@ -352,31 +355,38 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _on_random_line(self) -> tuple[Any, ...]:
-        """A random line with the parameter x1, [F_1, ..., F_D, F_0] on it, and `factors` on it."""
-        (t, *_, one), rng = self.variables, random.Random(0)
-        ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
-        line = [*(a * t + b for a, b in ends), one]
-        factors = [self.pullback(f, degree_of(f), line) for f in self.factors or ()]
-        return line, self.homogeneous_image(line), factors
+        """A random line modulo a prime, [F_1, ..., F_D, F_0] on it, and `factors` on it."""
+        p = self.prime
+        *line, _ = random_line(self.dimension, p, random.Random(0))
+        line.append(flint.nmod_poly([1], p))
+        factors = [value_at(modulo(f, p, EPS), line) for f in self.factors or ()]
+        return line, self.at_eps(EPS).homogeneous_image(line), factors
 
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of the map's `factors`; or None.
 
-        On a random line, all factors are divided out of P(Phi) and of P; constants must remain.
+        All factors are divided out of P(Phi) and of P on a random line modulo a prime; constants
+        must remain. The constant of C is interpolated from its values at random points.
         """
         degree, (line, F, factors) = degree_of(P), self._on_random_line
-        numerator = self.pullback(P, degree, F)
-        denominator = self.pullback(P, degree, line) * F[-1] ** degree
-        C = RationalFunction(())
-        for f, f_on_line in zip(self.factors or (), factors, strict=True):
-            content, divisor = f_on_line.primitive()
+        at_number, powers = modulo(P, self.prime, EPS), []
+        numerator = value_at(at_number, F, degree)
+        denominator = value_at(at_number, line) * F[-1] ** degree
+        for f, divisor in zip(self.factors or (), factors, strict=True):
             numerator, more = divided_out(numerator, divisor)
             denominator, less = divided_out(denominator, divisor)
-            C *= RationalFunction(((f, 1),), Fraction(1, int(content))) ** (more - less)
-        numerator, denominator = coprime([numerator, denominator])
-        if degree_of(numerator) or degree_of(denominator):
+            powers.append((f, more - less))
+        if any(a.degree() for a in coprime([numerator, denominator])):
             return None
-        return C * factored(numerator) / factored(denominator)
+        C = product_of(powers, Fraction(1))
+
+        def search(p: int, eps: Values) -> Residues:
+            x = arithmetic.random_point(self.dimension, p, random.Random(p))
+            here, there = (modulo(P, p, eps)(*y[:-1]) for y in (x, self.at_eps(eps).image(x)))
+            return [[-int(flint.nmod(int(there), p) / here / C.values_modulo(p, eps, [x])[0]), 1]]
+
+        rows = over_rationals(self.generator(), search, len(self.letters))
+        return rational_roots(rows[0], self.ring)[0] * C if rows else None
 
 
 def checked_names(names: Any) -> Any:

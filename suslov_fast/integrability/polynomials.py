@@ -238,8 +238,8 @@ def coprime(polynomials: Sequence[Any]) -> list[Any]:
 
 def divided_out(P: Any, divisor: Any) -> tuple[Any, int]:
     """Divide a polynomial by a divisor as often as possible; return the quotient and the power."""
-    power = 0
-    while degree_of(divisor) and P % divisor == 0:
+    power, is_on_line = 0, isinstance(divisor, flint.nmod_poly)
+    while (divisor.degree() if is_on_line else degree_of(divisor)) and P % divisor == 0:
         P, power = P // divisor, power + 1
     return P, power
 

@@ -12,8 +12,9 @@ The files, in an order in which each uses only those before it:
 - `arithmetic`, `polynomials`, `rational_functions`: exact numbers, polynomials and rational
   functions in factors.
 - `interpolation`: rational functions of letters from their values modulo primes.
-- `birational_maps`: birational maps. `rational_maps`: those of a `Map`. `kahan_maps`: the
-  Kahan maps of fields. `letters`: these with parameters as letters. `zoo`: examples.
+- `birational_maps`: birational maps. `composed_maps`: those of several stages. `rational_maps`:
+  those of a `Map`. `kahan_maps`: the Kahan maps of fields. `letters`: these with parameters as
+  letters. `zoo`: examples.
 - `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
   `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
   curves that they contract. `levels`: maps on levels of integrals, which may be maps of the plane.

@@ -22,6 +22,7 @@ from . import arithmetic
 from .arithmetic import EPS, Point, Residues, Values
 from .interpolation import over_rationals
 from .polynomials import (
+    Polynomials,
     cleared,
     coprime,
     degree_of,
@@ -275,6 +276,16 @@ class RationalMap(WithLetters):
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), for `forms` F_1, ..., F_D, F_0, by default the map's."""
         return homogenized(P, degree, forms or self.forms, self.ring)
+
+    def pullbacks(self, space: Polynomials) -> list[Any]:
+        """Return the pullbacks of polynomials by their highest degree, up to a common factor."""
+        degree = max(map(degree_of, space))
+        return [self.pullback(P, degree) for P in space]
+
+    def cost_of_pullbacks(self, space: Polynomials) -> float:
+        """Return the estimated seconds for `pullbacks`."""
+        degree = max(map(degree_of, space))
+        return sum(self.cost_of_pullback(P, degree) for P in space)
 
     def terms_of_degree(self, degree: int) -> int:
         """Return the largest number of terms of a polynomial of this degree in x, for estimates."""

@@ -53,6 +53,7 @@ from .rational_functions import (
 _TRIAL = 2**16  # prime factors of constants that are found; coprime rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
 _HIGHEST = 8  # degree of functions whose limits for eps to 0 are computed
+_LETTERS = 6  # with which reducible members of a pencil are sought: with more they take long
 _PRODUCTS = 20_000  # of generators, at most
 
 Powers = tuple[int, ...]  # of the generators; those that are left out are 0
@@ -409,7 +410,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
-    if not preferred or letters_in(basis[0]) < 2:  # with letters they take long
+    if letters_in(basis[0]) <= (1 if preferred else _LETTERS):
         with contextlib.suppress(ArithmeticError):  # a number is special, or all are reducible
             candidates |= {str(P): P for P in reducible_members(echelon)}
     first = {str(P): P for P in map(without_content, preferred) if rank([*space, P]) == len(space)}

@@ -17,6 +17,7 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, as_written, constant
 from .birational_maps import RationalMap
+from .composed_maps import ComposedMap
 from .interpolation import MOST
 from .polynomials import ring_with_letters
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
@@ -79,17 +80,25 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     (2, a + 2)
     """
     names = () if letters is None else checked_letters(map, letters)
-    forms = _forms("map", map, names)
     own = map.names if map.names != labels(map.dimension) else None
+    forward = _stages("map", map, names)
     given = {name: constant(name, map.parameters[name]) for name in names}
     if inverse is None:
-        return RationalMap(forms, None, names, own, given)
-    backward = _forms("inverse", inverse, names)
-    back = RationalMap(backward, RationalMap(forms, None, names, own), names, own)
-    found = RationalMap(forms, back, names, own, given)
-    if len(backward) != len(forms) or not _takes_images_back(found):
+        return _composed(forward, None, names, own, given)
+    backward = _stages("inverse", inverse, names)
+    back = _composed(backward, _composed(forward, None, names, own), names, own)
+    found = _composed(forward, back, names, own, given)
+    if back.dimension != found.dimension or not _takes_images_back(found):
         raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
     return found
+
+
+def _composed(stages: list[list[Any]], *more: Any) -> RationalMap:
+    """Return the map with the forms of these stages; `more` are further arguments of it."""
+    if len(stages) == 1:
+        return RationalMap(stages[0], *more)
+    letters = more[1]
+    return ComposedMap([RationalMap(forms, None, letters) for forms in stages], *more)
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
@@ -108,8 +117,9 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
         raise wrong("letters", known, repr(letters))
     if "eps" in names and not isinstance(system, Map):
         raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
-    if len(names) >= MOST:
-        raise wrong("letters", f"at most {MOST - 1} names", len(names))
+    most = MOST - (not isinstance(system, Map))  # with eps
+    if len(names) > most:
+        raise wrong("letters", f"at most {most} names", len(names))
     return tuple(names)
 
 
@@ -139,31 +149,37 @@ def places_of_letters(system: Body) -> dict[str, Place]:
     return found
 
 
-def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
+def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
     """Return polynomials F_1, ..., F_D, F_0 of a map F_i / F_0, from its expression program.
 
-    A float stands for the number that was written, see `as_written`. Errors begin with `name`.
+    If D values of the program determine all that follows, it is divided there into two stages. A
+    float stands for the number that was written, see `as_written`. Errors begin with `name`.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"
         raise wrong(name, "a Map", received, TypeError)
     if map.shape:
         raise wrong(name, "a single one", f"a family of shape {map.shape}: pass {name}[i]")
-    ring = ring_with_letters(map.dimension, letters)
+    D, ring = map.dimension, ring_with_letters(map.dimension, letters)
     symbols = [factored(x) for x in ring.gens()]
     named = dict(zip(letters, symbols, strict=False))
-    values: dict[Any, Any] = dict(enumerate(symbols[len(letters) :]))
-    for k, (parameter, a) in enumerate(map.parameters.items(), map.dimension):
+    x = symbols[len(letters) :]
+    values: dict[Any, Any] = dict(enumerate(x))
+    for k, (parameter, a) in enumerate(map.parameters.items(), D):
         known = named.get(parameter)
         values[k] = as_function(constant(parameter, a)) if known is None else known
-    equations = map._equations
+    equations, stages, starts = map._equations, list[list[Any]](), [*range(D)]
+    operations, results = equations.values.operations, equations.results
+    last = {a: k for k, (_, _, operands) in enumerate(operations) for a in _places(operands)}
+    last |= dict.fromkeys(_places(results), len(operations))
+    varying: dict[int, Any] = dict.fromkeys(starts)  # the operations that depend on x, by place
 
     def value(a: Any) -> Any:
         if type(a) is not float:
             return values[a]
         return as_function(equations.ratios.get(a) or as_written(a))
 
-    for rule, place, operands in equations.values.operations:
+    def computed(rule: str, place: int, operands: Any) -> Any:
         try:
             known = _RULES[rule](*[value(a) for a in operands]) if rule in _RULES else None
         except ZeroDivisionError:
@@ -171,8 +187,32 @@ def _forms(name: str, map: Any, letters: Sequence[str]) -> list[Any]:
         if known is None:
             shown = "a comparison, as in np.maximum," if rule[0] == "o" else equations.shown(place)
             raise TypeError(f"{name}: {shown} is no quotient of polynomials")
-        values[place] = known
-    return over_common_denominator([value(a) for a in equations.results], ring)
+        return known
+
+    for k, (rule, place, operands) in enumerate(operations):
+        values[place] = computed(rule, place, operands)
+        if not varying.keys() & _places(operands):
+            continue
+        varying[place] = rule, place, operands
+        left = {a for a in varying if last.get(a, -1) > k}
+        again = [
+            a
+            for a in varying
+            if a in left - {*starts} and _places(varying[a][2]) & varying.keys() <= left
+        ]
+        cut = [a for a in varying if a in left.difference(again)]
+        if len(cut) == D and cut != starts and {*cut} != _places(results):
+            stages.append(over_common_denominator([values[a] for a in cut], ring))
+            starts = cut
+            values |= dict(zip(cut, x, strict=True))
+            for a in again:
+                values[a] = computed(*varying[a])
+    return [*stages, over_common_denominator([value(a) for a in results], ring)]
+
+
+def _places(operands: Sequence[Any]) -> set[int]:
+    """Return the operands that are places of other operations, and not numbers."""
+    return {a for a in operands if type(a) is not float}
 
 
 def _takes_images_back(map: RationalMap) -> bool:

@@ -16,6 +16,7 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from .birational_maps import LONGEST, RationalMap
+from .composed_maps import ComposedMap
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
@@ -49,7 +50,7 @@ from .rational_functions import (
 from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
-_ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
+_ENOUGH, _MOST = 10, 40  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
 _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
@@ -287,7 +288,8 @@ class Search:
         """Follow the contracted curves, unless that takes long and a proved integral suffices."""
         is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
         has_letters = len(self.map.letters) > 1
-        if is_proved and (has_letters or self.map.length > 1):
+        is_long = self.map.length > 1 or isinstance(self.map, ComposedMap)
+        if is_proved and (has_letters or is_long):
             self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
         elif has_letters:
             self.planar = PlanarEntropy(reason="curves are followed with one letter at most: subs")
@@ -504,12 +506,11 @@ class Search:
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
         """Yield a task, `kind`: prove that quotients of `space` are integrals, in `longest` s."""
-        map, degree = self.map, max(degree_of(P) for P in space)
-        cost = sum(map.cost_of_pullback(P, degree) for P in space)
+        cost = self.map.cost_of_pullbacks(space)
 
         def run() -> Tasks:
             if cost <= longest:
-                images = [map.pullback(P, degree) for P in space]
+                images = self.map.pullbacks(space)
                 pairs = zip(images, space, strict=True)
                 if any(image * space[0] != images[0] * P for image, P in pairs):
                     raise ArithmeticError(f"{space} have different cofactors")

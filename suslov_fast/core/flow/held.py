@@ -233,7 +233,9 @@ def motion_of_one(system, x0, out, memory):
         memory[plan[PLAN.numbers] + NUMBER.acts] = 0.0
         components = plan[PLAN.components_again]
         first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
-    memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
+    memory[plan[PLAN.ended]] = system.time
+    if state != _DONE:
+        memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
     if state in (_DONE, _STOPPED):
         _write(system, state, memory, inputs, out)
     else:

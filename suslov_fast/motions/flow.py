@@ -222,9 +222,12 @@ def solved(
     else:
         states = found.states[:, 0]  # sooner than by `reshape`
     steps = found.steps.reshape(batch)
-    last = times.item() if len(times) == 1 else request.sign * abs(times).max(initial=0.0)
+    if len(times) == 1:
+        last = times.reshape(())
+    else:
+        last = np.array(request.sign * abs(times).max(initial=0.0))
     if found.is_good:
-        status, end = without_ends(batch)[1], np.full(batch, last)
+        status, end = without_ends(batch)[1], np.full(batch, last) if batch else last
         new = states, times, steps, of_columns, end
     else:
         status = found.status.reshape(batch)

@@ -27,7 +27,8 @@ _MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
 _MOST_FORMS = 64  # of equations, which are known
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 _ONE = np.arange(1)
-_PATIENCE = 500  # tables of one member by NumPy, which take as long as compiling
+# Calls of a program by NumPy, which take as long as compiling, and operations that compile soon.
+_PATIENCE, _MOST_OPERATIONS = 500, 3000
 _LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
 
 
@@ -130,12 +131,20 @@ def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
     """Return the table (n,) of f for parameters (P,): after many calls by machine code."""
     if not f.fixed:
         return given if f.has_own_table else given[[number - f.D for number in f.table]]
-    f.calls += 1
-    if f.calls < _PATIENCE:
-        return f.table_of(given)
-    from ..core.flow.batch_solver import table_by_code  # with Numba
+    found = by_code_if_often(f, "table", given)
+    return f.table_of(given) if found is None else found
 
-    return table_by_code(f, given)
+
+def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None:
+    """Return the results of a program of f at one state by machine code; None in first calls."""
+    calls = vars(f).setdefault("calls", {})
+    calls[name] = count = calls.get(name, 0) + 1
+    if count <= _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):
+        return None
+    from ..core.flow.program_code import by_code  # with Numba
+
+    found: FloatArray = by_code(f, name, *given)
+    return found
 
 
 def of_one(

@@ -101,7 +101,6 @@ class RightHandSide:
         self.with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, events, offsets, columns = False, None, {}, 0
-    calls = 0  # of `table_of` for one member
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = branch_program = derived = None
     entries = property(lambda self: len(self.pattern))
@@ -189,7 +188,10 @@ class RightHandSide:
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
-        entries = self._at("derivative", x, table)
+        return self.matrix_of(self._at("derivative", x, table))
+
+    def matrix_of(self, entries):
+        """Return f' (D, D, ...) from the results of `derivative`."""
         if self.products:
             unit = np.eye(self.D).reshape(self.D, self.D, *[1] * (entries.ndim - 1))
             given = dict(enumerate([*entries[:, np.newaxis], *unit]))

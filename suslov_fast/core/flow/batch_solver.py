@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..cached import cached_property
-from ..expressions.programs import Program
 from ..llvm.compiler import address_of, compiled
-from ..llvm.text import Code, Index
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
@@ -20,9 +18,9 @@ from .event_records import size_of
 from .growing_components import many_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
+from .program_code import TABLE, by_code
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
-from .vector_functions import ProgramFunction
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -110,38 +108,6 @@ def code_of(integrator, W, for_each):
     return integrator.codes[W, for_each]
 
 
-@functools.lru_cache(64)
-def code_of_table(f):
-    """Return code of f's table (n,), which it writes behind parameters (P,), and its workspace.
-
-    That is the `Address`, and how many numbers the code needs behind the table.
-    """
-    function = ProgramFunction(Program(f.fixed, f.table), f.D + f.P)
-    code = compiled(("table", f.key), functools.partial(_text_of_table, f, function), 1)
-    vars(code).setdefault("function", function)  # whose matrices it reads
-    return code, function.scratch
-
-
-def table_by_code(f, parameters):
-    """Return f's table (n,) for parameters (P,), a new array: many times as fast as NumPy."""
-    code, scratch = code_of_table(f)
-    both = np.empty(f.P + len(f.table) + scratch)
-    both[: f.P] = parameters
-    code.call(address_of(both))
-    return both[f.P : f.P + len(f.table)]
-
-
-def _text_of_table(f, function, name):
-    text = Code(1)
-    function.add(text, f"{name}_table", False)
-    text.begin(name, "parameters")
-    parameters = Index(text, "%parameters")
-    table = parameters + 8 * f.P
-    text.invoke(f"{name}_table", parameters - 8 * f.D, 0, table, table + 8 * len(f.table))
-    text.add("  ret i64 1")
-    return text.finished()
-
-
 class EventTimes:
     """The given times of events, ascending, in one row for all trajectories or one row for each.
 
@@ -191,7 +157,7 @@ def counted_from_start(f, table, x0):
         given[:count] = table.ravel()[:count]
         for clock, number in f.offsets.items():
             given[number - own.D], x0[0, clock] = x0[0, clock], 0.0
-        return table_by_code(f, given).reshape(table.shape), x0, starts
+        return by_code(f, TABLE, given).reshape(table.shape), x0, starts
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]

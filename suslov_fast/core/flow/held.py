@@ -22,7 +22,6 @@ from ..numba.status_codes import (
 from .batch_solver import (
     NO_EVENT_TIMES,
     code_of,
-    code_of_table,
     components_of,
     integrator_of,
     numbers_of,
@@ -31,6 +30,7 @@ from .code_arguments import NUMBER, SLOT
 from .event_actions import most_records
 from .event_records import size_of
 from .memory import BEGINS, LaneState
+from .program_code import TABLE, code_of_program
 
 # By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
 STATUS = np.full(LaneState.AGAIN + 2, TOO_MANY_STEPS, np.int8)
@@ -51,7 +51,7 @@ class Plan(NamedTuple):
     implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
     first_again: int  # of the code with which a motion after an alarm begins, with atol = 0
     implicit_again: int
-    of_table: int  # address of the code of `code_of_table`, 0 if the table has all parameters
+    of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
     by_starts: int  # columns of derivatives by x0, the first ones: D or 0
     columns: int  # of derivatives
@@ -113,7 +113,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         integrators += [integrator_of(f, mode, True) for mode in modes]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
     of_again = codes[-len(modes) :]
-    of_table, of_this = (0, 0) if f.is_dense else code_of_table(f.of)
+    of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
     (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
     row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf

@@ -1,0 +1,59 @@
+"""Programs of a right-hand side at one state as machine code: its table, f, and entries of f'.
+
+NumPy takes a microsecond for each operation. The bits are the same.
+"""
+
+import functools
+
+import numpy as np
+
+from ..expressions.programs import Program
+from ..llvm.compiler import address_of, compiled
+from ..llvm.text import Code, Index
+from .vector_functions import ProgramFunction
+
+TABLE = "table"
+
+
+@functools.lru_cache(256)
+def code_of_program(f, name):
+    """Return code of the program `name` of f, "f" or "derivative", or of f's table.
+
+    It reads the state (D,) and the table (n,), or for the table the parameters (P,), and writes the
+    results behind them. The second value says how many numbers it needs behind the results.
+    """
+    if name == TABLE:
+        function, skipped, given = ProgramFunction(Program(f.fixed, f.table), f.D + f.P), f.D, f.P
+        results = len(f.table)
+    else:
+        program = getattr(f, name)
+        function, skipped = ProgramFunction(program, f.D, f.places), 0
+        given, results = f.D + len(f.table), len(program.results)
+
+    def text_of(own):
+        text = Code(1)
+        function.add(text, f"{own}_program", False)
+        text.begin(own, "memory")
+        memory = Index(text, "%memory")
+        addresses = -8 * skipped, 8 * f.D, 8 * given, 8 * (given + results)
+        text.invoke(f"{own}_program", *(memory + each for each in addresses))
+        text.add("  ret i64 1")
+        return text.finished()
+
+    code = compiled((name, f.key), text_of, 1)
+    vars(code).setdefault("function", function)  # whose matrices it reads
+    return code, function.scratch
+
+
+def by_code(f, name, *given):
+    """Return the results (R,) of a program of f, see `code_of_program`: a new array."""
+    code, scratch = code_of_program(f, name)
+    results = len(f.table if name == TABLE else getattr(f, name).results)
+    first = sum(map(len, given))
+    memory = np.empty(first + results + scratch)
+    begin = 0
+    for each in given:
+        memory[begin : begin + len(each)] = each
+        begin += len(each)
+    code.call(address_of(memory))
+    return memory[first : first + results]

@@ -41,11 +41,15 @@ class Tracer:
         self, names: Sequence[str], parameters: Sequence[str], has_products: bool = False
     ) -> None:
         self.names, self.has_products = (*names, *parameters), has_products
-        D, count = len(names), len(self.names)
-        self.values = Expressions(count, range(D, count))
-        self.state = Symbols.of([Symbol(self, i) for i in range(D)])
-        self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, D)}
+        self.D, count = len(names), len(self.names)
+        self.values = Expressions(count, range(self.D, count))
+        self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
         self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest ones
+
+    @property
+    def state(self) -> Symbols:
+        """The symbols of the components; as an attribute, no garbage collector would find them."""
+        return Symbols.of([Symbol(self, i) for i in range(self.D)])
 
     def is_truth(self, operand: Any) -> bool:
         of: Mapping[Any, Any] = self.values.of

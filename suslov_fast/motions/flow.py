@@ -271,6 +271,9 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...],
     if unknown := [name for name in names if name not in ("x0", *field._coordinates)]:
         known = ", ".join(map(repr, ("x0", *field._coordinates)))
         raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
+    if "x0" in names and "x0" in field._coordinates:
+        how = "the initial state and a parameter: give the parameter another name"
+        raise wrong("derivatives", "names of one thing each", f"'x0', {how}")
     if len({*names}) < len(names):
         raise wrong("derivatives", "different names", short(names))
     return tuple(names), field

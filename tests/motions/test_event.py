@@ -1,5 +1,6 @@
 """The class `Event` and the results of changes: text, equality, pickles, batches."""
 
+import gc
 import json
 import pickle
 
@@ -164,3 +165,20 @@ def test_events_of_one_trajectory():
     assert "<td>OK</td><td>10</td>" in one._repr_html_()
     with pytest.raises(ValueError, match="from 0 to 3"):
         events.of(4)
+
+
+def test_symbols_of_functions_are_freed():
+    """New functions in each call, as in a loop over levels, do not fill the memory."""
+    kinds, field = set(), Field(lambda s: (s[0],), "x")
+
+    def surface(s, level):
+        kinds.add(type(s[0]))
+        return s[0] - level
+
+    def count(n):
+        for level in range(n):
+            flow(field, [1.0], time=1.0, events=Event(lambda s, own=level: surface(s, own)))
+        gc.collect()
+        return sum(type(each) in kinds for each in gc.get_objects())
+
+    assert count(20) >= count(40)

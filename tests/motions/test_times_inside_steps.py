@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import sici
 from systems import field, kepler, robertson
 
 import suslov_fast as sf
@@ -104,3 +105,22 @@ def test_clocks_are_their_start_plus_rate_times_time(rng, stiff, backward):
         assert len(own.time) > 2
         np.testing.assert_array_equal(own.states[:, 1:], exact)
         np.testing.assert_array_equal(own.before[:, 1:], exact)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_a_time_at_which_f_has_no_value(rng, stiff):
+    """The integral of sin(u) / u, also at times with u = 0 exactly."""
+    field = sf.Field(lambda s: (np.sin(s[1]) / s[1], 1.0), "x u")
+    for start in -rng.integers(1, 200, 20) / 64:
+        times = -start * np.array([0.3, 1.0, 2.5])
+        motion = sf.flow(field, [0.0, start], time=times[rng.integers(0, 2) :], stiff=stiff)
+        exact = sici(start + motion.time)[0] - sici(start)[0]
+        np.testing.assert_allclose(motion["x"], exact, atol=1e-8)
+
+
+def test_a_gate_of_a_neuron_in_a_ramp():
+    """At -40 mV its rate is 0/0; right are times beside it."""
+    gate = sf.Field(lambda s: (0.1 * (s[1] + 40) / (1 - np.exp(-(s[1] + 40) / 10)) * (1 - s[0])
+                               - 4 * np.exp(-(s[1] + 65) / 18) * s[0], 1.0), "m V")  # fmt: skip
+    at, beside = (sf.flow(gate, [0.05, -65.0], time=[25 + d, 30])["m"] for d in (0, 1e-9))
+    np.testing.assert_allclose(at, beside, rtol=1e-8)

@@ -61,10 +61,16 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 
 
 @scalar_kernel
-def RATIO(error, inverse, f_new, ratio, total):
-    """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is."""
+def RATIO(error, inverse, f_new, ratio, total, aside):
+    """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is.
+
+    A step `aside` (1) saves its end alone, which does not need f_new.
+    """
     own = abs(error) * inverse
-    return {"ratio": larger(own, ratio), "total": total + own + abs(f_new)}
+    return {
+        "ratio": larger(own, ratio),
+        "total": total + own + (aside > 0.0).select(0.0, abs(f_new)),
+    }
 
 
 @scalar_kernel

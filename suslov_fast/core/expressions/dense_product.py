@@ -27,7 +27,7 @@ class DenseMatrix(str):
         matrix = np.ascontiguousarray(matrix, np.float64)
         digest = hashlib.blake2b(matrix.tobytes(), digest_size=16).hexdigest()
         own = super().__new__(cls, f"matrix {digest} {matrix.shape[0]} {matrix.shape[1]}")
-        own.matrix = matrix
+        own.matrix, own.packed = matrix, {}
         return own
 
     def __reduce__(self):
@@ -42,15 +42,22 @@ class DenseMatrix(str):
             total += column * a
         return total
 
-    def packed(self, rows):
-        """Return the entries in blocks of so many rows, each column by column; the last is filled.
+    @property
+    def height(self):
+        """The number of rows, rounded up to AT_ONCE."""
+        return -(-len(self.matrix) // AT_ONCE) * AT_ONCE
 
-        With rows = 1, it is the matrix itself.
+    def address(self, rows):
+        """Return the address of the entries in blocks of `rows` rows, each column by column.
+
+        Rows of 0 follow the last ones. The entries stay in memory as long as this object.
         """
-        n, m = self.matrix.shape
-        full = np.zeros((-(-n // rows) * rows, m))
-        full[:n] = self.matrix
-        return np.ascontiguousarray(full.reshape(-1, rows, m).transpose(0, 2, 1))
+        if rows not in self.packed:
+            full = np.zeros((self.height, self.matrix.shape[1]))
+            full[: len(self.matrix)] = self.matrix
+            blocks = full.reshape(-1, rows, full.shape[1]).transpose(0, 2, 1)
+            self.packed[rows] = np.ascontiguousarray(blocks)
+        return self.packed[rows].ctypes.data
 
 
 def is_matrix(instruction):

@@ -5,8 +5,8 @@ writes rows at another. Expression programs are straight-line code, in blocks if
 dense matrices have loops. `scratch` are rows for temporary results.
 """
 
+import functools
 from collections import defaultdict
-from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -32,10 +32,17 @@ class ProgramFunction:
 
     def __init__(self, program, inputs, places=None):
         self.program, self.inputs, self.places = program, inputs, places or {}
-        self.length = len(program.operations)
-        self.products = Products(program)
-        if self.products.rows:
-            self.length, self.scratch = np.inf, self.products.rows
+        self.length, self.operations = len(program.operations), []
+        self.entries, vectors = {}, {}  # first scratch rows of entries and products
+        for name, number, operands in program.operations:
+            if name == ENTRY:
+                self.entries[number] = vectors[operands[0]] + int(operands[1])
+                continue
+            self.operations.append((name, number, operands))
+            if is_matrix(name):
+                vectors[number], self.length = self.scratch, np.inf
+                self.scratch += name.height + len(operands)
+        self.vectors = vectors
         instructions = {instruction for instruction, *_ in program.operations}
         self.calls = not instructions.isdisjoint(OF_LISTS)
         self.calls_by_lane = not instructions.isdisjoint(OF_LIBRARY)
@@ -55,8 +62,8 @@ class ProgramFunction:
         numbers = text.array(table) if for_each else Shared(text, table)
 
         def load(number):
-            if number in self.products.places:
-                return text.array("%scratch")[self.products.places[number]]
+            if number in self.entries:
+                return text.array("%scratch")[self.entries[number]]
             return row(number) if number < self.inputs else numbers[self.places[number]]
 
         return load
@@ -72,8 +79,8 @@ class ProgramFunction:
         LLVM's time grows with the square of a block. Each block reads its inputs again, and writes
         each result as soon as it is computed. If `for_each` is True, each lane has a table.
         """
-        operations, rows, given = self.products.others, defaultdict(list), []
-        own, products = {number for _, number, _ in operations}, self.products
+        operations, rows, given = self.operations, defaultdict(list), []
+        own = {number for _, number, _ in operations}
         for k, a in enumerate(self.program.results):
             if type(a) is int and a in own:
                 rows[a].append(k)
@@ -82,20 +89,21 @@ class ProgramFunction:
         x, to, computed = text.array("%from"), text.array("%to"), {}
         with text.function(name):
             load = self._loader(text, lambda k: x[k], "%table", for_each)
-            for begin, end, product in products.blocks():
-                if begin:
+            for k, block in enumerate(_blocks(operations)):
+                if k:
                     text.next_block()
-                block = operations[begin:end]
                 used = {a for *_, operands in block for a in operands}
                 found = {a: computed[a] for a in used if a in computed}
+                if block[0][1] in self.vectors:
+                    [(matrix, number, operands)] = block
+                    values = [self._result(text, a, found, load) for a in operands]
+                    multiply(text, matrix, values, text.array("%scratch", self.vectors[number]))
+                    continue
                 text.carry_out(block, found, load)
                 for _, number, _ in block:
                     computed[number] = found[number]
                     for k in rows[number]:
                         to[k] = found[number]
-                    products.keep(text, number, found[number])
-                if product is not None:
-                    products.add(text, product, lambda a: self._result(text, a, computed, load))
             for begin in range(0, len(given), BLOCK):
                 if begin:
                     text.next_block()
@@ -103,94 +111,42 @@ class ProgramFunction:
                     to[k] = self._result(text, a, {}, load)
 
 
-class Products:
-    """Products of dense matrices in a `Program`, as loops; vectors stand in the scratch rows.
+def _blocks(operations):
+    """Yield lists of up to BLOCK operations; a product with a dense matrix is alone in its list."""
+    block = []
+    for each in operations:
+        if block and (len(block) == BLOCK or is_matrix(each[0]) or is_matrix(block[0][0])):
+            yield block
+            block = []
+        block.append(each)
+    if block:
+        yield block
 
-    others   the operations other than products and entries of them
-    places   {number of an entry: its scratch row}
-    rows     how many scratch rows there are
+
+def multiply(text, matrix, values, to):
+    """Write the product of a `DenseMatrix` and `values` to the `Array` `to`; rows follow for these.
+
+    One lane takes AT_ONCE rows of the matrix as lanes of vectors, other lanes take as many as
+    registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order.
     """
-
-    def __init__(self, program):
-        self.others, self.places, self.rows, self._of, firsts = [], {}, 0, [], {}
-        self._kept = defaultdict(list)
-        for name, number, operands in program.operations:
-            if name == ENTRY:
-                vector, i = operands
-                self.places[number] = firsts[vector] + int(i)
-            elif is_matrix(name):
-                n, m = name.matrix.shape
-                firsts[number] = self.rows + m
-                self._of.append((len(self.others), name, operands, self.rows))
-                for j, a in enumerate(operands):
-                    if type(a) is int:  # 1 is the number of a value, and 1.0 a constant
-                        self._kept[a].append(self.rows + j)
-                self.rows += m + -(-n // AT_ONCE) * AT_ONCE
-            else:
-                self.others.append((name, number, operands))
-        self._own = {number for _, number, _ in self.others}
-
-    def blocks(self):
-        """Yield (begin, end) of blocks of `others`, and the product that follows, or None."""
-        begin = 0
-        for product in [*self._of, None]:
-            last = product[0] if product else len(self.others)
-            while last - begin > BLOCK:
-                yield begin, begin + BLOCK, None
-                begin += BLOCK
-            if product or last > begin:
-                yield begin, last, product
-            begin = last
-
-    def keep(self, text, number, value):
-        """Write a value to the vectors that it is in."""
-        for row in self._kept.get(number, ()):
-            text.array("%scratch")[row] = value
-
-    def add(self, text, product, value):
-        """Add a product to `text`; value(operand) returns operands that are no values of `others`.
-
-        One lane takes AT_ONCE rows as lanes of vectors; many lanes take the rows of registers.
-        """
-        _, name, operands, first = product
-        (n, m), scratch = name.matrix.shape, text.array("%scratch")
-        for j, a in enumerate(operands):
-            if isinstance(a, float) or a not in self._own:
-                scratch[first + j] = value(a)
-        v, to = scratch.from_here(first), scratch.from_here(first + m)
-        if text.W == 1:
-            wide, rows, step = text.lanes(8), AT_ONCE, 8
-        else:
-            wide, rows, step = text, 64 // text.W if numbers_in_register() == 8 else 4, 1
-        entries = Index(text, address_of_packed(name, rows))
-        parts = range(0, rows, step)
-        for block in text.each(-(-n // rows)):
-            sums = Carried(**{f"s{k}": wide.value(0.0) for k in parts})
-            own = entries + block * (8 * m * rows)
-            for j in text.each(m, sums):
-                at = own + j * (8 * rows)
-                a, found = v[j], {}
-                a = wide.splat(a) if text.W == 1 else a
-                for k in parts:
-                    if text.W == 1:
-                        c = wide.array(at)[k]
-                    else:
-                        c = Shared(text, at)[k]
-                    found[f"s{k}"] = getattr(sums, f"s{k}") + c * a
-                sums.update(found)
-            for k in parts:
-                wide.array(to.at(block * rows))[k] = getattr(sums, f"s{k}")
-
-
-def address_of_packed(matrix, rows):
-    """Return the address of the `packed` entries of a `DenseMatrix`, which stay in memory."""
-    kept = vars(matrix).setdefault("_packed", {})
-    if rows not in kept:
-        kept[rows] = _packed.setdefault((str(matrix), rows), matrix.packed(rows))
-    return kept[rows].ctypes.data
-
-
-_packed = WeakValueDictionary()  # entries by matrix and rows; codes and matrices keep them
+    n, m = matrix.matrix.shape
+    v = to.from_here(matrix.height)
+    for j, value in enumerate(values):
+        v[j] = value
+    wide, rows, step = text, 64 // text.W if numbers_in_register() == 8 else 4, 1
+    if text.W == 1:
+        wide, rows, step = text.lanes(8), AT_ONCE, 8
+    entries = Index(text, matrix.address(rows))
+    for block in text.each(-(-n // rows)):
+        sums = Carried(**{f"s{k}": wide.value(0.0) for k in range(0, rows, step)})
+        own = entries + block * (8 * m * rows)
+        for j in text.each(m, sums):
+            at = own + j * (8 * rows)
+            column = (wide.array if text.W == 1 else functools.partial(Shared, text))(at)
+            a = wide.splat(v[j]) if text.W == 1 else v[j]
+            sums.update({key: s + column[int(key[1:])] * a for key, s in vars(sums).items()})
+        for key, s in vars(sums).items():
+            wide.array(to.at(block * rows))[int(key[1:])] = s
 
 
 class JacobianColumns:

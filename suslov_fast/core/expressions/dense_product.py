@@ -5,16 +5,17 @@ float(i))) is its component i. So a list has n operations for n**2 products; mac
 Each component is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: the bits of the written sum.
 """
 
+import copy
 import hashlib
-from collections import defaultdict
-from itertools import islice, zip_longest
+from collections import Counter, defaultdict
+from itertools import chain, islice, takewhile, zip_longest
 
 import numpy as np
 
 from .function_records import FUNCTIONS
 from .programs import Expressions, dot, renamed
 
-ENTRY = "entry"
+ENTRY, _SUMS = "entry", ("fadd", "fsub")
 AT_ONCE = 16  # rows that machine code may take at once
 # Below so many entries, or with fewer entries that are not 0, sums are written out: see `is_large`.
 LEAST, LEAST_PART = 24 * 24, 0.25
@@ -91,6 +92,78 @@ def expanded(values, operands):
             known[number] = new.emit(name, *renamed(of, known))
     new.take_written(values, known)
     return new, renamed(operands, known)
+
+
+def rolled(values):
+    """Return `Expressions` with products of dense matrices in place of sums that are written out.
+
+    A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers; rows that share
+    values are a matrix. All constants may have the same parameters as factors and divisors, as in
+    (g * W) @ x: then the product has them.
+    """
+    if len(values.of) < 2 * LEAST:
+        return values
+    lefts = {of[0] for name, of in values.of.values() if name in _SUMS}
+    groups, group_of = [], {}
+    for number, (name, _) in values.of.items():
+        row = _row(values, number) if name in _SUMS and number not in lefts else {}
+        if len(row) > 1:
+            group = next((group_of[key] for key in row if key in group_of), None)
+            if group is None:
+                groups.append(group := [])
+            group.append(row)
+            group_of |= dict.fromkeys(row, group)
+    new, count = copy.copy(values), values.count
+    new.of = dict(values.of)
+    for group in groups:
+        often = Counter(chain.from_iterable(group)).items()
+        most = {key for key, n in often if n > LEAST_PART * len(group)}
+        rows = [[*takewhile(lambda a, most=most: a[0] in most, row.items())] for row in group]
+        rows = [row for row in rows if len(row) > LEAST_PART * len(most)]
+        columns = {key: j for j, key in enumerate(sorted(most))}
+        matrix = np.zeros((len(rows), len(columns)))
+        for i, row in enumerate(rows):
+            for key, (c, _) in row:
+                matrix[i, columns[key]] = c
+        if not is_large(matrix):
+            continue
+        whole, count = count, count + 1
+        new.of[whole] = DenseMatrix(matrix), tuple(v for _, v in columns)
+        for i, row in enumerate(rows):
+            own = ENTRY, (whole, float(i))
+            (factors, _), (_, end) = row[-1]
+            for name, g in factors:
+                new.of[count] = own
+                own, count = (name, (count, g)), count + 1
+            new.of[end] = own
+    return new
+
+
+def _row(values, number):
+    """Return {(factors of c, v): (c, number of the sum that ends with c v)} of terms of a sum.
+
+    These are its first terms with values v in order, whose constants c have the same factors.
+    """
+    terms, row, parts = [], {}, values.parts_of
+    while parts(number)[0] in _SUMS:
+        name, (left, a) = parts(number)
+        terms.append((-1.0 if name == "fsub" else 1.0, a, number))
+        number = left
+    for sign, v, end in [(1.0, number, number), *reversed(terms)]:
+        c, key = 1.0, ((), v)
+        if parts(v)[0] == "fmul":
+            c, v = parts(v)[1]
+            c, v = (v, c) if type(v) is int and v in values.fixed else (c, v)
+            factors = []
+            while (name := parts(c)[0]) in ("fmul", "fdiv") and c in values.fixed:
+                c, g = parts(c)[1]
+                factors.insert(0, (name, g))
+            key = tuple(factors), v
+        last = next(reversed(row), (key[0], -1))
+        if isinstance(v, float) or not isinstance(c, float) or key[0] != last[0] or v <= last[1]:
+            break
+        row[key] = sign * c, end
+    return row
 
 
 def products_in(operations):

@@ -140,7 +140,7 @@ class Expressions(Values):
         self.of[number] = instruction, operands
         return number
 
-    def _parts_of(self, operand):
+    def parts_of(self, operand):
         """Return the instruction and the operands of a value; ("", ()) for a constant."""
         return ("", ()) if isinstance(operand, float) else self.of.get(operand, ("", ()))
 
@@ -154,14 +154,14 @@ class Expressions(Values):
                 return self.emit("fmul", b, a)
             if isinstance(a, float) and a == 1.0:
                 return b
-            inner, of = self._parts_of(b)
+            inner, of = self.parts_of(b)
             has_constants = isinstance(a, float) and of and isinstance(of[0], float)
             if inner == "fmul" and has_constants and any(map(_is_power_of_2, (a, of[0]))):
                 return self.emit("fmul", a * of[0], of[1])
             if inner == "fsub" and isinstance(a, float) and a == -1.0:
                 return self.emit("fsub", *of[::-1])
         if instruction in ("fadd", "fsub"):
-            inner, of = self._parts_of(operands[1])
+            inner, of = self.parts_of(operands[1])
             if inner == "fmul" and isinstance(of[0], float) and of[0] == -1.0:
                 other = "fsub" if instruction == "fadd" else "fadd"
                 return self.emit(other, operands[0], of[1])

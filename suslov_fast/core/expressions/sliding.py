@@ -519,7 +519,7 @@ def _surfaces_of(values, program):
             continue
         sign = -1 if name in ("olt", "min") else 1
         for difference, other, turn in ((a, b, 1), (b, a, -1)):
-            inner, of = values._parts_of(difference)
+            inner, of = values.parts_of(difference)
             if same(other, 0.0) and inner == "fsub":
                 (a, b), sign = of, sign * turn
                 break

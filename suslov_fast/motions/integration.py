@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..checks import FloatArray
 from ..core.flow.batch_solver import BatchSolver, SolverRequest
 from ..core.flow.held import STATUS as STATUS
+from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..maps.kernel_arguments import ALL
@@ -20,8 +22,28 @@ from ..status import Status
 
 # Trajectories from which on threads are started, unless the user gives their number.
 _IN_THREADS = 64
+_LONG = 30_000  # operations of f whose compiling takes long
+_LARGE = 50  # equations with a dense f', from which on LSODA is faster: measured on rate networks
 # Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
+
+
+@lru_cache(64)
+def warn_of_size(f: Any, is_implicit: bool) -> None:
+    """Warn once if f takes long to compile, or if other solvers take its implicit steps sooner."""
+    if is_implicit and f.entries > max(_LARGE * f.D, f.D**2 / 2):
+        checks.warn(
+            f"f' is a dense matrix of {f.D} x {f.D}, and steps for stiff equations take long: "
+            "SciPy's solve_ivp is faster, with method='LSODA' or 'BDF' and jac=field.jacobian"
+        )
+    elif not (is_implicit or f.is_dense) and (count := len(f.f.operations)) > _LONG:
+        checks.warn(
+            f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
+            "sums over all variables as products W @ v with matrices"
+        )
+
+
+Integrator.on_new = warn_of_size
 
 
 class Records(NamedTuple):

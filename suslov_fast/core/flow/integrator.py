@@ -48,7 +48,11 @@ class Integrator:
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 
+    on_new = None  # a function of f and `is_implicit`, called before code is planned
+
     def __init__(self, f, is_implicit, has_atol):
+        if Integrator.on_new:
+            Integrator.on_new(f.of, is_implicit)
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
         self.largest = tolerance.NO_SIZE if has_atol else tolerance.LARGEST
         self.allowed = tolerance.ALLOWED_WITH_ATOL if has_atol else tolerance.ALLOWED

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import OF_SYMBOLS, FloatArray, short
+from ..checks import OF_SYMBOLS, short
 from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
@@ -104,14 +104,6 @@ class Tracer:
         if not isinstance(result, float) and result >= count:
             self.values.written.setdefault(result, (name, tuple(operands), *tables))
         return Symbol(self, result)
-
-    def product(self, matrix: FloatArray, vector: Symbols) -> Symbols:
-        """Return the product of a matrix of numbers and a vector of symbols, as one operation."""
-        values = self.values
-        whole = values.emit(DenseMatrix(matrix), *map(self.number, vector))
-        return Symbols.of(
-            [Symbol(self, values.emit(ENTRY, whole, float(i))) for i in range(len(matrix))]
-        )
 
     def result(self, value: Any) -> Any:
         """Return the operand that a component of f, or H, is."""
@@ -255,23 +247,18 @@ def _carried_out(
 def _product(a: Any, b: Any) -> Any:
     """Return the product of a large matrix and a vector as one operation, or None."""
     if isinstance(a, Symbols) and not isinstance(b, Symbols):
-        if a.ndim == 1 and np.ndim(b) == 2:
-            return _product(_as_array(b).T, a)
-        if a.ndim == 2 and np.ndim(b) == 2:
-            found = _product(_as_array(b).T, a.T)
-            return None if found is None else found.T
-        return None
-    if not isinstance(b, Symbols) or isinstance(a, Symbols) or not 1 <= b.ndim <= 2:
+        a, b = _as_array(b).T, a  # v @ W
+    if not isinstance(b, Symbols) or b.ndim != 1 or isinstance(a, Symbols):
         return None
     a = _as_array(a)
     if a.ndim != 2 or a.dtype.kind not in "fiub" or a.shape[1] != len(b) or not is_large(a):
         return None
-    tracer = next((each.tracer for each in b.flat if isinstance(each, Symbol)), None)
+    tracer = next((each.tracer for each in b if isinstance(each, Symbol)), None)
     if tracer is None or not (tracer.has_products and np.isfinite(a).all()):
         return None
-    if b.ndim == 1:
-        return tracer.product(a, b)
-    return np.stack([_base(tracer.product(a, column)) for column in b.T], axis=1).view(Symbols)
+    emit = tracer.values.emit
+    whole = emit(DenseMatrix(a), *map(tracer.number, b))
+    return Symbols.of([Symbol(tracer, emit(ENTRY, whole, float(i))) for i in range(len(a))])
 
 
 def _is_array(value: Any) -> bool:

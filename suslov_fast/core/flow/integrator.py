@@ -1,5 +1,7 @@
 """The explicit and the implicit integrator of a right-hand side: their functions and rows."""
 
+from typing import Any
+
 from ..cached import cached_property
 from ..expressions.double_crossings import POINTS, DoubleCrossings
 from ..expressions.event_formulas import read_by
@@ -48,7 +50,7 @@ class Integrator:
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 
-    on_new = None  # a function of f and `is_implicit`, called before code is planned
+    on_new: Any = None  # a function of f and `is_implicit`, called before code is planned
 
     def __init__(self, f, is_implicit, has_atol):
         if Integrator.on_new:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.cached import cached_property
-from ..core.expressions.dense_product import expanded, rolled
+from ..core.expressions.dense_product import expanded, roll
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order
@@ -42,7 +42,8 @@ class Equations:
     ) -> None:
         self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
         self.ratios = dict(ratios or {})
-        values, operands = in_order(rolled(values), [*results, *([] if H is None else [H])])
+        roll(values)
+        values, operands = in_order(values, [*results, *([] if H is None else [H])])
         self.products = values, operands[: len(results)]
         self.H = None if H is None else operands[-1]
 

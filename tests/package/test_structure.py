@@ -183,7 +183,7 @@ def test_numba_is_chosen_in_one_file():
 # What the core takes of the standard library: nothing that reads, writes or waits.
 PURE = (
     "array collections contextlib enum functools hashlib heapq inspect itertools math operator "
-    "struct threading types typing weakref"
+    "struct threading types typing"
 ).split()
 
 

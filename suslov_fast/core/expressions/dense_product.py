@@ -5,10 +5,9 @@ float(i))) is its component i. So a list has n operations for n**2 products; mac
 Each component is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: the bits of the written sum.
 """
 
-import copy
 import hashlib
 from collections import Counter, defaultdict
-from itertools import chain, islice, takewhile, zip_longest
+from itertools import chain, count, islice, takewhile, zip_longest
 
 import numpy as np
 
@@ -94,16 +93,16 @@ def expanded(values, operands):
     return new, renamed(operands, known)
 
 
-def rolled(values):
-    """Return `Expressions` with products of dense matrices in place of sums that are written out.
+def roll(values):
+    """Put products of dense matrices in place of written sums, in the dict `of` of `Expressions`.
 
     A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers; rows that share
     values are a matrix. All constants may have the same parameters as factors and divisors, as in
     (g * W) @ x: then the product has them.
     """
     if len(values.of) < 2 * LEAST:
-        return values
-    lefts = {of[0] for name, of in values.of.values() if name in _SUMS}
+        return
+    lefts = {of[0] for name, of in values.of.values() if name in _SUMS and type(of[0]) is int}
     groups, group_of = [], {}
     for number, (name, _) in values.of.items():
         row = _row(values, number) if name in _SUMS and number not in lefts else {}
@@ -113,8 +112,7 @@ def rolled(values):
                 groups.append(group := [])
             group.append(row)
             group_of |= dict.fromkeys(row, group)
-    new, count = copy.copy(values), values.count
-    new.of = dict(values.of)
+    new = count(-1, -1)  # numbers of values
     for group in groups:
         often = Counter(chain.from_iterable(group)).items()
         most = {key for key, n in often if n > LEAST_PART * len(group)}
@@ -127,16 +125,15 @@ def rolled(values):
                 matrix[i, columns[key]] = c
         if not is_large(matrix):
             continue
-        whole, count = count, count + 1
-        new.of[whole] = DenseMatrix(matrix), tuple(v for _, v in columns)
+        whole = next(new)
+        values.of[whole] = DenseMatrix(matrix), tuple(v for _, v in columns)
         for i, row in enumerate(rows):
             own = ENTRY, (whole, float(i))
             (factors, _), (_, end) = row[-1]
             for name, g in factors:
-                new.of[count] = own
-                own, count = (name, (count, g)), count + 1
-            new.of[end] = own
-    return new
+                entry = next(new)
+                values.of[entry], own = own, (name, (entry, g))
+            values.of[end] = own
 
 
 def _row(values, number):

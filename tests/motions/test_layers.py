@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import expit, i0e
+from scipy.special import beta, expit, i0e
 from systems import field
 
 import suslov_fast as sf
@@ -85,3 +85,50 @@ def test_knees(seed):
     start = [[1.0, 0.0], [3.0, 0.0]][seed % 2]
     run = sf.flow(field, start, time=times, rtol=rtol, atol=atol, stiff=rng.choice([None, True]))
     assert abs(run.states[times.index(knee), 0] - right) < 100 * (atol + rtol * right)
+
+
+PULSES = {  # functions of the cosine of a phase, and their means over a period
+    "exp": (lambda c, k: np.exp(k * (c - 1)), i0e),
+    "power": (lambda c, k: (c**2) ** k, lambda k: beta(k + 0.5, 0.5) / np.pi),
+    "halves": (
+        lambda c, k: np.where(c > 0, c, 0) ** k,
+        lambda k: beta(k / 2 + 0.5, 0.5) / 2 / np.pi,
+    ),
+}
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("rtol", [1e-9, 1e-6])
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("name", PULSES)
+def test_periodic_pulses(name, stiff, rtol, rng):
+    """Of widths from a sixth to 1/300 of the period."""
+    pulse, mean = PULSES[name]
+    k, phase = np.append(800.0, 10 ** rng.uniform(1.5, 4.1, 50)), rng.uniform(0, 6, 51)
+    w = 2 * np.pi * rng.integers(20, 200, 51) / 300
+
+    def f(s, k, w, phase):
+        return 1e-3 + pulse(np.cos(w * s[1] - phase), k), 1.0
+
+    pulsed = sf.Field(f, "y t", k=k, w=w, phase=phase)
+    run = sf.flow(pulsed, np.zeros((51, 2)), time=300.0, rtol=rtol, stiff=stiff)
+    np.testing.assert_allclose(run.final[:, 0], 300 * (1e-3 + mean(k)), rtol=1000 * rtol)
+
+
+def test_periodic_pulses_of_powers_and_of_days():
+    power = sf.Field(lambda s: (1 + np.sin(s[1]) ** 1000, 1.0), "y t")
+    right = 400 * (np.pi + beta(500.5, 0.5))
+    np.testing.assert_allclose(
+        sf.flow(power, [0.0, 0.0], time=400 * np.pi).final[0], right, rtol=1e-7
+    )
+
+    def dose(s):
+        return np.exp(800 * (np.cos(2 * np.pi * (s[1] - 8) / 24) - 1)), 1.0
+
+    motion = sf.flow(sf.Field(dose, "y t"), [0.0, 0.0], time=24.0 * np.arange(1, 366))
+    np.testing.assert_allclose(motion["y"], 24 * i0e(800) * np.arange(1, 366), rtol=1e-7)
+    narrow = sf.Field(lambda s, k: (np.exp(k * np.cos(s[1] - 3) - k), 1.0), "y t", k=1e8)
+    motion = sf.flow(narrow, [0.0, 0.0], time=20 * np.pi, derivatives="k")
+    np.testing.assert_allclose(motion.final[0], 20 * np.pi * i0e(1e8), rtol=1e-7)
+    slope = -motion.final[0] / 2e8  # i0e is nearly (2 pi k)**-1/2
+    np.testing.assert_allclose(motion.derivatives["k"].ravel()[0], slope, rtol=1e-5)

@@ -1,5 +1,7 @@
 """Right-hand sides of full quadratic fields, with a table of all coefficients."""
 
+from math import inf
+
 import numpy as np
 
 
@@ -10,7 +12,7 @@ class DenseRightHandSide:
     parameters, and its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, events, offsets, columns, products = True, None, {}, 0, ()
+    is_dense, events, offsets, columns, products, longest = True, None, {}, 0, (), inf
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = None
     clocks = steady = of_one_sign = denominators = fixed = ()

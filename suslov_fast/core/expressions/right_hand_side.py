@@ -10,6 +10,7 @@ from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import evaluate
 from .programs import Expressions, Program, needed_for
+from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
 
@@ -44,6 +45,7 @@ class RightHandSide:
     branches, branch_program, watch, double_crossings, aim, derived  see the module `branches`; None
                  if neither branches nor events need them
     watched      `Program` of the surfaces whose crossings end steps, or None
+    longest      operand of the longest step, a function of parameters, see `pulses`
     offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     events       `EventSet` of actions along the motion, or None
     of, columns  here f itself and 0; with columns of derivatives beside x, see `Variational`
@@ -81,6 +83,7 @@ class RightHandSide:
         self.f = Program(needed_for(varying, results), self._results)
         self._fixed = fixed
         self._find_properties(values)
+        self.longest = longest_step(values, self.f, self.steady)
         varying += [a for a in values.operations[count:] if a[1] not in fixed]
         self.f = Program(needed_for(varying, [*results, *self.denominators]), self._results)
         self.derivative = Program(needed_for(varying, entries), entries)
@@ -91,7 +94,7 @@ class RightHandSide:
         self.slopes = Program(needed_for(varying, results), results)
         lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
         used = [a for each in lists for _, _, of in each.operations for a in of]
-        used += [a for each in lists for a in each.results]
+        used += [a for each in lists for a in each.results] + [self.longest]
         used = [a for a in used if type(a) is int]
         self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
         self.places = {number: place for place, number in enumerate(self.table)}

@@ -11,7 +11,7 @@ from .right_hand_side import RightHandSide
 # Surfaces, branches and events depend on x alone.
 _OF_X = (
     "clocks steady of_one_sign branches branch_program watch watched double_crossings aim events "
-    "offsets derived"
+    "offsets derived longest"
 ).split()
 
 

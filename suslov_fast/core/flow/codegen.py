@@ -3,6 +3,8 @@
 `FunctionCode` is a function with rows of the workspace; `StepCode` takes steps of SIMD packs.
 """
 
+from math import inf
+
 from ..llvm.text import Carried, Integers, Shared, Truth
 from . import step_length
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
@@ -61,7 +63,13 @@ class StepCode(FunctionCode):
 
     def number(self, name):
         """Return the number `name`, such as "rtol", of `SharedNumbers`, which all lanes share."""
-        return Shared(self.text, self.of.numbers)[getattr(NUMBER, name)]
+        found, f = Shared(self.text, self.of.numbers)[getattr(NUMBER, name)], self.f.of
+        if name != "longest" or f.longest == inf:
+            return found
+        table = self.text.array(self.table) if self.for_each else Shared(self.text, self.table)
+        is_constant = isinstance(f.longest, float)
+        own = self.text.value(f.longest) if is_constant else table[f.places[f.longest]]
+        return (own < found).select(own, found)
 
     def component(self, name, i):
         """Return the number `name`, such as "keeps", of component i in `ComponentNumbers`."""

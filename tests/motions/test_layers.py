@@ -132,3 +132,10 @@ def test_periodic_pulses_of_powers_and_of_days():
     np.testing.assert_allclose(motion.final[0], 20 * np.pi * i0e(1e8), rtol=1e-7)
     slope = -motion.final[0] / 2e8  # i0e is nearly (2 pi k)**-1/2
     np.testing.assert_allclose(motion.derivatives["k"].ravel()[0], slope, rtol=1e-5)
+
+
+def test_a_stick_that_ends_where_its_layer_does():
+    """At rtol=1e-4; the states are those of Radau and LSODA of SciPy at 1e-11, which agree."""
+    rub = field(lambda s: belt(s, 0.4511, 6.428e-5, 1.662, 0.2), "x v")
+    motion = sf.flow(rub, [0.0, 0.0], time=20.0, rtol=1e-4)
+    np.testing.assert_allclose(motion.final, [0.2880461396, -0.3025853118], atol=5e-3)

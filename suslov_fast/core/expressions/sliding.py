@@ -527,9 +527,9 @@ def _surfaces_of(values, program):
             a, b, sign = b, a, -sign
         found[number] = (a, b), (name, sign)
     for name, number, operands in program.operations:  # c x / |x| is c or -c
-        own, of = found.get(operands[-1]), values._parts_of(operands[-1])[1]
+        own, of = found.get(operands[-1]), values.parts_of(operands[-1])[1]
         if name == "fdiv" and own is not None and own[1][0] == "fabs":
-            _, factors = values._parts_of(operands[0])
+            _, factors = values.parts_of(operands[0])
             if same(operands[0], of[0]):
                 found[number] = own[0], ("fdiv", float(own[1][1]), 1.0)
             elif len(factors) == 2 and any(same(a, of[0]) for a in factors):

@@ -140,7 +140,7 @@ def folder(tmp_path_factory):
 # shorter forms.
 LONG = "report.md", "discretization.md", "compiled.md", "confinement.md"
 LONG += "crossings.md", "diagrams.md", "many.md", "large.md", "poles.md", "tolerances.md"
-LONG += ("potentials.md",)
+LONG += "potentials.md", "letters.md"
 
 
 @pytest.mark.compiled

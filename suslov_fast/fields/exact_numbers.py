@@ -76,8 +76,8 @@ def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
     checked: dict[str, Any] = {}
     shapes = {}
     for name, value in parameters.items():
-        if type(value) is float and math.isfinite(value):  # for speed in small calls
-            checked[name] = value
+        if type(value) in (float, np.float64) and math.isfinite(value):  # for speed in small calls
+            checked[name] = float(value)
             continue
         array = as_given(name, value)
         checked[name] = real_array(name, value) if array.ndim else array.item()

@@ -82,7 +82,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 
 def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequest:
     """Return the request of `flow` for checked settings: `time` and `threads` are checked here."""
-    if threads is None and type(time) in (float, int) and time:
+    if threads is None and type(time) in (float, int, np.float64) and time:
         return _at_one_time(time, settings)  # for speed in small calls
     times, sign = checked_times(time)
     return SolverRequest(times, sign, settings, thread_count(threads))

@@ -242,7 +242,8 @@ def _of_group(
     f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
 ) -> SolverResult:
     """Return the `SolverResult` of trajectories that share f, with `table`, numbers of f."""
-    B, threads, begun = len(starts), threads_for(len(starts), request.threads), None
+    B, begun = len(starts), None
+    threads = 1 if B == 1 else threads_for(B, request.threads)
     has_records = request.event_times is not None
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, steps, rows, begun = solve_small_batch(f, table, starts, request)

@@ -43,8 +43,13 @@ class Result:
         """Return the fields, without cached properties."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
-    def __setstate__(self, attributes: dict[str, Any], own: Any = None) -> None:
-        """Set the attributes of a new or unpickled result; nothing else uses its arrays.
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        """Set the attributes of an unpickled result; nothing else uses its arrays."""
+        vars(self).update(vars(self._of(attributes)))
+
+    @classmethod
+    def _of(cls, attributes: dict[str, Any], own: Any = None) -> Self:
+        """Return a result with these attributes; nothing else uses its arrays.
 
         `own` are its arrays that are not read-only yet, by default all.
         """
@@ -52,13 +57,8 @@ class Result:
             if type(value) is np.ndarray:
                 # `write`, by position twice as fast
                 value.setflags(False)  # type: ignore[call-arg]
-        object.__setattr__(self, "__dict__", attributes)
-
-    @classmethod
-    def _of(cls, attributes: dict[str, Any], own: Any = None) -> Self:
-        """Return a result with these attributes, see `__setstate__`."""
-        result = cls.__new__(cls)
-        result.__setstate__(attributes, own)  # faster than a call of the class
+        result = object.__new__(cls)  # faster than a call of the class
+        object.__setattr__(result, "__dict__", attributes)
         return result
 
     @classmethod

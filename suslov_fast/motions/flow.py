@@ -85,8 +85,8 @@ def flow(
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
         times the largest absolute value that the component has had on the trajectory, or 2**-60 of
-        the largest component's if that is more. A trajectory in which a component loses its
-        digits, because it is small, and grows again by itself, is computed again with ``atol=0``.
+        the largest component's if that is more. If a component becomes small, loses its digits and
+        grows again by itself, the trajectory is computed again, with relative digits for it.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
@@ -215,7 +215,7 @@ def solved(
         if report is not None and total and not found.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
     if not found.is_good:
-        warn_of_ends(found, x, batch)
+        warn_of_ends(found, x, batch, settings.atol)
         warn_of_lost_components(found, batch)
     if batch:
         states = found.states.reshape((len(times), *batch, body.dimension))
@@ -228,10 +228,11 @@ def solved(
         last = np.array(request.sign * abs(times).max(initial=0.0))
     if found.is_good:
         status, end = without_ends(batch)[1], np.full(batch, last) if batch else last
-        new = states, times, steps, of_columns, end
+        again, new = status, (states, times, steps, of_columns, end)
     else:
         status = found.status.reshape(batch)
         end = np.where(status == Status.OK, last, found.t.reshape(batch))
+        again = without_ends(batch)[1] if found.repeated is None else found.repeated.reshape(batch)
     motion = Motion._of(
         {
             "states": states,
@@ -244,6 +245,7 @@ def solved(
             "atol": settings.atol,
             "max_step": settings.max_step,
             "stiff": settings.stiff,
+            "_again": again,
             "_by": names,
             "_derivatives": of_columns,
         },

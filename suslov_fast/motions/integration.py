@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray
-from ..core.flow.batch_solver import BatchSolver, SolverRequest
+from ..core.flow.batch_solver import BatchSolver, SolverRequest, closer
+from ..core.flow.growing_components import LATER, RELATIVE
 from ..core.flow.held import STATUS as STATUS
 from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
@@ -24,6 +25,9 @@ from ..status import Status
 _IN_THREADS = 64
 _LONG = 30_000  # operations of f whose compiling takes long
 _LARGE = 50  # equations with a dense f', from which on LSODA is faster: measured on rate networks
+_ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
+# Why digits are in doubt: a component fell below 1e-300, or with relative digits there is no end.
+FELL, NO_DIGITS = np.int8(1), np.int8(2)
 # Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
 _FEW = 256
 
@@ -74,6 +78,15 @@ class Records(NamedTuple):
         arrays: dict[str, Any] = {name: getattr(self, name)[own] for name in self._fields[:5]}
         return self._replace(of_columns=None, derivatives=derivatives, **arrays)
 
+    def part(self, where: NDArray[np.int64]) -> Records:
+        """Return the records of trajectories `where` (K,), ascending, as of 0 to K - 1."""
+        own = np.isin(self.trajectory, where)
+
+        def of(a: Any) -> Any:
+            return a and tuple(map(of, a)) if a is None or isinstance(a, tuple) else a[own]
+
+        return Records(np.searchsorted(where, self.trajectory[own]), *map(of, self[1:]))
+
     def with_part(self, where: NDArray[np.int64], part: Records) -> Records:
         """Return records with those of trajectories `where` (K,) as in `part`, of 0 to K - 1."""
         stays, numbers = ~np.isin(self.trajectory, where), where[part.trajectory]
@@ -122,8 +135,16 @@ class SolverResult(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     is_stopped: bool = False  # whether `report` ended the run
     records: Any = None  # `Records` or `Rows`, if there are events
-    doubtful: NDArray[np.bool_] | None = None  # (B,), see `BatchSolver`
+    doubtful: NDArray[np.int8] | None = None  # (B,), `FELL` or `NO_DIGITS`, else 0
+    repeated: NDArray[np.int8] | None = None  # (B,), 1 if small components made it compute again
     is_good: bool = False  # True if it is known that there is nothing to warn of
+
+    def part(self, where: NDArray[np.int64]) -> SolverResult:
+        """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
+        arrays = self.states[:, where], self.t[where], self.steps[where], self.status[where]
+        records = None if self.records is None else self.records.in_order().part(where)
+        others = (None if a is None else a[where] for a in (self.doubtful, self.repeated))
+        return SolverResult(*arrays, self.is_stopped, records, *others)
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the result with trajectories `where` (K,) as in `part`; arrays may change."""
@@ -131,14 +152,16 @@ class SolverResult(NamedTuple):
         own: Any = [a if a.flags.writeable else a.copy() for a in arrays]  # some are shared
         own[0][:, where], own[1][where] = part.states, part.t
         own[2][where], own[3][where] = part.steps, part.status
-        records, doubtful = self.records, self.doubtful
+        records, others = self.records, []
         if part.records is not None:
             records = records.in_order().with_part(where, part.records.in_order())
-        if part.doubtful is not None or doubtful is not None:
-            doubtful = np.zeros(len(own[1]), bool) if doubtful is None else doubtful
-            doubtful[where] = False if part.doubtful is None else part.doubtful
-        others = self.is_stopped or part.is_stopped, records, doubtful
-        return SolverResult(own[0], own[1], own[2], own[3], *others)
+        for a, b in ((self.doubtful, part.doubtful), (self.repeated, part.repeated)):
+            if a is not None or b is not None:
+                a = np.zeros(len(own[1]), np.int8) if a is None else a
+                a[where] = 0 if b is None else b
+            others.append(a)
+        is_stopped = self.is_stopped or part.is_stopped
+        return SolverResult(own[0], own[1], own[2], own[3], is_stopped, records, *others)
 
     def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the same of trajectories that were computed again; steps are those of both."""
@@ -250,22 +273,67 @@ def _of_group(
         if begun is None:
             ends, status = without_ends((B,))
             records = Rows(rows, request.sign, starts) if has_records else None
-            return SolverResult(states, ends, steps, status, False, records, None, True)
+            return SolverResult(states, ends, steps, status, False, records, is_good=True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
-    ends = np.where(engine.state == LaneState.DONE, np.nan, request.sign * engine.t)
-    records = Rows(engine.records, request.sign, starts) if has_records else None
-    others = engine.is_stopped, records, engine.doubtful
-    found = SolverResult(states, ends, engine.steps, STATUS[engine.state], *others)
+    found = _result_of(engine, starts)
     (where,) = np.nonzero(engine.state == LaneState.AGAIN)
     if not len(where) or engine.is_stopped:
         return found
+    part = table if table.ndim == 1 else table[where]
     request = _part_of(request, where, engine.report_of_part(where))
-    request = request._replace(settings=request.settings._replace(atol=0.0))
-    table = table if table.ndim == 1 else table[where]
-    return found.again(where, _of_group(f, table, starts[where], request))
+    part = _again(f, part, starts[where], request, engine.lost[where])
+    return found.again(where, part._replace(repeated=np.ones(len(where), np.int8)))
+
+
+def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
+    """Return the `SolverResult` of a run from `starts` (B, D)."""
+    sign, records = engine.request.sign, None
+    ends = np.where(engine.state == LaneState.DONE, np.nan, sign * engine.t)
+    if engine.request.event_times is not None:
+        records = Rows(engine.records, sign, starts)
+    others = engine.is_stopped, records, FELL * engine.doubtful
+    return SolverResult(engine.states, ends, engine.steps, STATUS[engine.state], *others)
+
+
+def _again(
+    f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest, lost: FloatArray
+) -> SolverResult:
+    """Return trajectories that had an alarm, with relative digits of the components that lost them.
+
+    These have RELATIVE in `lost` (B, D). Another alarm adds some, the third one all. If a solution
+    ends sooner than without relative digits, it has none, and is doubtful.
+    """
+
+    def run(which: NDArray[np.int64], lost: FloatArray, acts: bool) -> BatchSolver:
+        part = _part_of(request, which, request.report)
+        part = part._replace(settings=closer(request.settings))
+        states = np.full((len(request.times), len(which), starts.shape[1]), np.nan)
+        own = table if table.ndim == 1 else table[which]
+        engine = BatchSolver(f, own, starts[which], part, states, lost, acts)
+        engine.run(threads_for(len(which), request.threads))
+        return engine
+
+    relative = np.where(lost < 0.0, RELATIVE, 0.0)
+    engine = run(np.arange(len(starts)), relative, True)
+    found = _result_of(engine, starts)
+    where = np.flatnonzero(engine.state == LaneState.AGAIN)
+    for acts in (True, False):
+        if not len(where) or found.is_stopped:
+            break
+        lost = engine.lost[engine.state == LaneState.AGAIN]
+        engine = run(where, np.where((lost < 0.0) | (not acts), RELATIVE, 0.0), acts)
+        found = found.again(where, _result_of(engine, starts[where]))
+        where = where[engine.state == LaneState.AGAIN]
+    (where,) = np.nonzero(np.isin(found.status, _ENDS))
+    if len(where) and not found.is_stopped:
+        first = _result_of(run(where, np.zeros((len(where), lost.shape[1])), False), starts[where])
+        (lasts,) = np.nonzero(np.isnan(first.t) | (abs(first.t) > LATER * abs(found.t[where])))
+        part = first.part(lasts)._replace(doubtful=np.full(len(lasts), NO_DIGITS))
+        found = found.again(where[lasts], part)
+    return found
 
 
 def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> SolverRequest:

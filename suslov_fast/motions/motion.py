@@ -40,7 +40,8 @@ class Motion(States):
         The last time of each trajectory: of `time`, or the time at which it ends, or up to which
         it was computed.
     steps : ndarray(int, shape=(...))
-        Number of steps that were taken; 0 where the solution is exact.
+        Number of steps that were taken, also before a trajectory was computed again; 0 where the
+        solution is exact.
     events : Events or None
         What events did, in the order of trajectories and times.
     phases : Phases
@@ -82,6 +83,7 @@ class Motion(States):
     end: FloatArray
     steps: NDArray[np.int64]
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
+    _again: NDArray[np.int8] | Any = None  # 1 where small components made it compute again
     _by: tuple[str, ...] = ()
     _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
     _phases: FloatArray | Any = None  # `rows_of`, if there are any
@@ -158,4 +160,6 @@ class Motion(States):
         )
         states = f"states: {self.states.shape}"
         ended = ended_in_words(self.status)
+        if count := np.count_nonzero(self._again):
+            ended += f", computed again: {count} of {self.status.size}"
         return f"Motion({states}, time: {times or 'none'}, rtol: {self.rtol:g}{ended})"

@@ -9,15 +9,15 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
 from ..maps.kernel_calls import thread_count
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
-from .integration import SolverResult
+from .integration import FELL, SolverResult
 
-_LEAST, _MOST = 1e-13, 1e-2  # of rtol
+_MOST = 1e-2  # of rtol
 # The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
 # tells whether rtol is given where it means nothing.
 RTOL = float("1e-9")
@@ -102,8 +102,8 @@ def checked_settings(
     if atol is max_step is stiff is None and type(rtol) is float:  # for speed in small calls
         return _by_rtol(rtol)
     number = checks.real_number("rtol", rtol)
-    if not isinstance(number, float) or not _LEAST <= number <= _MOST:
-        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    if not isinstance(number, float) or not LEAST_RTOL <= number <= _MOST:
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(rtol))
     if atol is not None:
         D = system.dimension
         atol = checks.real_number("atol", atol)
@@ -121,8 +121,8 @@ def checked_settings(
 
 @functools.lru_cache(64)
 def _by_rtol(rtol: float) -> Settings:
-    if not _LEAST <= rtol <= _MOST:
-        raise wrong("rtol", f"a number from {_LEAST:g} to {_MOST:g}", short(rtol))
+    if not LEAST_RTOL <= rtol <= _MOST:
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(rtol))
     return Settings(rtol)
 
 
@@ -165,7 +165,9 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
             )
 
 
-def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> None:
+def warn_of_ends(
+    found: SolverResult, x: FloatArray, batch: tuple[int, ...], atol: Any = None
+) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
     if not np.count_nonzero(found.status):  # all but OK are negative
         return
@@ -178,18 +180,24 @@ def warn_of_ends(found: SolverResult, x: FloatArray, batch: tuple[int, ...]) -> 
         first = int(np.argmax(own))
         index = spell(first_index(own.reshape(batch)))
         count = f"{np.count_nonzero(own)} of {own.size} solutions"
+        if status == Status.ENDED and atol is not None and not np.any(atol):
+            text += (
+                " (atol=0 asks for digits that f may not have where a component passes 0: omit it)"
+            )
         texts.append(f"{count} {text}, first: trajectory {index} at t = {found.t[first]:.9g}")
     if texts:
         checks.warn("; ".join(texts), IntegrationWarning)
 
 
 def warn_of_lost_components(found: SolverResult, batch: tuple[int, ...]) -> None:
-    """Warn once of components that fell below the range of numbers, and would grow again."""
+    """Warn once of solutions with components that have lost their digits, and would grow again."""
     if found.doubtful is None or not found.doubtful.any():
         return
-    index, own = spell(first_index(found.doubtful.reshape(batch))), found.doubtful
+    index, own = spell(first_index(found.doubtful.reshape(batch) != 0)), found.doubtful
+    fell = "fell below 1e-300, where numbers lose their digits, and would grow again"
+    ends = "lost its digits and grows again, and they end sooner if it has its digits"
+    why, how = (fell, "solve for its logarithm") if FELL in own else (ends, "compare two rtol")
     checks.warn(
-        f"{np.count_nonzero(own)} of {own.size} solutions have a component that fell below 1e-300, "
-        f"where numbers lose their digits, and would grow again (first: trajectory {index}): solve "
-        "for its logarithm"
+        f"{np.count_nonzero(own)} of {own.size} solutions have a component that {why} "
+        f"(first: trajectory {index}): {how}"
     )

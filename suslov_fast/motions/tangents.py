@@ -29,8 +29,10 @@ from ..core.flow.batch_solver import (
     BatchSolver,
     EventTimes,
     SolverRequest,
+    closer,
     counted_from_start,
 )
+from ..core.flow.growing_components import RELATIVE
 from ..core.flow.memory import LaneState
 from ..fields.right_hand_sides import with_events
 from ..maps.kernel_arguments import ALL
@@ -149,6 +151,7 @@ class _Run:
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
+        self.is_first = self.acts = True  # see `repeat`
         self.begin()
 
     def begin(self) -> None:
@@ -160,17 +163,24 @@ class _Run:
     def repeat(
         self, x: FloatArray, transient: float, time: float, report: Callable[[float], bool]
     ) -> bool:
-        """Compute trajectories with an alarm again, from their starts in x, with atol = 0."""
+        """Compute trajectories with an alarm again, from their starts in x, with relative digits.
+
+        Components that lost theirs have them, and all components after another alarm.
+        """
         (which,) = np.nonzero(self.again)
         table = self.table if self.table.ndim == 1 else self.table[which]
         times = self.event_times and self.event_times.of(which)
         request = SolverRequest(
-            np.array([time]), 1, self.settings._replace(atol=0.0), self.threads, None, times
+            np.array([time]), 1, closer(self.settings), self.threads, None, times
         )
         run = _Run(self.f, table, x[which], self.moving, request)
+        run.is_first, run.acts = False, self.is_first
+        run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
         goes_on = transient == 0.0 or run.over(transient, report)
         run.begin()
         goes_on = goes_on and run.over(time, report)
+        if goes_on and run.again.any():
+            goes_on = run.repeat(x[which], transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):
             getattr(self, name)[which] = getattr(run, name)
         return goes_on
@@ -223,7 +233,9 @@ class _Run:
         states = np.full((1, K, self.tangent.D), np.nan)
         table = self.table if self.table.ndim == 1 else self.table[which]
         request = self._request(length, self._event_times_of(which))
-        engine = BatchSolver(self.tangent, table, start, request, states, self.lost[which])
+        engine = BatchSolver(
+            self.tangent, table, start, request, states, self.lost[which], self.acts
+        )
         engine.run(self.threads)
         self._note_alarms(engine, which)
         (end,), status = states, STATUS[engine.state]
@@ -278,7 +290,8 @@ class _Run:
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)
         request = self._request(length)
-        engine = BatchSolver(frame, table, start, request, states, self.lost[which])
+        lost = self.lost[which], self.acts
+        engine = BatchSolver(frame, table, start, request, states, *lost)
         engine.run(self.threads)
         self._note_alarms(engine, which)
         (end,), ended = states, STATUS[engine.state] != Status.OK
@@ -300,9 +313,10 @@ class _Run:
         return is_good, is_good & (4.0 * off <= most)
 
     def _note_alarms(self, engine: BatchSolver, which: NDArray[np.int64]) -> None:
-        """End the trajectories `which` that `engine` would compute again, with atol = 0."""
-        alarm = which[engine.state == LaneState.AGAIN]
-        self.again[alarm], self.status[alarm] = True, Status.TOO_MANY_STEPS
+        """End the trajectories `which` that `engine` would compute again."""
+        ends = engine.state == LaneState.AGAIN
+        self.again[which[ends]], self.status[which[ends]] = True, Status.TOO_MANY_STEPS
+        self.lost[which[ends]] = engine.lost[ends]
 
     def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:
         """Return the times of events left for trajectories `which`, counted from their present."""

@@ -69,6 +69,7 @@ MOTION = (
     Column("end", "float64", "batch", "time at which a solution ends"),
     Column("steps", "int64", "batch", "number of steps"),
     Column("status", "int8", "batch"),
+    Column("_again", "int8", "batch"),
     Column("_derivatives", "float64", "time batch component direction", when="_by"),
     Column("_phases", "float64", "event phase", when="_surfaces"),
     *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),

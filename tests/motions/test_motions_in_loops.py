@@ -179,7 +179,7 @@ def test_refuses_arguments_of_the_other_kind(arguments, message):
 
 @pytest.mark.parametrize("options", [{}, {"stiff": True}])
 def test_components_that_lose_digits_and_grow_again(options):
-    """They are computed again with atol = 0, as by `flow`."""
+    """They are computed again, as by `flow`."""
     oregonator = Field(
         lambda x: (
             77.27 * (x[1] + x[0] * (1 - 8.375e-6 * x[0] - x[1])),
@@ -191,13 +191,13 @@ def test_components_that_lose_digits_and_grow_again(options):
     own, x0 = {"time": 320.0, "rtol": 1e-6} | options, np.array([1.0, 2.0, 3.0])
     right, exact = (sf.flow(oregonator, x0, **own | others) for others in ({}, {"atol": 0.0}))
     assert right.steps > exact.steps  # of two tries
+    np.testing.assert_allclose(right.final, exact.final, rtol=1e-5)
     own.pop("time")
     motion, out = system(oregonator, time=320.0, **own), np.empty(3)
     memory = work(motion)
     for _ in range(2):
         assert step_system(motion, x0, out, memory) == right.status == sf.Status.OK
         np.testing.assert_array_equal(out, right.final)
-        np.testing.assert_array_equal(out, exact.final)
 
 
 def test_bodies_do_not_rest_in_loops():

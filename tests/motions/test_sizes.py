@@ -61,14 +61,15 @@ SEASONS = field(
 
 @pytest.mark.parametrize(("f", "start"), [(PREY, [20.0, 20.0]), (SEASONS, [20.0, 20.0, 0.0])])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-9])
-def test_a_component_that_falls_and_grows_is_computed_with_atol_0(f, start, rtol):
+def test_a_component_that_falls_and_grows_is_computed_again(f, start, rtol):
     calm = [1.0, 1.0, 0.0][: len(start)]
     both = sf.flow(f, [calm, start], time=40.0, rtol=rtol)
     alone = sf.flow(f, start, time=40.0, rtol=rtol)
-    right = sf.flow(f, start, time=40.0, rtol=rtol, atol=0)
-    np.testing.assert_array_equal(both.states[:, 1], right.states)
-    np.testing.assert_array_equal(alone.states, right.states)
-    assert right.steps < alone.steps == both.steps[1]  # which counts the first try as well
+    right = sf.flow(f, start, time=40.0, rtol=1e-10, atol=0)
+    np.testing.assert_array_equal(both.states[:, 1], alone.states)
+    np.testing.assert_allclose(alone.states, right.states, rtol=0.2 if rtol > 1e-9 else 1e-5)
+    assert alone.steps == both.steps[1]
+    assert both._again.tolist() == [0, 1]
     calm_alone = sf.flow(f, calm, time=40.0, rtol=rtol)
     np.testing.assert_array_equal(both.states[:, 0], calm_alone.states)
 

@@ -15,7 +15,7 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import many_of
+from .growing_components import TIGHT, many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
@@ -25,6 +25,7 @@ from .step_loop import text_of_integrator
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
+LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
 
 integrator_of = functools.lru_cache(64)(Integrator)
@@ -37,6 +38,11 @@ class Settings(NamedTuple):
     atol: float | tuple | None = None  # one number for all components, or one for each
     max_step: float | None = None
     stiff: bool | None = None  # True if all steps are implicit, None to choose
+
+
+def closer(settings):
+    """Return the `Settings` with which trajectories are computed again after an alarm."""
+    return settings._replace(rtol=max(settings.rtol / TIGHT, LEAST_RTOL))
 
 
 class SolverRequest(NamedTuple):
@@ -53,8 +59,9 @@ class SolverRequest(NamedTuple):
 
 
 @functools.lru_cache(64)
-def components_of(f, atol):
-    """Return the array (5, D) of `ComponentNumbers` of each component of f; `atol`: tolerances."""
+def components_of(f, settings):
+    """Return the array (6, D) of `ComponentNumbers` of each component of f."""
+    atol = settings.atol
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
     found = np.zeros((len(COMPONENT), f.D))
@@ -62,6 +69,7 @@ def components_of(f, atol):
     found[COMPONENT.counts] = ~is_clock
     found[COMPONENT.steady, [*f.steady]] = 1.0
     found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
+    found[COMPONENT.some] = np.where(is_clock, np.inf, some_of(settings.rtol))
     found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
     return found
 
@@ -185,18 +193,22 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
              steps, and its `LaneState`
-    doubtful (B,), True for an alarm with atol = 0, see `growing_components`
+    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: as given
+             at the start, and at the end if they were given, or if there was an alarm
+    doubtful (B,), True for an alarm that does not act
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """
 
-    def __init__(self, f, table, x0, request, states, lost=None):
+    def __init__(self, f, table, x0, request, states, lost=None, acts=True):
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
-        self.lost = lost
+        self.begins_lost = lost is not None
+        self.lost = np.zeros((B, f.of.D)) if lost is None else lost
+        self.is_relative = bool(np.any(self.lost < 0.0))
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
-        self.components = components_of(f, settings.atol)
+        self.components = components_of(f, settings)
         self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
         self.state = np.zeros(B, np.int8)
         self.records, self.doubtful = [], np.zeros(B, bool)
@@ -204,6 +216,8 @@ class BatchSolver:
         integrator = self.integrator(LaneState.EXPLICIT)
         self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
         set_times(self.numbers, integrator, settings, self.times)
+        if not acts:
+            self.numbers[NUMBER.acts] = 0.0
         if f.events:
             event_times = request.event_times or NO_EVENT_TIMES
             self.event_times, self.equal = event_times.array
@@ -214,7 +228,7 @@ class BatchSolver:
     def integrator(self, mode):
         """Return the `Integrator` for lanes in this `LaneState`, EXPLICIT or IMPLICIT."""
         has_atol = self.request.settings.atol is not None
-        return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol)
+        return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol, self.is_relative)
 
     def run(self, threads=1, begun=None):
         """Take all steps; go on from `begun`, if given: (rows, table, records) of a small batch.
@@ -251,14 +265,22 @@ class BatchSolver:
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
         found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        if self.lost is not None:
-            lost = self.lost[block]
-            found[:, rows.lost : rows.lost + lost.shape[1]] = lost
-            found[:, rows.watches] = lost.max(axis=1, initial=0.0)
+        if self.begins_lost:
+            self._set_lost(found, self.lost[block])
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
         return found
+
+    def _set_lost(self, found, lost):
+        """Write `lost` (K, D) to rows `found`; columns of derivatives are relative with x."""
+        rows, D = self.rows, lost.shape[1]
+        lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
+        found[:, rows.lost : rows.lost + D] = lost
+        for c in range(self.f.columns):
+            first = rows.lost + D * (1 + c)
+            found[:, first : first + D] = np.minimum(lost, 0.0)
+        found[:, rows.watches] = lost.max(axis=1, initial=0.0)
 
     def _take(self, block, abandoned, flat=None):
         """Take all steps of slice `block`, from rows `flat` if given; stop if `abandoned` fills."""
@@ -276,7 +298,7 @@ class BatchSolver:
         state, t = flat[:, rows.state], flat[:, rows.t]
         self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
         self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
-        if self.lost is not None:
+        if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
             self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
         if self.event_times is not None and np.count_nonzero(state == LaneState.ACCUMULATES):
             limit = flat[:, rows.at]

@@ -15,7 +15,7 @@ class CodeArguments(NamedTuple):
     table_bytes: int  # from trajectory to trajectory
     work: int  # address of the workspace, see `memory.rows_of_work`
     numbers: int  # address of `SharedNumbers`
-    components: int  # address of the rows of `ComponentNumbers` (5, D)
+    components: int  # address of the rows of `ComponentNumbers` (6, D)
     times: int = 0  # address of the moduli of times, ascending, and two infinite ones
     states: int = 0  # address of the states at these times (count, trajectories, D)
     state_bytes: int = 0  # of one time
@@ -33,6 +33,7 @@ class ComponentNumbers(NamedTuple):
     counts: float  # 1, for clocks 0
     steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
+    some: float  # errors above `some` times a component are watched, see `growing_components`
     seeds: float  # added to the vector of the power iteration
 
 

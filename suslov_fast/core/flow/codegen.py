@@ -111,9 +111,15 @@ class StepCode(FunctionCode):
         return self.apply(step_length.GOAL) if self.integrator.events else {}
 
     def keep_largest(self, truth, i, x):
-        """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true."""
+        """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.
+
+        It is |x| if steps have relative digits of the component, see `growing_components`.
+        """
         modulus, largest = abs(x), self.line.largest[i]
-        self.line.largest.choose(truth, i, (modulus > largest).select(modulus, largest))
+        is_new = modulus > largest
+        if self.integrator.is_relative:
+            is_new = is_new | (self.line.lost[i] < 0.0)
+        self.line.largest.choose(truth, i, is_new.select(modulus, largest))
 
     def lanes_with(self, bits):
         """Add a loop over lanes k where bit k of `bits` is 1; yield 8 k, the offset in bytes."""

@@ -1,21 +1,24 @@
-"""The alarm: a component that grows again from where steps had larger errors than its size allows.
+"""The alarm: a component that has become small, has lost its digits, and grows again by itself.
 
 Without `atol` a step may have errors that are large beside a component that has become small. They
 do no harm if the component decays for good, or if others feed it: then it forgets them. If it grows
-by itself, its errors grow with it. `BatchSolver` then computes the trajectory again, with atol = 0.
+by itself, its errors grow with it. Then the trajectory is computed again, with relative digits of
+this component, `lost` = RELATIVE, and with rtol / TIGHT, because growth makes all errors larger.
 
-A component loses its digits in a step whose error is more than `many` times rtol max(|x|, |x_next|)
-(`many_of`). It has digits again where others that have theirs feed it: |g_i| > |f_i| / 2, where g
-is f with 0 for all components without digits, but not at an unstable equilibrium. The alarm comes
+`lost` carries the relative error of a component: a sum over steps with errors that are more than
+`some` times its size (`some_of`). It is 0 again where others that have their digits feed it:
+|g_i| > |f_i| / 2, where g is f with 0 for all components that have lost digits. At an unstable
+equilibrium it is not. The alarm comes
 
-- if the error that such a component carries, which grows with it, is `many` allowed errors;
-- if components without digits would grow, but implicit steps damp exp(a t) to (1 - a h / n)**-n,
-  which is no growth if a h is large. They would grow if h (f_i - g_i) > NEXT u_i for all of them,
+- if such a component grows, and has an error of `many` allowed errors, or of DEEP of its size;
+- if components below their allowed errors would grow. Implicit steps damp exp(a t) to
+  (1 - a h / n)**-n, which is no growth if a h is large, and explicit steps multiply by a polynomial
+  in a h. They would grow if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i) for all of them,
   with f at a state in which they have some values u_i > 0. These are their allowed errors at first,
   and become less where a component does not grow, until all grow or none does;
 - if the solution ends while a component has no digits.
 
-With atol = 0 only components below 2**-1000 lose digits. Then the alarm is a warning.
+If all components are RELATIVE, only those below 2**-990 lose digits. Then the alarm is a warning.
 """
 
 from math import inf
@@ -24,42 +27,63 @@ from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
 from .codegen import weighted
 from .memory import LaneState
-from .scalar_kernels import scalar_kernel
+from .scalar_kernels import TINY, scalar_kernel
 
-NEXT = 0.25  # of the growth in a step that is looked at: the next step is four times as long
+RELATIVE = -1.0  # in place of `lost`
+TIGHT, LATER = 4.0, 1.001  # times another end: both may be at the same pole
+# Growth in a step, by the exponent: of the next implicit step, which is four times as long, and of
+# an explicit step that has lost 5e-6 of it. Explicit steps lose (a h / MOST)**10 of exp(a h).
+NEXT, LONG, MOST = 0.25, 2.0, 8.0
 # A component that is to grow has a part LESS of its value in the next round, of at most ROUNDS.
 LESS, ROUNDS = 0.25, 24.0
-# Measured on 798 problems with rtol 1e-4, 1e-6 and 1e-9: 100 at 1e-9, 25 at 1e-6, 10 at 1e-4. With
-# half of it more stiff oscillators and Lorenz orbits at 1e-4 and 1e-6 are computed again in vain,
-# and 15 in place of 21 of 720 foxes and rabbits are off by 0.1 %, or 100 rtol, without an alarm.
-MANY, POWER = 1.6, -0.2
+# Measured on 553 problems with rtol 1e-4, 1e-6 and 1e-9, Van der Pol's equation and Lorenz's. An
+# error of a component that keeps its sign is alarming if it is `many_of` allowed errors; others
+# are beside a component that may pass through 0, and count LOOSE times less. PART of an alarming
+# error is a reason to look at f. A component is small if it is SMALL of its largest value.
+MANY, POWER, LOOSE, PART, SMALL = 0.25, -1.0 / 3.0, 16.0, 0.1, 0.1
+SOME = 0.01  # part of an alarming error that one step has to have
+DEEP = 1e-3
 UNDERFLOW = 2.0**-990
 
 
 def many_of(rtol):
-    """Return how many times `rtol` an error beside its component is large."""
+    """Return how many allowed errors are alarming."""
     return MANY * rtol**POWER
 
 
-def _is_large(x, new, error, inverse, rtol, many, acts):
-    """Return whether `error` is large beside a component, in a step from x to `new`."""
+def some_of(rtol):
+    """Return the least error of a step, beside a component, that counts."""
+    return rtol * max(SOME * many_of(rtol), 1.0)
+
+
+def _is_large(x, new, error, inverse, rtol, some, lost):
     size = larger(abs(x), abs(new))
-    counts = (inverse > 0.0) & ((acts > 0.0) | (size < UNDERFLOW))  # it is no clock
-    return counts & (abs(error) > many * rtol * size)
+    return (abs(error) > some * size) & (rtol * size * inverse < SMALL) & (lost < 1.0)
 
 
 @scalar_kernel
-def LOSES(x, new, error, inverse, rtol, many, acts, loses):
+def LOSES(x, new, error, inverse, rtol, some, lost, loses):
     """Return `loses` = 1 if the `error` of a step is large beside a component, else `loses`."""
-    return {"loses": _is_large(x, new, error, inverse, rtol, many, acts).select(1.0, loses)}
+    return {"loses": _is_large(x, new, error, inverse, rtol, some, lost).select(1.0, loses)}
 
 
 @scalar_kernel
-def LOST(x, new, error, inverse, rtol, many, acts, lost):
-    """Return `lost`, the largest error beside the component, at most 1, since it lost digits."""
-    own = smaller(abs(error) / larger(abs(x), abs(new)), 1.0)
-    is_large = _is_large(x, new, error, inverse, rtol, many, acts)
-    return {"lost": is_large.select(larger(own, lost), lost)}
+def LOST(x, new, f_new, signed, error, inverse, rtol, some, acts, keeps, lost):
+    """Return `lost`, at most 1, after a step from x to `new`."""
+    size = larger(abs(x), abs(new))
+    growth = larger(keeps * signed * f_new / (MOST * new), 0.0)
+    fifth = growth * growth * (growth * growth) * growth
+    own = abs(error) / (keeps > 0.0).select(abs(new), LOOSE * size)
+    own = smaller(larger(lost, 0.0) + own + fifth * fifth, 1.0)
+    counts = (acts > 0.0) | (size < UNDERFLOW)
+    counts = counts & _is_large(x, new, error, inverse, rtol, some, lost)
+    return {"lost": counts.select(own, lost)}
+
+
+@scalar_kernel
+def RISES(x, new, least, lost, rises):
+    """Return `rises` = 1 if a component has lost more than `least`, and does not fall."""
+    return {"rises": ((lost > least) & (abs(new) >= abs(x))).select(1.0, rises)}
 
 
 @scalar_kernel
@@ -73,24 +97,47 @@ def FED(new, f_new, fed, signed, lost, changes):
     """Return `lost`, or 0 if others that have their digits feed a component; then it `changes`."""
     grows = signed * (f_new - fed) / new > NEXT
     stays = grows & (abs(f_new) < abs(fed))  # at an unstable equilibrium
-    is_fed = (abs(fed) > 0.5 * abs(f_new)) & (lost > 0.0) & ~stays
+    is_fed = (abs(fed) > 0.5 * abs(f_new)) & (abs(fed) < inf) & (lost > 0.0) & ~stays
     return {"lost": is_fed.select(0.0, lost), "changes": is_fed.select(1.0, changes)}
 
 
-@scalar_kernel
-def WATCHES(new, inverse, many, lost, watches):
-    """Return `watches`, more than 0 if a component has lost digits, infinite for an alarm."""
-    is_grown = lost * abs(new) * inverse > many
-    return {"watches": is_grown.select(inf, larger(lost, watches))}
+def _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost):
+    size = abs(new) * inverse
+    is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
+    is_deep = is_deep & (keeps * signed * f_new / new > 0.0)  # steps of a decay may rise by chance
+    return (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
 
 
 @scalar_kernel
-def GROWS(value, f, fed, signed, grow, fall):
+def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
+    """Return `watches`, more than 0 if a component has lost digits, infinite for an alarm.
+
+    `grows` is 1 if one below its allowed error grows by more than exp(LONG) in such a step.
+    """
+    is_grown = _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost)
+    is_small = abs(new) * inverse < 1.0
+    own = (lost > 0.0) & is_small & (signed * (f_new - fed) / new > LONG)
+    return {
+        "watches": is_grown.select(inf, larger(lost, watches)),
+        "grows": own.select(1.0, grows),
+        "below": is_small.select(larger(lost, below), below),
+    }
+
+
+@scalar_kernel
+def MARKED(x, new, f_new, signed, inverse, rtol, many, keeps, lost):
+    """Return `lost`, or RELATIVE for a component with an alarming error."""
+    is_grown = _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost)
+    return {"lost": is_grown.select(RELATIVE, lost)}
+
+
+@scalar_kernel
+def GROWS(value, f, fed, signed, least, grow, fall):
     """Return `value`, of a member of a group, less if it does not grow; count it in `grow`, `fall`.
 
     f is its rate in the group, `fed` the same without the group, `signed` the length of the step.
     """
-    is_in, grows = value > 0.0, signed * (f - fed) > NEXT * value
+    is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {
         "value": grows.select(value, LESS * value),
         "grow": grow + (is_in & grows).select(1.0, 0.0),
@@ -99,45 +146,72 @@ def GROWS(value, f, fed, signed, grow, fall):
 
 
 @scalar_kernel
-def RAISED(before, new, rtol, many, lost):
+def RAISED(before, new, some, lost):
     """Return `lost` after an event has moved a component from `before` to `new`."""
     now = (abs(new) > abs(before)).select(lost * abs(before / new), lost)
-    return {"lost": (now > many * rtol).select(now, 0.0)}
+    return {"lost": (lost > 0.0).select((now > some).select(now, 0.0), lost)}
 
 
 def watch(code, loses):
-    """Update `lost` and `watches` after a step; `loses` is 1 where a component has lost digits."""
+    """Update `lost` and `watches` after a step; `loses` is 1 where a component loses digits."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
-    looks = (work.accepted[0] > 0.0) & ((loses > 0.0) | (line.watches[0] > 0.0))
-    looks = looks & (line.watches[0] < inf)
-    with text.when(looks.any(), likely=False):
+    accepted = (work.accepted[0] > 0.0) & (line.watches[0] < inf)
+    loses = accepted & (loses > 0.0)
+    with text.when(loses.any(), likely=False):
+        line.watches.choose(loses & ~(line.watches[0] > 0.0), 0, TINY)
         for i in text.each(D):
             error = weighted(code.integrator.error_weights, code.of_columns(work.ends, i))
-            found = code.apply(LOST, i, error=error, inverse=work.error[i])
-            line.lost.choose(looks, i, found["lost"])
-        text.copy(work.new, work.start, code.D)
-        for now in text.rounds(Carried()):
-            for i in text.each(D):
-                work.start[i] = code.apply(KNOWN, i)["known"]
-            code.call("f", work.start, code.table, work.f)
-            found = Carried(changes=0.0)
-            for i in text.each(D, found):
-                own = code.apply(FED, i, fed=work.f[i], **vars(found))
-                line.lost.choose(looks, i, own["lost"])
-                found.changes = looks.select(own["changes"], 0.0)
-            now.goes_on = (found.changes > 0.0).any()
-        found = code.reduce(WATCHES, lambda i: {"inverse": work.error[i]}, D, watches=0.0)
-        line.watches.choose(looks, 0, found.watches)
-        if code.integrator.is_implicit:
-            damps = looks & (found.watches > 0.0) & (found.watches < inf)
-            with text.when(damps.any()):
-                _find_group(code, damps)
+            own = code.apply(LOST, i, error=error, inverse=work.error[i])["lost"]
+            line.lost.choose(loses, i, own)
+    looks = accepted & (line.watches[0] > 0.0)
+    with text.when(looks.any(), likely=False):
+        if not code.integrator.is_implicit:  # components that fall wait
+            least = PART * code.number("many") * code.number("rtol")
+            found = code.reduce(RISES, lambda i: {"least": least}, D, rises=0.0)
+            looks = looks & (found.rises > 0.0)
+        with text.when(looks.any()):
+            _look(code, looks)
+
+
+def _look(code, looks):
+    """Find which components are fed, and whether there is an alarm, in lanes `looks`."""
+    text, line, work, D = code.text, code.line, code.work, code.f.of.D
+    text.copy(work.new, work.start, code.D)
+    for now in text.rounds(Carried()):
+        for i in text.each(D):
+            work.start[i] = code.apply(KNOWN, i)["known"]
+        code.call("f", work.start, code.table, work.f)
+        found = Carried(changes=0.0)
+        for i in text.each(D, found):
+            own = code.apply(FED, i, fed=work.f[i], **vars(found))
+            line.lost.choose(looks, i, own["lost"])
+            found.changes = looks.select(own["changes"], 0.0)
+        now.goes_on = (found.changes > 0.0).any()
+
+    def others(i):
+        return {"inverse": work.error[i], "fed": work.f[i]}
+
+    found = code.reduce(WATCHES, others, D, watches=0.0, grows=0.0, below=0.0)
+    line.watches.choose(looks, 0, found.watches)
+    sounds = looks & found.watches.equals(inf)
+    with text.when(sounds.any(), likely=False):
+        for i in text.each(D):
+            line.lost.choose(sounds, i, code.apply(MARKED, i, inverse=work.error[i])["lost"])
+    least = code.number("many") * code.number("rtol")
+    if code.integrator.is_implicit:
+        waits = (found.watches > least) | (found.below > PART * least)
+    else:
+        waits = (found.watches > least) & (found.grows > 0.0)
+    waits = looks & waits & (found.watches < inf)
+    with text.when(waits.any()):
+        _find_group(code, waits)
 
 
 def _find_group(code, looks):
     """Set `watches` to infinity in lanes `looks` with a group of components that would grow."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     known, group = work.start, work.a
+    least = text.value(NEXT if code.integrator.is_implicit else LONG)
     for i in text.each(D):
         is_in = looks & (line.lost[i] > 0.0)
         group[i] = is_in.select(1.0 / work.error[i], 0.0)
@@ -149,14 +223,17 @@ def _find_group(code, looks):
             work.b[i] = known[i] + group[i]
         code.call("f", work.b, code.table, work.f_last)
         for i in text.each(D, sums):
-            inputs = {"value": group[i], "f": work.f_last[i], "fed": work.f[i]}
+            inputs = {"value": group[i], "f": work.f_last[i], "fed": work.f[i], "least": least}
             own = code.apply(GROWS, i, **inputs, **vars(sums))
             group[i], sums.grow, sums.fall = own["value"], own["grow"], own["fall"]
         differs = (sums.grow > 0.0) & (sums.fall > 0.0)
         now.grow = (sums.fall > 0.0).select(0.0, sums.grow)
         now.rounds = now.rounds + 1.0
         now.goes_on = (differs & (now.rounds < ROUNDS)).any()
-    line.watches.choose(found.grow > 0.0, 0, inf)
+    sounds = looks & (found.grow > 0.0)
+    line.watches.choose(sounds, 0, inf)
+    for i in text.each(D):
+        line.lost.choose(sounds & (group[i] > 0.0), i, RELATIVE)
 
 
 def sound(code):

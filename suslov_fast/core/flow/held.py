@@ -21,14 +21,16 @@ from ..numba.status_codes import (
 )
 from .batch_solver import (
     NO_EVENT_TIMES,
+    closer,
     code_of,
     components_of,
     integrator_of,
     numbers_of,
 )
-from .code_arguments import NUMBER, SLOT
+from .code_arguments import COMPONENT, NUMBER, SLOT
 from .event_actions import most_records
 from .event_records import size_of
+from .growing_components import LATER
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program
 
@@ -39,6 +41,8 @@ STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
 STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
+_ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
+_ALL, _WITHOUT = 3, 4  # tries: with relative digits of all components, and of none
 OF_ANOTHER = -128  # in place of a status: the memory is that of another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
@@ -49,7 +53,7 @@ class Plan(NamedTuple):
     """Integers of a `MotionSystem`: addresses, and where parts begin in `constants` and memory."""
 
     implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
-    first_again: int  # of the code with which a motion after an alarm begins, with atol = 0
+    first_again: int  # of the code with which a motion after an alarm begins
     implicit_again: int
     of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
@@ -57,7 +61,8 @@ class Plan(NamedTuple):
     columns: int  # of derivatives
     clocks: int  # where parameters that columns are by begin below, after pairs for clocks
     # In `constants`, after the rows of `ComponentNumbers`:
-    components_again: int  # the same rows with atol = 0
+    components_again: int  # the same rows of motions that are computed again
+    numbers_again: int  # and their `SharedNumbers`
     event_times: int  # pairs (time, event); 0 without events
     template: int  # what memory has from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
@@ -77,6 +82,7 @@ class Plan(NamedTuple):
     t: int
     lane_state: int
     at: int  # the time at which actions accumulate
+    lost: int  # see `growing_components`
 
 
 PLAN = Plan(*range(len(Plan._fields)))
@@ -108,9 +114,10 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     has columns of derivatives, the last ones are by the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
-    integrators = [integrator_of(f, mode, settings.atol is not None) for mode in modes]
-    if settings.atol is None:  # what computes motions again, see `growing_components`
-        integrators += [integrator_of(f, mode, True) for mode in modes]
+    has_atol, again = settings.atol is not None, closer(settings)
+    # The last ones compute motions again, see `growing_components`.
+    both = [(mode, is_relative) for is_relative in (False, True) for mode in modes]
+    integrators = [integrator_of(f, mode, has_atol, relative) for mode, relative in both]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
@@ -122,15 +129,16 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         row[rows.stop : rows.stop + 2] = times[0, 0]
         at_once = 2 * most_records(f.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
-    both = components_of(f, settings.atol), components_of(f, 0.0)
-    ends = np.cumsum([both[0].size, both[1].size, times.size]).tolist()
-    constants = np.concatenate([*both, times, *parts], axis=None)
+    both = components_of(f, settings), components_of(f, again)
+    others = [*both, np.array(numbers_of(again, 1)), times]
+    ends = np.cumsum([each.size for each in others]).tolist()
+    constants = np.concatenate([*others, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))
     sizes = [_ARGUMENTS, 2, f.D, *map(len, parts), len(f.table), most, most, at_once]
     plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
     plan += [f.columns - len(by), f.columns, _CLOCKS + 2 * len(f.offsets)]
-    plan += [ends[0], ends[1] * bool(f.events), ends[2]]
-    plan += [*np.cumsum(sizes).tolist(), size, rows.t, rows.state, rows.at]
+    plan += [ends[0], ends[1], ends[2] * bool(f.events), ends[3]]
+    plan += [*np.cumsum(sizes).tolist(), size, rows.t, rows.state, rows.at, rows.lost]
     for clock, number in f.offsets.items():
         plan += [clock, number - f.of.D]
     plan += by
@@ -189,6 +197,20 @@ def _begin(system, x0, memory, inputs, x):
 
 
 @function
+def _set_again(system, tries, memory, x, relative):
+    """Set numbers for a motion that is computed again; components with -1 are `relative`."""
+    plan, constants, D = system.plan, system.constants, _dimension(system)
+    numbers = memory[plan[PLAN.numbers] :]
+    for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
+        numbers[k] = constants[plan[PLAN.numbers_again] + k]
+    if tries >= _ALL:
+        numbers[NUMBER.acts] = 0.0
+    counts = constants[plan[PLAN.components_again] + COMPONENT.counts * system.dimension :]
+    for i in range(system.dimension):
+        x[plan[PLAN.lost] + i] = relative[i % D] * counts[i % D]
+
+
+@function
 def motion_of_one(system, x0, out, memory):
     """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
     plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
@@ -209,6 +231,7 @@ def motion_of_one(system, x0, out, memory):
         return OK if is_finite else NONFINITE
     state = _begin(system, x0, memory, inputs, x)
     components, first, implicit = np.int64(0), system.address, plan[PLAN.implicit]
+    tries, end, before = 0, 0.0, state
     while True:
         arguments[SLOT.components] = constants.ctypes.data + 8 * components
         arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
@@ -218,24 +241,36 @@ def motion_of_one(system, x0, out, memory):
             arguments[SLOT.following] = 0
             is_done = np.int64(0)
             while is_done == 0:  # it pauses after records
-                before = arguments[SLOT.recorded]
+                written = arguments[SLOT.recorded]
                 arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
                 is_done = call_code(code, (arguments.ctypes.data,))
                 if arguments[SLOT.recorded] == 0:
-                    arguments[SLOT.recorded] = before
+                    arguments[SLOT.recorded] = written
             state = np.int64(x[plan[PLAN.lane_state]])
             code, work = first, plan[PLAN.work]
             if state == _IMPLICIT:
                 code, work = implicit, plan[PLAN.other]
-        if state != _AGAIN or components > 0:
+        has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
+        if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
+        # It is computed again, as `integration` does; without relative digits if it has ended.
+        tries = _WITHOUT if has_ended else tries + 1
+        end, before = x[plan[PLAN.t]], state
+        for i in range(D):
+            is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
+            out[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
         state = _begin(system, x0, memory, inputs, x)
-        memory[plan[PLAN.numbers] + NUMBER.acts] = 0.0
+        _set_again(system, tries, memory, x, out)
         components = plan[PLAN.components_again]
-        first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
+        if tries == _WITHOUT:
+            first, implicit = system.address, plan[PLAN.implicit]
+        else:
+            first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:
         memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
+    if tries == _WITHOUT and state not in (_DONE, _STOPPED) and x[plan[PLAN.t]] <= LATER * end:
+        state, memory[plan[PLAN.ended]] = before, sign * end
     if state in (_DONE, _STOPPED):
         _write(system, state, memory, inputs, out)
     else:

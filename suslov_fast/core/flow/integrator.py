@@ -33,6 +33,7 @@ class Integrator:
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     largest      the kernel that finds the largest size of the components
     allowed      the kernel that returns 1 / allowed error of a component; it depends on `has_atol`
+    is_relative  True if steps have relative digits of the components with RELATIVE in `lost`
     parts        (first component, how many) of x and of derivatives, which have different sizes:
                  large derivatives must not loosen the tolerance of x
     watched      the number of components of x if f has surfaces at which steps end, else 0
@@ -52,10 +53,11 @@ class Integrator:
 
     on_new: Any = None  # a function of f and `is_implicit`, called before code is planned
 
-    def __init__(self, f, is_implicit, has_atol):
+    def __init__(self, f, is_implicit, has_atol, is_relative=False):
         if Integrator.on_new:
             Integrator.on_new(f.of, is_implicit)
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
+        self.is_relative = is_relative
         self.largest = tolerance.NO_SIZE if has_atol else tolerance.LARGEST
         self.allowed = tolerance.ALLOWED_WITH_ATOL if has_atol else tolerance.ALLOWED
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
@@ -154,7 +156,7 @@ class Integrator:
     @cached_property
     def key(self):
         """A tuple that identifies the code of this integrator."""
-        return self.f.key, self.is_implicit, self.has_atol, self.sets is None
+        return self.f.key, self.is_implicit, self.has_atol, self.is_relative, self.sets is None
 
 
 def _read(program, D):

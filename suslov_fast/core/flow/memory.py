@@ -26,7 +26,7 @@ class LaneState:
     SLIDING = 6  # a branch of f changes back and forth
     STOPPED = 7  # an event ends it
     ACCUMULATES = 8  # actions follow one another at once, without end
-    AGAIN = 9  # it is to be computed with atol = 0, see `growing_components`
+    AGAIN = 9  # it is to be computed again, see `growing_components`
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step
@@ -45,7 +45,7 @@ def rows_of_trajectory(integrator):
         f=D + len(f.denominators),  # f(x), and its denominators of clocks
         largest=D,  # moduli of components so far
         mode=D,  # a vector of the power iteration on f'
-        lost=f.of.D,  # errors of components beside their sizes, see `growing_components`
+        lost=D,  # relative errors of components, or RELATIVE, see `growing_components`
         far=watched,  # the state after a step of length `outer`
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row they changed at once

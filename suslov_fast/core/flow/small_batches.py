@@ -52,7 +52,7 @@ class _PreparedRunner(StepRunner):
         self.first_table, self.source = first[count:].reshape(shape), None
         self.now, self.first = both.data, first.data  # Python copies them sooner than NumPy
         numbers, W, self.moduli = numbers_of(settings, sign)[:], 1 if B == 1 else WIDTH, None
-        super().__init__(integrator, W, rows, table, numbers, components_of(f, settings.atol))
+        super().__init__(integrator, W, rows, table, numbers, components_of(f, settings))
 
     def begin(self, x0, table, request):
         """Begin a call: set states x0 (B, D), the table of f, and times of a `SolverRequest`."""

@@ -24,6 +24,8 @@ SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**
 # An error may be noise if it is less than NOISY of the largest component.
 NOISY = 2.0**-48
 CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
+# Inputs that are 0 for a component of which steps have relative digits.
+_OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 
 @scalar_kernel
@@ -113,13 +115,17 @@ def find_errors(code, own, sizes):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
             if integrator.has_atol:
-                inputs["noise"] = _noise(code, own, i)
+                inputs |= {"noise": _noise(code, own, i), "extra": code.component("extra", i)}
+            if integrator.is_relative:
+                is_own = code.line.lost[i] < 0.0
+                for name in inputs.keys() & _OF_OTHERS:
+                    inputs[name] = is_own.select(TINY, inputs[name])
             inverse = code.apply(integrator.allowed, i, **inputs)["inverse"]
             found = code.apply(RATIO, i, inverse=inverse, **vars(sums))
             if first == 0:
                 found |= code.apply(LOSES, i, inverse=inverse, loses=sums.loses)
             if not integrator.has_atol:
-                own_sums = {"inverse": inverse, "large": sums.large, "noisy": of_part["noisy"]}
+                own_sums = {"inverse": inverse, "large": sums.large, "noisy": inputs["noisy"]}
                 found |= code.apply(LARGE, i, **own_sums)
             if not (integrator.is_implicit or integrator.sets):
                 inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}

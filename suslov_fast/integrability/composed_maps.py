@@ -21,15 +21,8 @@ from .polynomials import Polynomials, coprime, random_line
 class ComposedMap(RationalMap):
     """The map ``stages[-1](... stages[0](x))``."""
 
-    def __init__(
-        self,
-        stages: Sequence[RationalMap],
-        inverse: RationalMap | None = None,
-        letters: Sequence[str] = (),
-        names: tuple[str, ...] | None = None,
-        given: Mapping[str, Fraction] | None = None,
-    ) -> None:
-        super().__init__(stages[0].forms, inverse, letters, names, given)
+    def __init__(self, stages: Sequence[RationalMap], *more: Any) -> None:
+        super().__init__(stages[0].forms, *more)
         self.stages = [*stages]
         del self.forms  # those of the first stage
 
@@ -89,3 +82,10 @@ class ComposedMap(RationalMap):
 
     def cost_of_pullbacks(self, space: Polynomials) -> float:
         return sum(stage.cost_of_pullbacks(space) for stage in self.stages)
+
+
+def composed(stages: Sequence[list[Any]], *more: Any) -> RationalMap:
+    """Return the map with the forms of these stages; `more` are its inverse, letters and so on."""
+    if len(stages) == 1:
+        return RationalMap(stages[0], *more)
+    return ComposedMap([RationalMap(forms, None, more[1]) for forms in stages], *more)

@@ -47,9 +47,8 @@ def kahan_with_letters(system: Any, letters: Any) -> KahanMap:
     names = checked_letters(system, letters)
     ring = ring_with_letters(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
-    _ = system._has_eps or system._field  # which raises
     places = places_of_letters(system)
-    given = {name: places[name].value for name in names}
+    given = {name: places[name][-1] for name in names}
     in_letters = InLetters(given, *_coefficients(system, symbols))
     return KahanMap(system._field, None, in_letters=in_letters)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, as_written, constant
 from .birational_maps import RationalMap
-from .composed_maps import ComposedMap
+from .composed_maps import composed
 from .interpolation import MOST
 from .polynomials import ring_with_letters
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
@@ -84,21 +84,13 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     forward = _stages("map", map, names)
     given = {name: constant(name, map.parameters[name]) for name in names}
     if inverse is None:
-        return _composed(forward, None, names, own, given)
+        return composed(forward, None, names, own, given)
     backward = _stages("inverse", inverse, names)
-    back = _composed(backward, _composed(forward, None, names, own), names, own)
-    found = _composed(forward, back, names, own, given)
+    back = composed(backward, composed(forward, None, names, own), names, own)
+    found = composed(forward, back, names, own, given)
     if back.dimension != found.dimension or not _takes_images_back(found):
         raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
     return found
-
-
-def _composed(stages: list[list[Any]], *more: Any) -> RationalMap:
-    """Return the map with the forms of these stages; `more` are further arguments of it."""
-    if len(stages) == 1:
-        return RationalMap(stages[0], *more)
-    letters = more[1]
-    return ComposedMap([RationalMap(forms, None, letters) for forms in stages], *more)
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
@@ -109,7 +101,7 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
         raise wrong("system", "a single one", f"a batch of shape {system.shape}: pass system[i]")
     has = places_of_letters(system)
     if letters is True:
-        return tuple(n for n, place in has.items() if place.parameter in system.parameters)
+        return tuple(n for n, (parameter, *_) in has.items() if parameter in system.parameters)
     names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
     names = [*names] if isinstance(names, Sequence) else []
     if not names or {*names} - {*has} or len({*names}) < len(names):
@@ -123,29 +115,21 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-class Place(NamedTuple):
-    """Where a letter stands: `parameter`, `indices` of its entries, and their own `value`."""
-
-    parameter: str
-    indices: Any
-    value: Any
-
-
-def places_of_letters(system: Body) -> dict[str, Place]:
-    """Return the places of all letters that a system may have, by letter.
+def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
+    """Return {letter: (parameter, indices of entries, value)} for all letters a system may have.
 
     Of a body in n dimensions J1 stands for all J_i that equal the first one, and I1 for I_1.
     """
-    found: dict[str, Place] = {}
+    found: dict[str, tuple[str, Any, Any]] = {}
     parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # k = 0 is no parameter
     for name, a in (parameters | system.parameters).items():
         if not np.ndim(a):
-            found[name] = Place(name, (), a)
+            found[name] = name, (), a
             continue
         for i, value in enumerate(a):
             indices = np.flatnonzero(a == value) if name == "J" else np.array([i])
             if indices[0] == i:
-                found[f"{name}{i + 1}"] = Place(name, indices, value)
+                found[f"{name}{i + 1}"] = name, indices, value
     return found
 
 

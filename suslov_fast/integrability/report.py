@@ -268,15 +268,6 @@ def report(
     1/((2*Omega1 + Omega2)*(4*Omega1^2 + 4*Omega1*Omega2 + Omega2^2 + 4096))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
     ((4*Omega1^2 + Omega2^2)/(4*eps^2*Omega1^2 + 4*eps^2*Omega1*Omega2 + eps^2*Omega2^2 + 256),)
-
-    For all Euler tops, an integral of Hirota and Kimura:
-
-    >>> from suslov_fast import Field
-    >>> def euler(x, a, b, c):
-    ...     return a * x[1] * x[2], b * x[2] * x[0], c * x[0] * x[1]
-    >>> found = report(Field(euler, 3, a=1, b=2, c=-3), letters="a b c")
-    >>> found.integrals[0], found.integrals[0].basis
-    ((a*x2^2 - b*x1^2)/(-eps^2*a*b*x3^2 + 4), 'identity')
     """
     degree = integer("degree", degree, 1)
     if eps is not None and letters is not None:

@@ -120,7 +120,7 @@ def CROSSED(
         "crossed": differs.select((by_motion | on).select(t, -inf), crossed),
         "up": differs & ~again & (now > 0.5),
         "down": differs & ~again & ~(now > 0.5),
-        "near": near,
+        "near": on.select(larger(near, abs(value) + abs(value)), near),
     }
 
 
@@ -410,7 +410,8 @@ def _cross(code, k, is_there, by_motion):
         _act(code, k, fires, by_motion)
         if events.components[k]:
             _look(code)
-            after = _at_surface(code, k) | {"near": found["near"]}
+            after = _at_surface(code, k)  # where it acted, the state was on the surface
+            after["near"] = found["near"] + LOW * after["size"]
             after["rate_size"] = after["rate_size"] + abs(own["rate"])
             found = code.apply(SIDE, **after)
             if events.holds[k]:

@@ -204,3 +204,44 @@ def test_most_counts_hits_and_phases_tell_rests():
     assert np.isnan(few.states[1]).all()
     assert np.isnan(few.derivatives["x0"][1]).all()
     np.testing.assert_allclose(few.final, whole.events.states[n - 1])
+
+
+def test_balls_without_restitution_stay_above_tables_that_throw_them(rng):
+    """Each hit ends on the surface with ds/dt = 0; the next flight may be shorter than a step."""
+    n = 300
+    w = rng.uniform(0.3, 3.0, n)
+    A, c = (
+        rng.uniform(0.0, 4.0, n) / w**2,
+        rng.choice([0.0, 1.0, 1000.0], n) * rng.uniform(0.5, 1, n),
+    )
+    phase = rng.uniform(0.0, 6.0, n)
+    ball = Field(lambda s, A, w, c, p: (s[1], -1.0, 1.0), "h v t", A=A, w=w, c=c, p=phase)
+    hit = Event(lambda s, A, w, c, p: s[0] - (c + A * np.sin(w * s[2] + p)), direction=-1,
+                to=lambda s, A, w, p: (s[0], A * w * np.cos(w * s[2] + p), s[2]))  # fmt: skip
+    starts = np.stack([c + A + rng.uniform(0.1, 3.0, n), rng.uniform(-1, 1, n), 0 * c], axis=1)
+    motion = flow(ball, starts, time=np.linspace(0.0, 50.0, 51), events=hit)
+    assert motion.ok.mean() > 0.97
+    gap = motion["h"] - (c + A * np.sin(w * motion["t"] + phase))
+    assert (gap >= -1e-9 * (1.0 + c))[:, motion.ok].all()
+
+
+def test_two_balls_in_a_pile_come_to_rest(rng):
+    """Neither falls through the floor or through the other one, which has hit it at rest."""
+    n = 60
+    e, d, mu = rng.uniform(0, 0.9, n), rng.uniform(0.05, 0.3, n), rng.uniform(0.2, 3, n)
+    balls = Field(lambda s, e, d, mu: (s[1], -9.81, s[3], -9.81), "h v y u", e=e, d=d, mu=mu)
+
+    def collide(s, e, mu):
+        r = (1 + e) * (s[3] - s[1]) / (1 + mu)
+        return s[0], s[1] + mu * r, s[2], s[3] - r
+
+    events = [
+        Event("h", direction=-1, to=lambda s, e: (s[0], -e * s[1], s[2], s[3])),
+        Event(lambda s, d: s[2] - s[0] - d, direction=-1, to=collide),
+    ]
+    lower = np.where(rng.random(n) < 0.5, 0.0, rng.uniform(0.1, 1, n))
+    starts = np.stack([lower, 0 * e, lower + d + rng.uniform(0.05, 0.5, n), 0 * e], axis=1)
+    motion = flow(balls, starts, time=60.0, events=events)
+    assert motion.ok.mean() > 0.8
+    rest = np.stack([0 * d, 0 * d, d, 0 * d], axis=-1)
+    np.testing.assert_allclose(motion.final[motion.ok], rest[motion.ok], atol=1e-12)

@@ -61,14 +61,15 @@ class EventAction(NamedTuple):
     to         `KeyedProgram` of the new state, or None if the state stays
     direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
     most       how many actions it takes to end the trajectory, infinity if none ends it
-    holds      whether its own action leaves a state on the surface above it, whatever the rate is
+    holds      1: its own action leaves a state on the surface above it, whatever the rate is; 2: so
+               does any other action; 0: the rate decides
     """
 
     surface: Program | None
     to: Program | None
     direction: int
     most: float
-    holds: bool = False
+    holds: int = 0
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, among them components."""

@@ -248,7 +248,8 @@ class SlidingEquations:
             a if same(a, i) else stays.select(number(i), number(a)).number for i, a in enumerate(to)
         ]
         x = self._with_modes([*x, *range(self.D, self.D + self.size)], of=k)
-        return EventAction(self._list([surface.number]), self._list(x), action.direction, inf)
+        holds = int(direction < 0)  # a body that leaves its rest has no rate
+        return EventAction(self._list([surface.number]), self._list(x), direction, inf, holds)
 
     def _with_contacts(self, x, of):
         """Return operands of the state x, in which bodies rest that would leave surfaces by little.
@@ -358,7 +359,7 @@ class SlidingEquations:
             new[self.D + h] = self._decided(h, new)
         if others:
             new = self._together(new, g)
-        return EventAction(self._list([surface.number]), self._list(new), -1, inf, True)
+        return EventAction(self._list([surface.number]), self._list(new), -1, inf, 2)
 
     def _decided(self, g, x):
         """Return the operand of the mode of surface g at the state x: by its rates if it is on."""

@@ -65,16 +65,29 @@ SIDE = scalar_kernel(_side)  # `_side` as a kernel, with the same inputs and res
 
 
 @scalar_kernel
-def FLAT_SIDE(side, level, value, slopes, slopes_later, has_branches):
-    """Return `side` and `level` of a state at a surface s = 0, but 1 and 0 if s = 0 all around it.
+def TOUCHING_SIDE(
+    side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
+    sign,
+):  # fmt: skip
+    """Return `side` and `level` of a state at a surface s = 0, if its rate does not decide them.
 
-    `side` is 1 where s >= `level`, 0 below, STAYS if the state stays on the surface. Only s with
-    branches, such as min(x, 0), can be 0 all around (`has_branches` is 1); cos(x) - 1 just touches
-    0. `value` is s, and `slopes` is sum |ds/dx_j|; `slopes_later` is the same sum a moment later.
+    `side` is 1 where s >= `level`, 0 below, STAYS if the state stays on the surface. It is 1 if
+    s = 0 all around the state. Only s with branches, such as min(x, 0), can be 0 all around
+    (`has_branches` is 1); cos(x) - 1 just touches 0. Where an event has acted after a crossing up
+    or down (`fired` is 1 or -1) and the rate `later`, after a moment, leads back, the state is back
+    on the side that it came from. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the
+    sums of the moduli of their terms, `slopes` is sum |ds/dx_j|, and `slopes_later` is the same sum
+    a moment later.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
-    return {"side": is_flat.select(1.0, side), "level": is_flat.select(0.0, level)}
+    lifts = side.equals(STAYS) & (-(fired * sign) * (later - rate) > ROUNDING * rate_size)
+    back = (fired < 0.0).select(1.0, 0.0)
+    own = _level(fired < 0.0, value, ROUNDING * size)
+    return {
+        "side": is_flat.select(1.0, lifts.select(back, side)),
+        "level": is_flat.select(0.0, lifts.select(own, level)),
+    }
 
 
 @scalar_kernel
@@ -107,7 +120,7 @@ def CROSSED(
     of_rest = is_slow | own["side"].equals(STAYS)
     is_back = leads & ((side > 0.5).select(sign * rate, -(sign * rate)) > 0.0)
     here = of_rest.select(by_motion.select(of_value, side), own["side"])
-    here = is_back.select(side, (holds > 0.0).select(of_value, here))
+    here = is_back.select(side, (holds > 1.0).select(of_value, here))
     now = has_side.select(on.select(here, of_value), stays.select(own["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
     again = (by_motion | on) & (t - crossed <= AT_ONCE * t)
@@ -230,7 +243,7 @@ def find_sides(code, begins):
     _look_a_moment_later(code)
     for k in code.text.each(code.integrator.events.surfaces, resting):
         found = code.apply(SIDE, near=0.0, **_at_surface(code, k))
-        found = _with_flat_side(code, k, found["side"], found["level"])
+        found = _with_touching_side(code, k, found["side"], found["level"], 0.0)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
         code.line.acted.choose(begins, k * 2, -inf)
@@ -350,9 +363,11 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     for k in text.each(events.surfaces, again):
         side, acted, place, fired = code.line.side, code.line.acted, k * 2, work.fired[k * 3]
         level = side.after(1)
-        found = _with_flat_side(code, k, side[place], level[place])
+        found = _with_touching_side(code, k, side[place], level[place], fired)
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
+        holds = text.constants([*map(float, events.holds)])[k]
+        level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
         own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
         own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
         own |= _at_surface(code, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
@@ -362,13 +377,14 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     code.line.resting[0] = vars(again).pop("resting")
 
 
-def _with_flat_side(code, k, side, level):
-    """Return the given `side` and `level` of surface k, or 1 and 0 where s = 0 all around."""
-    value, slopes = (code.work.toward.after(n)[k * OF_SURFACE] for n in (0, OF_SURFACE - 1))
-    later = code.work.ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]
+def _with_touching_side(code, k, side, level, fired):
+    """Return `side` and `level` of surface k as `TOUCHING_SIDE` does."""
+    slopes, ahead = code.work.toward.after(OF_SURFACE - 1), code.work.ahead
+    own = _at_surface(code, k) | {"slopes": slopes[k * OF_SURFACE], "fired": fired}
+    own |= {"later": ahead.after(1)[k * OF_SURFACE]}
+    own |= {"slopes_later": ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]}
     has_branches = code.text.constants([*map(float, code.integrator.events.flats)])[k]
-    own = {"value": value, "slopes": slopes, "slopes_later": later, "has_branches": has_branches}
-    return code.apply(FLAT_SIDE, side=side, level=level, **own)
+    return code.apply(TOUCHING_SIDE, side=side, level=level, has_branches=has_branches, **own)
 
 
 def _look_a_moment_later(code):
@@ -417,8 +433,6 @@ def _cross(code, k, is_there, by_motion):
             if events.holds[k]:
                 is_above = after["value"] > 0.0
                 found = {"side": text.value(1.0), "level": is_above.select(0.0, after["value"])}
-            else:
-                found["level"] = found["side"].equals(STAYS).select(inf, 0.0)
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
             line.crossed.choose(fires & found["side"].equals(given["side"]), k, -inf)

@@ -160,7 +160,8 @@ class Sliding:
         equations = self.system._equations
         pairs = [tuple(map(equations.shown, pair)) for pair in self.modes.pairs]
         of_f = (a if b == "0" else f"{a} - ({b})" if " " in b else f"{a} - {b}" for a, b in pairs)
-        return *of_f, *(self.events[k].of(self.system).surface for k in self.contacts)
+        touching = [traced(self.events[k], self.system) for k in self.contacts]
+        return *of_f, *(each.tracer.text(each.surface) for each in touching)
 
     def records(self, records: Any, columns: Any = None) -> Any:
         """Return records without records of modes, with the numbers of the whole batch."""

@@ -23,7 +23,8 @@ from .step_to_surface import aim_of
 from .tables import LARGEST, Table, is_table
 from .values import larger, operand_of, smaller
 
-_COMPARISONS = "olt", "ogt", "oge", "oeq"
+# Comparisons of a and b, and their truth where a > b, and where a < b.
+_COMPARISONS = {"olt": (0.0, 1.0), "ogt": (1.0, 0.0), "oge": (1.0, 0.0), "oeq": (0.0, 0.0)}
 _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
@@ -172,19 +173,16 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _joined(operations, jumps):
     """Return {number of a comparison: the group of all that compare the same two numbers a, b}.
 
-    A group is a dict {number: (truth where a > b, truth where a < b)}; `jumps` has the comparisons.
-    Comparisons without others of their numbers are left out.
+    A group is a dict {number: its truth, 1 or 0, where a > b, and where a < b}; `jumps` has the
+    comparisons. Comparisons without others of their numbers are left out.
     """
-    groups, found = {}, {}
-    for name, number, (a, *others) in operations:
+    groups = {}
+    for name, number, operands in operations:
         if number in jumps and name in _COMPARISONS:
-            is_reversed = (repr(others[0]), repr(a)) in groups
-            pair = (repr(others[0]), repr(a)) if is_reversed else (repr(a), repr(others[0]))
-            is_up = is_reversed == (name == "olt")
-            own = (False, False) if name == "oeq" else (is_up, not is_up)
-            groups.setdefault(pair, {})[number] = own
-            found[number] = groups[pair]
-    return {number: group for number, group in found.items() if len(group) > 1}
+            pair = repr(operands[0]), repr(operands[1])
+            turn = -1 if pair[::-1] in groups else 1
+            groups.setdefault(pair[::turn], {})[number] = _COMPARISONS[name][::turn]
+    return {number: group for group in groups.values() if len(group) > 1 for number in group}
 
 
 def _passed(tests, number, group, choices, truth, a, b):
@@ -194,16 +192,12 @@ def _passed(tests, number, group, choices, truth, a, b):
     step rounds, is beyond it, as with a single comparison. `np.sign` would be 0 there, and f jump
     twice. After an action and at the start old branches, `choices`, are NaN; then `truth` holds.
     """
-    was = []
+    meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):
-        equal = [tests.number(choices[c]).equals(float(own[k])) for c, own in group.items()]
-        was.append(functools.reduce(operator.and_, equal))
-    truth, meets = tests.number(truth), tests.number(tests.emit("oeq", a, b))
-    from_above, from_below = (meets & each for each in was)
-    here = truth & ~(from_above | from_below)
-    is_up, is_down = group[number]
-    here = here | from_below if is_up else here | from_above if is_down else here
-    return here.number
+        own = [tests.number(choices[c]).equals(truths[k]) for c, truths in group.items()]
+        passes = functools.reduce(operator.and_, own, tests.number(meets))
+        result = passes.select(group[number][1 - k], result)
+    return (result > 0.5).number
 
 
 def _with_choices(operations, fixed, tests, first, chosen, shifted, groups):

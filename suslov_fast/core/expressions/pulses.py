@@ -12,15 +12,18 @@ from typing import NamedTuple
 from .values import Number, larger, smaller
 
 REACH, NARROW = 24.0, 16.0  # pulses of d up to NARROW are wide enough for steps to see them
-_PLAIN = "fadd", "fsub", "fmul", "fdiv", "fabs", "max", "min", "select", "sqrt"
+_LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 
 
 class _Wave(NamedTuple):
-    """A function of waves, made of `Number`s: the fastest a'**2, d, and its amplitude."""
+    """Bounds of a function of waves, `Number`s: its size, the fastest a'**2, and d.
 
-    rate: Number
-    d: Number
+    The size of a function linear in clocks, which has no d, is the bound of its rate.
+    """
+
     size: Number
+    rate: Number | None = None
+    d: Number | None = None
 
 
 def longest_step(values, f, steady):
@@ -28,43 +31,35 @@ def longest_step(values, f, steady):
 
     `steady` are the components of constant rates. The operand is inf, or depends on parameters.
     """
-    number, is_fixed = values.number, values.is_fixed
-    rates, waves, longest = {i: number(f.results[i]) for i in steady}, {}, number(inf)
+    number, longest = values.number, values.number(inf)
+    known = {i: _Wave(abs(number(f.results[i]))) for i in steady}
     for name, result, operands in f.operations:
         of = operands[1:] if name == "select" else operands
-        varying = [a for a in of if not is_fixed(a)]
-        factors = [number(a) for a in of if is_fixed(a)]
-        if all(a in rates for a in varying):
-            if name in ("fadd", "fsub"):
-                a, b = (number(0.0) if is_fixed(a) else rates[a] for a in of)
-                rates[result] = a.then(name, b)
-            elif name == "fmul" or (name == "fdiv" and varying == [of[0]]):
-                if len(varying) == 1:
-                    rates[result] = rates[varying[0]].then(name, *factors)
-            elif name in ("sin", "cos"):
-                rate = rates[varying[0]]
-                waves[result] = _Wave(rate * rate, number(1.0), number(1.0))
+        varying = [a for a in of if not values.is_fixed(a)]
+        own, others = [known.get(a) for a in varying], [a for a in of if values.is_fixed(a)]
+        if not own or None in own or (varying != [of[0]] and name in ("fdiv", "pow")):
             continue
-        own = [waves[a] for a in varying if a in waves]
-        if len(own) < len(varying):
-            continue
-        rate, d, size = own[0]
-        if len(own) > 1:
-            b = own[1]
-            rate = larger(rate, b.rate)
-            is_product = name == "fmul"
-            d = d + b.d if is_product else larger(d, b.d)
-            size = size * b.size if is_product else size + b.size
+        (size, rate, d), is_sum, more = own[0], name != "fmul", own[1:]
+        if more:
+            size = size + more[0].size if is_sum else size * more[0].size
         elif name in ("fmul", "fdiv"):
-            size = size.then(name, abs(factors[0]))
-        if name == "exp":
-            d = d * larger(size, 1.0)
-        elif name == "pow" and varying == [of[0]]:
-            d = d * larger(abs(factors[0]), 1.0)
-        elif name not in _PLAIN or (name == "fdiv" and varying != [of[0]]):
+            size = size.then(name, abs(number(others[0])))
+        if all(wave.d is None for wave in own):
+            if name in ("sin", "cos"):
+                known[result] = _Wave(number(1.0), size * size, number(1.0))
+            elif name in _LINEAR and (is_sum or not more):
+                known[result] = _Wave(size)
             continue
-        waves[result] = _Wave(rate, d, size)
+        if any(wave.d is None for wave in own):
+            continue
+        if more:
+            rate = larger(rate, more[0].rate)
+            d = larger(d, more[0].d) if is_sum else d + more[0].d
+        if name in ("exp", "pow"):
+            d = d * larger(size if name == "exp" else abs(number(others[0])), 1.0)
+        elif name not in _LINEAR + _PLAIN:
+            continue
+        known[result] = _Wave(size, rate, d)
         if not (isinstance(d.number, float) and d.number <= NARROW):
-            own = REACH / (rate * d).sqrt()
-            longest = smaller((d > NARROW).select(own, inf), longest)
+            longest = smaller((d > NARROW).select(REACH / (rate * d).sqrt(), inf), longest)
     return longest.number

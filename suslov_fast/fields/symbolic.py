@@ -409,6 +409,7 @@ class Symbols(np.ndarray[Any, Any]):
     """An array of symbolic numbers, or of these and numbers."""
 
     _op_priority = 20.0  # numbers of SymPy, which have 10, leave operations to symbols
+    __array_priority__ = 20.0  # methods of arrays, such as W.dot(x), return symbols
 
     @classmethod
     def of(cls, symbols: Sequence[Symbol]) -> Symbols:

@@ -127,6 +127,10 @@ def test_periodic_pulses_of_powers_and_of_days():
 
     motion = sf.flow(sf.Field(dose, "y t"), [0.0, 0.0], time=24.0 * np.arange(1, 366))
     np.testing.assert_allclose(motion["y"], 24 * i0e(800) * np.arange(1, 366), rtol=1e-7)
+    square = sf.Field(lambda s: (1 + np.tanh(1e6 * (np.cos(s[1]) - 0.9999)), 1.0), "y t")
+    motion = sf.flow(square, [0.0, 1.0], time=100 * np.pi)
+    # The time above .9999, but for 1e-5 by the curvature there.
+    np.testing.assert_allclose(motion.final[0], 200 * np.arccos(0.9999), rtol=2e-5)
     narrow = sf.Field(lambda s, k: (np.exp(k * np.cos(s[1] - 3) - k), 1.0), "y t", k=1e8)
     motion = sf.flow(narrow, [0.0, 0.0], time=20 * np.pi, derivatives="k")
     np.testing.assert_allclose(motion.final[0], 20 * np.pi * i0e(1e8), rtol=1e-7)

@@ -1,9 +1,9 @@
 """The longest step of a right-hand side with narrow periodic pulses.
 
 Between pulses, as those of sin(t)**1000, f is constant, so that all columns of a long step agree,
-and may miss them. A wave sin(a) with the rate a' has pulses about as wide as a Gaussian exp(-d a**2
-/ 2): sin(a)**d, a product of d waves, and exp(d cos(a)) have d pulses, and the width is d**-1/2 /
-a'. A step is at most REACH widths, so that no four lie between two of its sub-steps.
+and may miss them. A product of d waves sin(a), as sin(a)**d, and exp, tanh and erf of d cos(a) have
+pulses as wide as the Gaussian exp(-d a**2 / 2), or wider: the width is d**-1/2 / a', with the rate
+a'. A step is at most REACH widths; fewer than five lie between two points at which f counts.
 """
 
 from math import inf
@@ -55,8 +55,8 @@ def longest_step(values, f, steady):
         if more:
             rate = larger(rate, more[0].rate)
             d = larger(d, more[0].d) if is_sum else d + more[0].d
-        if name in ("exp", "pow"):
-            d = d * larger(size if name == "exp" else abs(number(others[0])), 1.0)
+        if name in ("exp", "tanh", "erf", "pow"):
+            d = d * larger(abs(number(others[0])) if name == "pow" else size, 1.0)
         elif name not in _LINEAR + _PLAIN:
             continue
         known[result] = _Wave(size, rate, d)

@@ -54,6 +54,7 @@ _ENOUGH, _MOST = 10, 40  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
 _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
+_MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
@@ -292,7 +293,7 @@ class Search:
         if is_proved and (has_letters or is_long):
             self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
         elif has_letters:
-            self.planar = PlanarEntropy(reason="curves are followed with one letter at most: subs")
+            self.planar = PlanarEntropy(reason=_MANY_LETTERS)
         else:
             self.planar = planar_entropy(self.map)
         self._check_degrees()

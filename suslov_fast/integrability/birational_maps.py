@@ -31,7 +31,6 @@ from .polynomials import (
     exponents_in_x,
     homogenized,
     irreducible_factors,
-    is_irreducible_on_a_line,
     modulo,
     random_line,
     ring_with_letters,
@@ -48,7 +47,7 @@ from .rational_functions import (
     rational_roots,
 )
 
-TERMS = 100_000  # of the largest reducible polynomial that is factored, in some 5 s
+TERMS = 100_000  # of the largest polynomial that is factored, in some 5 s
 TERMS_IN_LETTERS = 3_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 FEW = 100  # products of polynomials times the degree of a map, of an image on a line
@@ -338,9 +337,7 @@ class RationalMap(WithLetters):
         for f in {str(f): f for f in known}.values():
             P, power = divided_out(P, f)
             powers.append((f, power))
-        if len(P) > most and not is_irreducible_on_a_line(P):
-            return None
-        return factored(P) * product_of(powers, Fraction(1))
+        return None if len(P) > most else factored(P) * product_of(powers, Fraction(1))
 
     def _rows(self) -> list[list[Any]]:
         places = range(len(self.letters), len(self.letters) + self.dimension)

@@ -10,7 +10,6 @@ import copyreg
 import math
 import random
 import re
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
@@ -28,7 +27,6 @@ Polynomials = tuple[Any, ...]
 A = TypeVar("A")
 
 _LETTER = "_letter_"  # before the name of a letter other than eps
-_LONG = 500  # terms of a polynomial that is first restricted to a line
 
 
 def _from_terms(names: Any, terms: Any) -> Any:
@@ -182,37 +180,10 @@ def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     Factors are sorted here, because results depend on their order. They are found over the
     rationals: over the integers python-flint 0.9 fails if a coefficient is large.
     """
-    if len(P) > _LONG and is_irreducible_on_a_line(P):
-        return [(primitive(P), 1)]
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
     powers = sorted(powers, key=lambda pair: (int(pair[1]), [*pair[0].terms()]))
     return [(primitive(*cleared(factor)), int(power)) for factor, power in powers]
-
-
-def is_irreducible_on_a_line(P: Any) -> bool:
-    """Return True if P is irreducible, because it is so on a line, at integers for letters.
-
-    A product of polynomials in x is a product on every line on which it keeps its degree.
-    """
-    count, rng = letters_in(P), random.Random(0)
-    ring = flint.fmpz_mpoly_ctx.get(("t",), ordering="deglex")
-    (t,) = ring.gens()
-    numbers = [ring.constant(rng.randrange(2, 99)) for _ in range(count)]
-    line = [rng.randrange(1, 99) * t + rng.randrange(99) for _ in range(variables_of(P))]
-    terms = P.compose(*numbers, *line, ctx=ring).to_dict()
-    on_line = flint.fmpz_poly([terms.get((k,), 0) for k in range(degree_of(P) + 1)])
-    if on_line.degree() < degree_of(P) or [e for _, e in on_line.factor()[1]] != [1]:
-        return False
-    coefficients = defaultdict[Any, dict[Any, Any]](dict)
-    for e, c in P.to_dict().items():
-        coefficients[e[count:]][*e[:count], *[0] * len(line)] = c
-    content = P.context().from_dict({})
-    for terms in coefficients.values():
-        content = content.gcd(P.context().from_dict(terms))
-        if content.is_constant():
-            return True
-    return False
 
 
 def cleared(*polynomials: Any) -> list[Any]:

@@ -16,7 +16,6 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from .birational_maps import LONGEST, RationalMap
-from .composed_maps import ComposedMap
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
@@ -54,6 +53,7 @@ _ENOUGH, _MOST = 10, 40  # iterates: enough if a recurrence holds, and at most
 _CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
 _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
+_HIGHEST = 8  # degree of maps whose contracted curves are followed: those of 18 take minutes
 _MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
 # Kinds of tasks in the order in which they run; those of a group run by degree.
 _GROUPS = (
@@ -288,12 +288,13 @@ class Search:
     def _find_planar_entropy(self) -> Tasks:
         """Follow the contracted curves, unless that takes long and a proved integral suffices."""
         is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
-        has_letters = len(self.map.letters) > 1
-        is_long = self.map.length > 1 or isinstance(self.map, ComposedMap)
-        if is_proved and (has_letters or is_long):
+        has_letters, degree = len(self.map.letters) > 1, self.map.degree
+        if is_proved and (has_letters or self.map.length > 1 or degree > _HIGHEST):
             self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
         elif has_letters:
             self.planar = PlanarEntropy(reason=_MANY_LETTERS)
+        elif degree > _HIGHEST:
+            self.planar = PlanarEntropy(reason=f"not followed: a map of degree {degree} takes long")
         else:
             self.planar = planar_entropy(self.map)
         self._check_degrees()

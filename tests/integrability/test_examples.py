@@ -134,8 +134,8 @@ def test_a_qrt_map_in_three_dimensions(finished):
     assert found.independent == len(integrals) == 2
     assert all((f.degree, f(y)) == (2, f(x)) for f in integrals)
     if finished:
-        assert found.degrees == [15, 55, 121, 215]
-        assert "the next takes long" in found.searched[0]
+        assert found.degrees[:4] == [15, 55, 121, 215]
+        assert found.growth.kind == "quadratic"
     assert (
         found.finished == finished == any(f(y) * map.determinant(x) == f(x) for f in found.measures)
     )

@@ -232,6 +232,7 @@ def motion_of_one(system, x0, out, memory):
     state = _begin(system, x0, memory, inputs, x)
     components, first, implicit = np.int64(0), system.address, plan[PLAN.implicit]
     tries, end, before = 0, 0.0, state
+    relative = memory[plan[PLAN.state] :]  # not `out`, which may be x0
     while True:
         arguments[SLOT.components] = constants.ctypes.data + 8 * components
         arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
@@ -258,9 +259,9 @@ def motion_of_one(system, x0, out, memory):
         end, before = x[plan[PLAN.t]], state
         for i in range(D):
             is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
-            out[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
+            relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
         state = _begin(system, x0, memory, inputs, x)
-        _set_again(system, tries, memory, x, out)
+        _set_again(system, tries, memory, x, relative)
         components = plan[PLAN.components_again]
         if tries == _WITHOUT:
             first, implicit = system.address, plan[PLAN.implicit]

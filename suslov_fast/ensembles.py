@@ -240,7 +240,10 @@ def _digest(value: Any) -> str:
 def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     """Return the dataset of all N trajectories, lazy where chunks are written, and its encoding."""
     import dask.array
+    from zarr.codecs import BloscCodec
 
+    # Of states it makes as much as Zarr's default, in a third of the time.
+    codec = BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle")
     parameters = given["system"]._arrays | {k: a for k, a in given.items() if k == "eps"}
     encoding: dict[str, Any] = {}
     variables = {}
@@ -250,7 +253,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
         elif name != "time":  # n eps, as large as the states
             sizes = each.sizes | {_AXIS: N}
             pieces = tuple((sizes | {_AXIS: length}).values())
-            encoding[name] = {"chunks": pieces}
+            encoding[name] = {"chunks": pieces, "compressors": (codec,)}
             values: Any
             if name in parameters:
                 values = np.reshape(parameters[name], tuple(sizes.values()))
@@ -347,5 +350,5 @@ def _write(
         raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")
     data = data.drop_vars({*data.variables} - {*columns})
     for part in (data.drop_vars("status"), data[["status"]]):
-        part.to_zarr(store, region={_AXIS: where}, consolidated=False)
+        part.to_zarr(store, region={_AXIS: where}, consolidated=False, write_empty_chunks=True)
     return where

@@ -1,11 +1,12 @@
 """Events that leave states on surfaces of other events, against loops with exact fractions."""
 
+from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from suslov_fast import Event, Field, flow, periodic_orbit
+from suslov_fast import Event, Field, Status, flow, periodic_orbit
 
 FREE = "x v"
 N = 60
@@ -261,3 +262,24 @@ def test_surfaces_near_the_least_numbers(factor):
     free = Field(lambda s: (s[1], 0.0), FREE)
     found = flow(free, [[-1.0, 1.0], [0.0, 1.0]], time=2.0, events=Event(lambda s: factor * s[0]))
     assert found.events.count.tolist() == [[1], [0]]
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_events_at_the_edge_of_f(rng, stiff):
+    """h' = -a - b sqrt(h) has no value below 0; a tank is filled again there."""
+    a, b, h = 10 ** rng.uniform(-2, 2, (3, 100))
+    f = Field(lambda s, a, b: (-a - b * np.sqrt(s[0]),), "h", a=a, b=b)
+
+    def fall(h):
+        return 2 / b * (np.sqrt(h) - a / b * np.log1p(b * np.sqrt(h) / a))
+
+    times = fall(h) + fall(1.0) * np.array([[0.0], [1.0], [2.0]])
+    for own, n in (({}, 1), ({"terminal": True}, 1), ({"to": lambda s: (1.0,), "most": 3}, 3)):
+        with pytest.warns() if not own else nullcontext():
+            motion = flow(
+                f, h[:, None], time=2 * times.max(), events=Event("h", **own), stiff=stiff
+            )
+        assert (motion.events.count == n).all()
+        assert (motion.status == (Status.STOPPED if own else Status.ENDED)).all()
+        right = times[:n].T.ravel()
+        np.testing.assert_allclose(motion.events.time, right, rtol=1e-6)

@@ -18,7 +18,7 @@ from .codegen import StepCode
 from .event_records import record
 from .growing_components import RAISED
 from .memory import LaneState
-from .scalar_kernels import AT_ONCE, NEARLY, TINY, scalar_kernel
+from .scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
@@ -115,6 +115,7 @@ def CROSSED(
     leads = by_motion & has_side & ~(of_value.equals(side) | of_value.equals(GAP)) & is_small
     near = leads.select(abs(value) + abs(value), near)
     near = (at_surface > 1.0).select(larger(near, NOISE * size), near)
+    near = (at_surface > 2.0).select(larger(near, EDGE * t * abs(rate)), near)
     own = _side(value, rate, size, rate_size, stays.select(LOW * size, near), t, sign)
     on, is_slow = own["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
     of_rest = is_slow | own["side"].equals(STAYS)

@@ -28,7 +28,7 @@ import numpy as np
 from ..expressions.double_crossings import MIDDLE, POINTS
 from ..expressions.values import larger, smaller
 from .memory import LaneState
-from .scalar_kernels import NEARLY, scalar_kernel
+from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
@@ -136,7 +136,7 @@ def _guess(cut, part, weight, rounds, lengths, aim, accuracy, is_rough):
 def CUT(
     before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
     crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
-    rounds, whole, longer, mode, most, last, goal, aim, since, left, next,
+    rounds, whole, longer, mode, most, last, goal, aim, since, left, next, ended,
 ):  # fmt: skip
     """Return whether a step near a surface is `accepted`, and the next length, which leads to it.
 
@@ -155,6 +155,7 @@ def CUT(
     aim               length of the step that ends on the surface, see `step_to_surface`
     since, goal       the longest time since a surface was crossed; the time that no step passes
     left              time to a surface of an event, less rounding; if it is NEARLY 0, the step ends
+    ended             1 if the solution ends where the step began: f has no value beyond
     """
     is_near = outer < inf
     sought = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -165,7 +166,8 @@ def CUT(
     is_right = accepted + served > 0.0
     has_waves = (waves > 1.0) & is_long & ~is_near
     cut = seen & ~is_last & ~has_waves
-    arrives = is_right & ~(seen | has_waves) & (left <= NEARLY * (before + taken))
+    ends = (ended > 0.0) & (left <= EDGE * before)  # f has no value beyond the surface
+    arrives = is_right & ~(seen | has_waves) & (left <= NEARLY * (before + taken)) | ends
     is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
     again = ((hidden >= 1.0) & is_long & is_right & ~(cut | arrives)) | has_waves
     is_right = is_right & ~(seen | again | arrives)
@@ -176,7 +178,7 @@ def CUT(
     told = smaller(taken * (OF_WAVES / waves), has_waves.select(inf, told))
     forgets = ~searches & (taken > 0.0)
     searches = searches | again
-    moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0)
+    moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0) | ends
     first = (crossed > 0.0).select(end, 1.0) * taken
     outer_now = cut.select(first, misses.select(4.0 * taken, outer))
     inner_now = holds.select(taken, inner)
@@ -193,7 +195,7 @@ def CUT(
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
     stopped = (state >= LaneState.DONE).select(running, state)
     jumped = moved & seen & (jumps > 0.0) & (t < last)
-    after = jumped.select(running, state)
+    after = (jumped | ends).select(running, state)
     return {
         "accepted": moved.select(1.0, 0.0),
         "served": (cut | again | is_aside).select(0.0, served),
@@ -208,7 +210,9 @@ def CUT(
         "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
         "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
         "beyond": (cut & is_near & ~is_known).select(1.0, 0.0),
-        "at_surface": (moved & (seen | arrives)).select(arrives.select(2.0, 1.0), 0.0),
+        "at_surface": (moved & (seen | arrives)).select(
+            ends.select(3.0, arrives.select(2.0, 1.0)), 0.0
+        ),
         "jumped": jumped.select(1.0, 0.0),
     }
 
@@ -232,15 +236,23 @@ def cut(code, before, total):
     text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
     taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
     far = line.far
-    if code.integrator.events and code.integrator.events.surfaces:
-        text.copy(line.side, work.sides, 2 * code.integrator.events.surfaces)
+    ended, events = text.value(0.0) > 0.0, code.integrator.events
+    if events and events.surfaces:
+        text.copy(line.side, work.sides, 2 * events.surfaces)
+    if events and events.surfaces and not any(events.holds):
+        ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
+        with text.when(ended.any(), likely=False):
+            for i in text.each(code.D):
+                work.new.choose(ended, i, line.x[i])
+            for i in text.each(code.extended):
+                work.f_new.choose(ended, i, line.f[i])
     is_far, from_start, of = (
         ~(line.outer[0] < np.inf),
         ~(line.inner[0] > 0.0),
         code.integrator.double_crossings,
     )
     parts, middle = _look_at_points(code, taken, from_start)
-    inputs = {"total": total, "before": before, "taken": taken}
+    inputs = {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
     inputs |= parts | {"mode": code.mode, "goal": code.goal().get("last", code.number("last"))}
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
@@ -348,7 +360,7 @@ def _aim(code, inputs, has_no_search, from_start):
     if events and events.surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
-        is_asked = is_asked | (work.served[0] > 0.0)
+        is_asked = is_asked | (work.served[0] > 0.0) | (inputs["ended"] > 0.0)
         looks = looks | is_asked
     with text.when(looks.any(), likely=False):
         sign = code.number("sign")

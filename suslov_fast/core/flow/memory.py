@@ -135,7 +135,8 @@ def rows_of_work(integrator):
         accepted=1,  # 1 where the step is taken, else 0
         served=1,  # 1 where a step aside has reached its time, else 0
         t=1,  # time before the step
-        at_surface=1,  # 1 where the step ends on a surface, 2 where it arrives at one, else 0
+        # Where the step ends: 1 on a surface, 2 just before one, 3 where f ends at one; else 0.
+        at_surface=1,
         jumped=1,  # 1 where f may have jumped there
         # Surfaces at the start and at POINTS, and inputs of `double_crossings`.
         points=integrator.at_points + watched + 1,

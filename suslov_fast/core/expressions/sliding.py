@@ -76,7 +76,7 @@ class SlidingEquations:
             return
         self.size = len(self.held) + 2 * bool(self.contacts)
         f, self.factors, matrix = self._rates({})
-        self.diagonal = [matrix[D + g, D + g] for g in range(self.count)]
+        self.diagonal = [self.values.number(self._reach(D + g, D + g)) for g in range(self.count)]
         self.joined = [
             pair for pair in combinations(range(self.count), 2) if self._is_joined(*pair)
         ]
@@ -351,6 +351,7 @@ class SlidingEquations:
         below, above = self._toward(g, False), self._toward(g, True)
         rises, falls = (above >= 0.0).select(1.0, 0.0), (below <= 0.0).select(-1.0, 0.0)
         crossed = (mode > 0.0).select(falls, rises)
+        crossed = self._stays(mode, below, above).select(mode, crossed)
         new = [*range(self.D + self.size)]
         new[self.D + g] = slides.select((w > 0.5).select(1.0, -1.0), crossed).number
         # Other modes may end with this one.
@@ -359,7 +360,17 @@ class SlidingEquations:
             new[self.D + h] = self._decided(h, new)
         if others:
             new = self._together(new, g)
+        # On the surface without errors, which else would grow from phase to phase.
+        lands, factor = number(new[self.D + g]).equals(0.0) & ~slides, s / self.diagonal[g]
+        for i, jump in enumerate(self.held[self.D + g][2]):
+            if jump is not None:
+                new[i] = lands.select(number(i) - factor * number(jump), number(i)).number
         return EventAction(self._list([surface.number]), self._list(new), -1, inf, 2)
+
+    def _stays(self, mode, below, above):
+        """Return the truth value that f does not lead back from a side, except by rounding."""
+        is_above = (mode > 0.5) & (above >= -(BARELY * abs(below)))
+        return is_above | ((mode < -0.5) & (below <= BARELY * abs(above)))
 
     def _decided(self, g, x):
         """Return the operand of the mode of surface g at the state x: by its rates if it is on."""
@@ -368,10 +379,7 @@ class SlidingEquations:
         slides = (below > 0.0) & (above < 0.0)
         on = slides.select(0.0, (below + above >= 0.0).select(1.0, -1.0))
         mode = self.values.number(x[self.D + g])
-        # A mode that has just ended stays so where the rate beyond is 0 but for rounding.
-        stays = (mode * above >= -(BARELY * abs(below))) & (mode > 0.5)
-        stays = stays | ((mode * below >= -(BARELY * abs(above))) & (mode < -0.5))
-        on = stays.select(mode, on)
+        on = self._stays(mode, below, above).select(mode, on)
         return (abs(s) <= ON * sizes[0] + LEAST).select(on, mode).number
 
     def _together(self, x, g=None):

@@ -127,6 +127,7 @@ def CROSSED(
     again = (by_motion | on) & (t - crossed <= AT_ONCE * t)
     moved = on & has_side & (by_motion | of_rest)
     moved = moved.select(_level(now > 0.5, value, ROUNDING * size), 0.0)
+    moved = (holds > 1.0).select(level, moved)
     changes = is_here | (stays & (accepted > 0.0))
     return {
         "side": changes.select(now, side),
@@ -433,7 +434,9 @@ def _cross(code, k, is_there, by_motion):
             found = code.apply(SIDE, **after)
             if events.holds[k]:
                 is_above = after["value"] > 0.0
-                found = {"side": text.value(1.0), "level": is_above.select(0.0, after["value"])}
+                level = is_above.select(0.0, after["value"])
+                level = level - ROUNDING * (after["size"] + after["rate_size"] * line.t[0])
+                found = {"side": text.value(1.0), "level": level}
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
             line.crossed.choose(fires & found["side"].equals(given["side"]), k, -inf)

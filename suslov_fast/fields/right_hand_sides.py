@@ -138,12 +138,14 @@ def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
 def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None:
     """Return the results of a program of f at one state by machine code; None in first calls."""
     calls = vars(f).setdefault("calls", {})
-    calls[name] = count = calls.get(name, 0) + 1
-    if count <= _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):
-        return None
-    from ..core.flow.program_code import by_code  # with Numba
+    if isinstance(function := calls.get(name, 0), int):
+        calls[name] = function + 1
+        if function < _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):
+            return None
+        from ..core.flow.program_code import by_code  # with Numba
 
-    found: FloatArray = by_code(f, name, *given)
+        calls[name] = function = by_code
+    found: FloatArray = function(f, name, *given)
     return found
 
 

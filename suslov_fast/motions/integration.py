@@ -143,7 +143,7 @@ class SolverResult(NamedTuple):
         """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
         arrays = self.states[:, where], self.t[where], self.steps[where], self.status[where]
         records = None if self.records is None else self.records.in_order().part(where)
-        others = (None if a is None else a[where] for a in (self.doubtful, self.repeated))
+        others: Any = (None if a is None else a[where] for a in (self.doubtful, self.repeated))
         return SolverResult(*arrays, self.is_stopped, records, *others)
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
@@ -152,7 +152,8 @@ class SolverResult(NamedTuple):
         own: Any = [a if a.flags.writeable else a.copy() for a in arrays]  # some are shared
         own[0][:, where], own[1][where] = part.states, part.t
         own[2][where], own[3][where] = part.steps, part.status
-        records, others = self.records, []
+        records = self.records
+        others: list[Any] = []
         if part.records is not None:
             records = records.in_order().with_part(where, part.records.in_order())
         for a, b in ((self.doubtful, part.doubtful), (self.repeated, part.repeated)):
@@ -282,9 +283,9 @@ def _of_group(
     (where,) = np.nonzero(engine.state == LaneState.AGAIN)
     if not len(where) or engine.is_stopped:
         return found
-    part = table if table.ndim == 1 else table[where]
+    own = table if table.ndim == 1 else table[where]
     request = _part_of(request, where, engine.report_of_part(where))
-    part = _again(f, part, starts[where], request, engine.lost[where])
+    part = _again(f, own, starts[where], request, engine.lost[where])
     return found.again(where, part._replace(repeated=np.ones(len(where), np.int8)))
 
 

@@ -51,10 +51,8 @@ def test_a_tank_drains_until_it_is_empty():
         sf.flow(drained, 1.0, time=[1.0, 1.9, 4.0]).states[:, 0], [0.25, 0.0025, 0.0], atol=5e-9
     )
     back = field(lambda h: -np.sign(h) * np.sqrt(np.abs(h)), "h")  # from both sides to 0
-    with pytest.warns(sf.IntegrationWarning, match="slide"):
-        motion = sf.flow(back, 1.0, time=[1.9, 4.0])
-    np.testing.assert_allclose(motion.states[0], 0.0025, atol=5e-9)
-    np.testing.assert_allclose(motion.end, 2.0, atol=1e-5)
+    motion = sf.flow(back, 1.0, time=[1.9, 4.0])
+    np.testing.assert_allclose(motion.states[:, 0], [0.0025, 0.0], atol=5e-9)
     assert motion.steps < 200
 
 

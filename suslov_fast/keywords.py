@@ -93,6 +93,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 def refuse_unknown(called: str, options: Iterable[str], *functions: Any) -> None:
     """Raise TypeError for options that none of the functions has as an argument."""
     known = {name: 0 for each in functions for name in inspect.signature(each).parameters}
+    known.pop("self", 0)
     for word in options:
         if word not in known:
             how = answer(word, known) or ", ".join(known)

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 # object may have one; and what to use where it has none.
 TABLE = (
   ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition",
-   "x0 omega0 states[0] state", ""),
+   "x0 omega0 near states[0] state", ""),
   ("omega x state", "x0 omega0 omega x states state components", ""),
   ("body system field fun rhs model", "system body", ""),
   ("f", "first_integral body", ""),
@@ -110,6 +110,7 @@ TABLE = (
    "map.jacobian(x), multiplied along run.states; of a motion flow(..., derivatives='x0')"),
   ("dx derivative linearize", "derivatives",
    "field.jacobian(x), of its right-hand side; for a body body.field().jacobian(x)"),
+  ("type", "kind", ""),
   ("stability isstable linearstability", "stable", "equilibria(system, near=x0).stable"),
   ("eigenvector", "", "np.linalg.eig(field.jacobian(x)), which returns values and vectors"),
   ("eig eigenvalues stable", "eigenvalues multipliers",
@@ -202,9 +203,9 @@ TABLE = (
 # The same for what takes steps or has times; others have no use for these words.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
-  ("dt h stepsize deltat firststep initialstep", "eps",
+  ("dt h step stepsize deltat firststep initialstep", "eps",
    "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
-  ("t time teval tend tmax tf tfinal duration", "time period",
+  ("t time teval tend tmax tf tfinal duration", "time period times",
    "flow(system, x0, time=t); along a map iterate(..., steps=n)"),
   ("tspan t0", "",
    "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),

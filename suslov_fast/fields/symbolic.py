@@ -427,6 +427,8 @@ class Symbols(np.ndarray[Any, Any]):
         if isinstance(index, (Symbol, Symbols)):
             how = f"write np.where(condition, a, b), {STEPS}, or a sum over all entries"
             raise Untraceable(f"an index of an array depends on x, such as x[x > 0]: {how}")
+        if isinstance(index, str):
+            raise Untraceable(f"components have numbers in f: write x[0] in place of x[{index!r}]")
         return super().__getitem__(index)
 
     if not TYPE_CHECKING:

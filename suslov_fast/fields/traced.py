@@ -127,17 +127,16 @@ class Traced(Body):
         return Parameters({name: self._parts[name] for name in self._coordinates})
 
     # ------------------------------------------------------------------------------ values
-    def __call__(self, x: Any, /, *others: Any, **parameters: Any) -> Any:
+    def __call__(self, *x: Any, **parameters: Any) -> Any:
         """Return f(x) (..., D) at states x (..., D)."""
-        if others or parameters:
-            how = (
-                f"with_parameters({', '.join(f'{k}={short(v)}' for k, v in parameters.items())})(x)"
-            )
-            how = f"system.{how}" if parameters else "lambda t, x: system(x), where t is passed too"
+        if len(x) != 1 or parameters:
+            values = ", ".join(f"{name}={short(value)}" for name, value in parameters.items())
+            how = "lambda t, x: system(x), where t is passed too"
+            how = f"system.with_parameters({values})(x)" if parameters else how
             raise TypeError(f"system(x) takes the state alone: pass {how}")
-        if isinstance(x, Symbols):
-            return self._traced_at(x)
-        return self._value(checks.states("x", x, self.names))
+        if isinstance(x[0], Symbols):
+            return self._traced_at(x[0])
+        return self._value(checks.states("x", x[0], self.names))
 
     def _value(self, x: FloatArray) -> FloatArray:
         """Return f(x) (..., D) at checked states."""

@@ -307,6 +307,7 @@ def _check_surface(surface: Any) -> None:
     if not isinstance(surface, str) and not callable(surface):
         is_number = isinstance(surface, (int, float))
         what = f": pass lambda x: x[k] - {surface}, for component k" * is_number
+        what += ": times are times=[1, 2]" * isinstance(surface, (list, tuple, np.ndarray))
         raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{what}", TypeError)
 
 

@@ -114,9 +114,9 @@ def CROSSED(
     is_small = (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
     leads = by_motion & has_side & ~(of_value.equals(side) | of_value.equals(GAP)) & is_small
     near = leads.select(abs(value) + abs(value), near)
-    near = (at_surface > 1.0).select(larger(near, NOISE * size), near)
     near = (at_surface > 2.0).select(larger(near, EDGE * t * abs(rate)), near)
-    own = _side(value, rate, size, rate_size, stays.select(LOW * size, near), t, sign)
+    of_terms = stays.select(LOW, NOISE) * size
+    own = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
     on, is_slow = own["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
     of_rest = is_slow | own["side"].equals(STAYS)
     is_back = leads & ((side > 0.5).select(sign * rate, -(sign * rate)) > 0.0)

@@ -70,6 +70,12 @@ def test_have_the_bits_of_written_sums(name, monkeypatch):
     np.testing.assert_array_equal(alone, states[0][:, 3])
 
 
+def test_sums_that_share_parts_stay_as_they_are():
+    """Running sums take one operation each, and would take n as a product with a matrix."""
+    field = Field(lambda x: np.cumsum(x) * x - x, 40)
+    assert len(field._equations.products[0].operations) == 3 * 40 - 1
+
+
 def test_a_family_of_matrices_with_a_factor():
     """Factors 1 / 2 and 4 change no digits of the entries."""
     family = Field(lambda x, g: (g * W) @ np.tanh(x) - 6.0 * x, NAMES, g=[0.5, 4.0])

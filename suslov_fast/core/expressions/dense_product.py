@@ -102,10 +102,13 @@ def roll(values):
     """
     if len(values.of) < 2 * LEAST:
         return
-    lefts = {of[0] for name, of in values.of.values() if name in _SUMS and type(of[0]) is int}
+    uses = Counter(a for _, of in values.of.values() for a in of if type(a) is int)
+    sums = {number for number, (name, _) in values.of.items() if name in _SUMS}
+    lefts = {a for number in sums if type(a := values.of[number][1][0]) is int}
+    parts = {number for number in sums if uses[number] == 1 and number in lefts}
     groups, group_of = [], {}
-    for number, (name, _) in values.of.items():
-        row = _row(values, number) if name in _SUMS and number not in lefts else {}
+    for number in sorted(sums - parts):
+        row = _row(values, number, parts)
         if len(row) > 1:
             group = next((group_of[key] for key in row if key in group_of), None)
             if group is None:
@@ -136,13 +139,14 @@ def roll(values):
             values.of[end] = own
 
 
-def _row(values, number):
+def _row(values, number, sums):
     """Return {(factors of c, v): (c, number of the sum that ends with c v)} of terms of a sum.
 
-    These are its first terms with values v in order, whose constants c have the same factors.
+    These are its first terms with values v in order, whose constants c have the same factors. The
+    numbers `sums` are sums that are written out.
     """
     terms, row, parts = [], {}, values.parts_of
-    while parts(number)[0] in _SUMS:
+    while not terms or number in sums:
         name, (left, a) = parts(number)
         terms.append((-1.0 if name == "fsub" else 1.0, a, number))
         number = left

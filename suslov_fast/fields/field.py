@@ -25,10 +25,9 @@ from .right_hand_sides import OfMembers
 from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
 from .trace import check_callable, check_function, operands_of_function
-from .traced import EQUATIONS, NAMES, Traced, operands_of_texts, parts_of
+from .traced import EQUATIONS, INDICES, NAMES, VALUES, Traced, operands_of_texts, parts_of
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
-INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 
 
 @public_class
@@ -316,12 +315,6 @@ class Field(Traced):
         if self._equations:
             return super()._program
         return right_hand_sides.equations_of(self._parts[INDICES].tobytes(), self.dimension)
-
-    @property
-    def _inputs(self) -> FloatArray:
-        if self._equations is None:
-            return np.moveaxis(np.asarray(self._parts[VALUES], np.float64), -1, 0)
-        return super()._inputs
 
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:

@@ -26,6 +26,7 @@ from .trace import called_by_name
 # Parts other than named parameters. They hold spaces, because a parameter can have any name that
 # Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations"
+INDICES, VALUES = "indices of f", "values of f"  # of a field of terms
 _FLOATS = {float}
 # Cached properties that are the same for all parameters, if these are numbers.
 _OF_EQUATIONS = "shape", "_tables_of_time"
@@ -191,8 +192,10 @@ class Traced(Body):
     @property
     def _inputs(self) -> FloatArray:
         """The parameters (P, ...) of all members."""
+        if self._equations is None:
+            return np.moveaxis(np.asarray(self._parts[VALUES], np.float64), -1, 0)
         if not self.shape:
-            return np.array([self._parts[name] for name in self._coordinates], np.float64)
+            return np.array([*self._parts.values()], np.float64)
         rows = [np.broadcast_to(a, self.shape) for a in self._arrays.values()]
         return np.array(rows, np.float64).reshape(len(rows), *self.shape)
 

@@ -69,12 +69,12 @@ _MESSAGES = {
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
     Status.ENDED: "the solution ends: it escapes to infinity, or reaches a pole of the equations",
-    Status.SLIDING: "the solution slides along a condition, where the equations do not continue it",
+    Status.SLIDING: "the solution slides along conditions that do not tell how it goes on",
     Status.TOO_MANY_STEPS: (
         "stopped before the last time: too many steps from one time to the next, or progress "
         "returned False"
     ),
-    Status.ACCUMULATES: "events follow one another without end",
+    Status.ACCUMULATES: "events follow one another without end, and no body comes to rest",
     Status.STOPPED: "finished: an event ended it",
     Status.DEGENERATE: (
         "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"

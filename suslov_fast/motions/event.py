@@ -75,15 +75,16 @@ class Event:
         In place of a surface: the times of the event, of all trajectories, or of each, padded with
         NaN. ``...`` broadcasts with the batch.
     most : int, optional
-        The number of times it happens, 1 or more: the last one ends the trajectory.
+        The number of times it happens, 1 or more: the last one ends the trajectory. Ends of a rest
+        do not count.
 
     Notes
     -----
     At one instant times come first, in the order of the list, then surfaces in the order of the
     list, each on the state that the one before it has left, again and again until none acts. A time
-    asked at an event has the state after it. A trajectory whose events follow one another without
-    end, such as a ball that comes to rest, ends with the status ACCUMULATES. A state that its own
-    event leaves on the surface, with a rate of 0 along it, stays there without further events.
+    asked at an event has the state after it. A body whose hops become short rests on the surface,
+    until a force lifts it, see ``Motion.phases``. A trajectory whose events follow one another
+    without end otherwise ends with the status ACCUMULATES.
     Where events are defined, states have the tolerance of :func:`flow`. Two events are equal if all
     attributes are equal, functions only if they are the same; after ``Event.of`` they are text.
 

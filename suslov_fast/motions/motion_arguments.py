@@ -32,7 +32,7 @@ _CAUSES = {
         "new state of an event has no value there"
     ),
     Status.SLIDING: (
-        "slide along a condition y = 0 of f, to which f leads back from both sides (smooth it by "
+        "slide along conditions y = 0 of f, and f does not tell how they go on (smooth them by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
     ),
     Status.TOO_MANY_STEPS: (
@@ -40,8 +40,8 @@ _CAUSES = {
         "more times, or a larger rtol)"
     ),
     Status.ACCUMULATES: (
-        "have events that follow one another without end, as a ball that comes to rest "
-        "(Event(..., most=n) ends them before)"
+        "have events that follow one another without end, and are no bounces of a body that comes "
+        "to rest (Event(..., most=n) ends them before)"
     ),
     Status.NONFINITE: "have no value: f is NaN or infinite, as 0/0 and log of a negative number",
 }

@@ -233,10 +233,11 @@ def report(
         Largest degree of polynomials, by default 3.
     eps : int, Fraction, float or str, optional
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
-    letters : str or sequence of str, optional
-        Names of parameters of a system that stay symbols, ``"a b"``, beside eps. Formulas hold for
-        all their values, and so do degrees and numbers of integrals, except at special values. If
-        the values in `system` are such, a note tells how many integrals they have.
+    letters : str, sequence of str or True, optional
+        Names of parameters of a system that stay symbols, ``"a b"``, beside eps; True stands for
+        all. Of a `SuslovND`, J1 stands for all entries of J that equal the first, I1 for I_1.
+        Formulas, degrees and numbers of integrals hold for general values. If the values in
+        `system` are special, a note says so.
     progress : bool or callable, optional
         True prints the time, kind and degree of each part of the search to the standard error, and
         how many sets of numbers in place of letters are done. A function is called as

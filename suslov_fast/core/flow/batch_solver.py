@@ -15,7 +15,7 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import TIGHT, many_of, some_of
+from .growing_components import TIGHT, loose_of, many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
@@ -88,6 +88,7 @@ def numbers_of(settings, sign):
         float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
         MOST_STEPS,
         many_of(settings.rtol),
+        loose_of(settings.rtol),
         float(settings.atol is None or bool(np.any(settings.atol))),
     ))  # fmt: skip
 

@@ -50,6 +50,7 @@ class SharedNumbers(NamedTuple):
     first_state: float  # `LaneState.EXPLICIT` or `LaneState.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
     many: float  # see `growing_components`
+    loose: float
     acts: float  # 1 if trajectories with an alarm are to be computed again, 0 if atol is 0
     enough: float = inf  # crossings of surfaces of records, after which a trajectory stops
     since: float = -1.0  # modulus of the time after which they count

@@ -36,19 +36,24 @@ TIGHT, LATER = 4.0, 1.001  # times another end: both may be at the same pole
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
 # A component that is to grow has a part LESS of its value in the next round, of at most ROUNDS.
 LESS, ROUNDS = 0.25, 24.0
-# Measured on 553 problems with rtol 1e-4, 1e-6 and 1e-9, Van der Pol's equation and Lorenz's. An
-# error of a component that keeps its sign is alarming if it is `many_of` allowed errors; others
-# are beside a component that may pass through 0, and count LOOSE times less. PART of an alarming
-# error is a reason to look at f. A component is small if it is SMALL of its largest value.
-MANY, POWER, LOOSE, PART, SMALL = 0.25, -1.0 / 3.0, 16.0, 0.1, 0.1
-SOME = 0.01  # part of an alarming error that one step has to have
-DEEP = 1e-3
+# An error of `many_of` allowed errors is alarming. Errors of a component that may pass through 0
+# count `loose_of` times less, because they are large beside it there. PART of an alarming error is
+# a reason to look at f. A component is small if it is SMALL of its largest value, and one step
+# has to have SOME of an alarming error. Measured on 553 problems with rtol 1e-4, 1e-6 and 1e-9;
+# if LOOSE is half as large, one in five orbits of Van der Pol is computed again in vain at 1e-4.
+MANY, LOOSE, LEAST, PART, SMALL, SOME = 0.25, 160.0, 4.0, 0.1, 0.1, 0.01
+DEEP = 1e-3  # or 100 rtol: part of a component that keeps its sign
 UNDERFLOW = 2.0**-990
 
 
 def many_of(rtol):
     """Return how many allowed errors are alarming."""
-    return MANY * rtol**POWER
+    return MANY * rtol ** (-1 / 3)
+
+
+def loose_of(rtol):
+    """Return by how much less errors of components count that may pass through 0."""
+    return max(LOOSE * rtol**0.25, LEAST)
 
 
 def some_of(rtol):
@@ -68,22 +73,27 @@ def LOSES(x, new, error, inverse, rtol, some, lost, loses):
 
 
 @scalar_kernel
-def LOST(x, new, f_new, signed, error, inverse, rtol, some, acts, keeps, lost):
+def LOST(x, new, f_new, signed, error, inverse, rtol, some, loose, acts, keeps, lost):
     """Return `lost`, at most 1, after a step from x to `new`."""
     size = larger(abs(x), abs(new))
-    growth = larger(keeps * signed * f_new / (MOST * new), 0.0)
+    part = 1.0 / (keeps > 0.0).select(abs(new), loose * size)  # a division takes long
+    rate = (new < 0.0).select(-f_new, f_new) * signed
+    growth = larger(keeps * (rate * part), 0.0) * (1.0 / MOST)
     fifth = growth * growth * (growth * growth) * growth
-    own = abs(error) / (keeps > 0.0).select(abs(new), LOOSE * size)
-    own = smaller(larger(lost, 0.0) + own + fifth * fifth, 1.0)
+    own = smaller(larger(lost, 0.0) + abs(error) * part + fifth * fifth, 1.0)
     counts = (acts > 0.0) | (size < UNDERFLOW)
     counts = counts & _is_large(x, new, error, inverse, rtol, some, lost)
     return {"lost": counts.select(own, lost)}
 
 
 @scalar_kernel
-def RISES(x, new, least, lost, rises):
-    """Return `rises` = 1 if a component has lost more than `least`, and does not fall."""
-    return {"rises": ((lost > least) & (abs(new) >= abs(x))).select(1.0, rises)}
+def RISES(x, new, f_new, signed, inverse, rtol, many, lost, rises):
+    """Return `rises` = 1 if a component may be near an alarm: it has lost digits and grows."""
+    size, rate = abs(new) * inverse, (new < 0.0).select(-f_new, f_new) * signed
+    is_fast = (size < 1.0) & (rate > LONG * abs(new))
+    is_near = is_fast | (lost * size > PART * PART * many) | ((size > 1.0) & (lost > DEEP))
+    own = is_near & (lost > PART * many * rtol) & (abs(new) >= abs(x))
+    return {"rises": own.select(1.0, rises)}
 
 
 @scalar_kernel
@@ -165,9 +175,8 @@ def watch(code, loses):
             line.lost.choose(loses, i, own)
     looks = accepted & (line.watches[0] > 0.0)
     with text.when(looks.any(), likely=False):
-        if not code.integrator.is_implicit:  # components that fall wait
-            least = PART * code.number("many") * code.number("rtol")
-            found = code.reduce(RISES, lambda i: {"least": least}, D, rises=0.0)
+        if not code.integrator.is_implicit:
+            found = code.reduce(RISES, lambda i: {"inverse": work.error[i]}, D, rises=0.0)
             looks = looks & (found.rises > 0.0)
         with text.when(looks.any()):
             _look(code, looks)

@@ -201,7 +201,7 @@ def _set_again(system, tries, memory, x, relative):
     """Set numbers for a motion that is computed again; components with -1 are `relative`."""
     plan, constants, D = system.plan, system.constants, _dimension(system)
     numbers = memory[plan[PLAN.numbers] :]
-    for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
+    for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many, NUMBER.loose):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
     if tries >= _ALL:
         numbers[NUMBER.acts] = 0.0

@@ -5,15 +5,13 @@ from html import escape
 from itertools import islice
 from typing import Any
 
-_MOST = 8  # rows below the head
 
+def html_table(caption: object, head: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Return a table in HTML of the first 8 rows."""
 
-def html_table(caption: object, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table in HTML of the first rows."""
-
-    def line(tag: str, cells: Sequence[Any]) -> str:
+    def line(tag: str, cells: Iterable[Any]) -> str:
         texts = (f"{each:.6g}" if isinstance(each, float) else str(each) for each in cells)
         return f"<tr>{''.join(f'<{tag}>{escape(text)}</{tag}>' for text in texts)}</tr>"
 
-    lines = [line("th", head), *(line("td", row) for row in islice(rows, _MOST))]
+    lines = [line("th", head), *(line("td", row) for row in islice(rows, 8))]
     return f"<table><caption>{escape(str(caption))}</caption>{''.join(lines)}</table>"

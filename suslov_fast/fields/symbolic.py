@@ -11,8 +11,7 @@ import functools
 import math
 import operator
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
@@ -303,32 +302,24 @@ _as_array = np.asarray  # as NumPy has it, also while f is called
 _ONE_CALL = threading.RLock()
 
 
-@contextmanager
-def arrays_of_symbols() -> Iterator[None]:
-    """While f is called, let NumPy's makers of arrays return arrays of objects as `Symbols`.
+def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
+    """Return the value of f. NumPy's makers return arrays of objects as `Symbols` in this call.
 
-    np.array drops the class of an array that it copies, and NumPy has no hook for it. Other threads
-    get what they always get.
+    np.array drops the class of an array, and NumPy has no hook for it. Other threads see no change.
     """
     caller = threading.get_ident()
 
-    def keeping(make: Callable[..., Any]) -> Callable[..., Any]:
-        @functools.wraps(make)
-        def made(*args: Any, **options: Any) -> Any:
-            array = make(*args, **options)
-            return _wrapped(array) if threading.get_ident() == caller else array
-
-        return made
+    def keeping(make: Any, *given: Any, **others: Any) -> Any:
+        array = make(*given, **others)
+        return _wrapped(array) if threading.get_ident() == caller else array
 
     with _ONE_CALL:
         plain = {name: getattr(np, name) for name in _MAKERS}
         try:
-            for name, make in plain.items():
-                setattr(np, name, keeping(make))
-            yield
+            vars(np).update((k, functools.partial(keeping, make)) for k, make in plain.items())
+            return f(state, **parameters)
         finally:
-            for name, make in plain.items():
-                setattr(np, name, make)
+            vars(np).update(plain)
 
 
 def _where(condition: Any, *values: Any) -> Any:

@@ -20,7 +20,7 @@ from .symbolic import (
     Tracer,
     Untraceable,
     applied,
-    arrays_of_symbols,
+    called_with_symbols,
     interpolated,
 )
 
@@ -109,8 +109,8 @@ def taking(f: Any, names: Sequence[str]) -> Any:
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
     """Return the value of f; raise TypeError or ValueError where it does not take symbols."""
     try:
-        with arrays_of_symbols():
-            return getattr(f, "py_func", f)(state.copy(), **parameters)  # if Numba compiled f
+        plain = getattr(f, "py_func", f)  # if Numba compiled f
+        return called_with_symbols(plain, state.copy(), **parameters)
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
         text = " ".join(str(error).split()).replace("'Symbols' object", "the state of symbols")
         text = text.replace("'Symbol' object", "a symbol")

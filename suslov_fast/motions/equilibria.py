@@ -34,6 +34,7 @@ _LEAST = 1e-6  # sizes of components beside the largest one, at least
 _RANK = 1e-12  # singular values of a scaled matrix beside the largest one, below which they are 0
 _WHOLE = 1e-8  # and above which it is not singular, in units of the given states
 _PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
+_COUNTED = 10_000  # starts, up to which the text of the result counts states
 _NEUTRAL = 2.0**-48  # rounding of eigenvalues, divided by the largest entry of f'
 _ZERO = 1e-15  # f at a multiple root, beside the terms of f' dx at the given state
 
@@ -94,22 +95,23 @@ class Equilibria(NamedTuple):
             first.append(left[0])
             count.append(np.count_nonzero(is_same))
             left = left[~is_same]
-        parts = (
-            a.reshape(len(x), *a.shape[self.status.ndim :])[np.array(first, int)] for a in self
-        )
+        one = np.newaxis if not self.status.ndim else ...
+        places = np.unravel_index(np.array(first, int), self.status[one].shape)
+        parts: Any = (np.asarray(each)[one][places] for each in self)
         return Equilibria(*parts), np.array(count, np.int64)
 
     def __repr__(self) -> str:
         if not self.status.ndim:
-            words = Status(int(self.status)).name, *filter(None, [str(self.kind)])
-            return f"Equilibria({short(self.states.tolist())}, {', '.join(words)})"
-        found = f"{np.count_nonzero(self.status >= 0)} OK, {len(self.distinct()[1])} different"
-        return f"Equilibria({self.status.size} starts: {found} states)"
+            status = Status(int(self.status)).name
+            return f"Equilibria({short(self.states.tolist())}, {status}, {self.kind or 'none'})"
+        found = f"{np.count_nonzero(self.status >= 0)} OK"
+        if self.status.size <= _COUNTED:
+            found += f", {len(self.distinct()[1])} different states"
+        return f"Equilibria({self.status.size} starts: {found})"
 
     def _repr_html_(self) -> str:
         found, count = self.distinct()
-        columns = zip(count, found.kind, found.states.tolist(), strict=True)
-        rows = ((n, kind, *x) for n, kind, x in columns)
+        rows = np.c_[count.astype(object), found.kind.astype(object), found.states]
         return html_table(self, ["starts", "kind", *labels(self.states.shape[-1])], rows)
 
 

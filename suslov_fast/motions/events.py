@@ -171,8 +171,8 @@ class Events(Result):
         return np.broadcast_to(values, self._batch).ravel()[self.trajectory]
 
     def _repr_html_(self) -> str:
-        columns = (a.tolist() for a in (self.trajectory, self.which, self.time, self.states))
-        rows = ((k, which, t, *x) for k, which, t, x in zip(*columns, strict=True))
+        numbers = (a[:8].astype(object) for a in (self.trajectory, self.which, self.time))
+        rows = np.c_[(*numbers, self.states[:8])]
         return html_table(self, ["trajectory", "which", "time", *self.names], rows)
 
     def __repr__(self) -> str:

@@ -157,10 +157,10 @@ def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:
 
 def _second(run: Any, shown: str) -> tuple[str, Any]:
     """Return a parameter that varies beside the one that is shown, and its values; or "", ()."""
-    for name, values in varying_numbers(run).items():
-        text = r"$\epsilon$" if name == "eps" else _symbol(name)
-        if values.size > 1 and shown and text != shown:
-            return text, np.broadcast_to(np.asarray(values, float), run.status.shape).ravel()
+    for name in varying_numbers(run):
+        values, text, _ = _colours(run, name)
+        if shown not in ("", text) and np.ptp(values):
+            return text, values
     return "", ()
 
 

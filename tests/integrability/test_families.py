@@ -111,7 +111,8 @@ def test_the_growth_of_lyness_maps_of_four_variables():
     assert report(map, degree=1).growth.kind == "quadratic"
 
 
-@pytest.mark.parametrize(("D", "degree"), [(3, 4), pytest.param(4, 5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("D", "degree"), [(3, 4), (4, 5)])
 def test_all_integrals_of_lyness_maps(D, degree):
     """Two, one of which is (a + sum x) prod (1 + x_i) / prod x_i."""
     found = report(rational_map(*lyness(D), letters="a"), degree=degree)

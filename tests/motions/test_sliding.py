@@ -393,3 +393,16 @@ def test_phases_of_a_belt(tmp_path):
     assert load(tmp_path / "run.npz").phases.mode.tolist() == phases.mode.tolist()
     assert len(flow(belt, [0.0, 0.3], time=0.5).phases.to_dataframe()) == 2
     assert not len(flow(Field(lambda x: (-x[0],), "x"), [1.0], time=1.0).phases.time)
+
+
+def test_starts_on_a_surface_along_which_the_solution_slides():
+    """There is no time yet to which the times between changes are short; f has a kink there."""
+    belt = Field(
+        lambda s, k: (s[1], -s[0] - k * np.sign(s[1] - 0.3) * (1 + 1 / (1 + abs(s[1] - 0.3))) / 2),
+        "x v",
+        k=[0.4, 0.8],
+    )
+    motion = flow(belt, [0.0, 0.3], time=[1.0, 30.0])
+    np.testing.assert_allclose(motion.states[0], [[0.3, 0.3]] * 2, atol=1e-12)
+    assert motion.ok.all()
+    assert motion.steps.max() < 500

@@ -31,19 +31,21 @@ _BEFORE = 2  # results of `branches` before the branches
 # ends before a surface, the surface lies within these, NEAREST first; if it ends so again within
 # AGAIN, it slides.
 BACK_AND_FORTH = 12.0
+EARLY = 2.0**-12  # part of the last time, which times of changes count as at least
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
 @scalar_kernel
-def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode):
+def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
     `chosen_at` is the last such time without an event: right after one that `acted` (1) a solution
     may end before a surface, and go on. `chosen_often` counts changes in a row, each within AT_ONCE
-    of the time after the last; an event ends the row. At BACK_AND_FORTH a lane in
-    the state `mode` becomes SLIDING. `wanted` is the next length.
+    of the time after the last, which counts as EARLY of the time `last` or more; an event ends the
+    row. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING. `wanted` is the next length.
     """
-    is_at_once = (t - chosen_at <= AT_ONCE * larger(t, wanted)) & acted.equals(0.0)
+    now = larger(larger(t, wanted), EARLY * last)
+    is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
     slides = (often >= BACK_AND_FORTH) & (
         state.equals(mode) | state.equals(float(LaneState.TOO_MANY))

@@ -36,6 +36,8 @@ A line has a trajectory in each lane. Lanes that take no step with this integrat
 stay as they are.
 """
 
+from math import inf
+
 from . import (
     branch_choice,
     dense_output,
@@ -121,6 +123,11 @@ def _accept(code, errors, t):
         own |= {name: found[name] for name in ("t", "wanted", "state")}
         found |= code.apply(step_length.AT_STOP, accepted=errors["accepted"], **own)
     code.keep(line, found)
+    if not code.integrator.is_implicit:
+        # An explicit step aside needs f there. Without it longer steps pass this time: `LENGTH`.
+        misses = (work.taken[0] * work.aside[0] > 0.0) & ~(errors["total"] < inf)
+        with code.text.when(misses.any(), likely=False):
+            line.second.choose(misses, 0, line.next[0])
 
 
 def _choose_integrator(code, errors):

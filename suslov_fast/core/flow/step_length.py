@@ -174,15 +174,13 @@ def _is_false(ratio, apart):
 @scalar_kernel
 def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    of_length, reach, last, longest, next, second,
+    of_length, reach, last, longest,
 ):  # fmt: skip
     """Return whether a step is `accepted`, or has `served` its time aside, and rows for the next.
 
     `taken` is its length. `ratio` is max error / allowed error, `of_length` the ratio for the next
     length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a
-    sign is lost. `longer` bounds the factor of the length; `on_trial` is 1 after a second trial. An
-    explicit step to a time aside needs f there. Without it steps pass this time, as if `second`,
-    the time after it, were there, too.
+    sign is lost. `longer` bounds the factor of the length; `on_trial` is 1 after a second trial.
     """
     is_finite = total < inf
     is_active = taken > 0.0
@@ -204,7 +202,6 @@ def AFTER(
         "t": after,
         "wanted": changes.select(smaller(factor * taken, longest), wanted),
         "longer": changes.select(after_this, longer),
-        "second": (is_active & (aside > 0.0) & ~is_finite).select(next, second),
         "state": (is_active & (after >= last)).select(float(LaneState.DONE), state),
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),

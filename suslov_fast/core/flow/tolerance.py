@@ -66,7 +66,7 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 def RATIO(error, inverse, f_new, ratio, total, aside):
     """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is.
 
-    A step `aside` (1) saves its end alone, which does not need f_new.
+    An implicit step `aside` (1) saves its end alone, which does not need f_new.
     """
     own = abs(error) * inverse
     return {
@@ -121,7 +121,8 @@ def find_errors(code, own, sizes):
                 for name in inputs.keys() & _OF_OTHERS:
                     inputs[name] = is_own.select(TINY, inputs[name])
             inverse = code.apply(integrator.allowed, i, **inputs)["inverse"]
-            found = code.apply(RATIO, i, inverse=inverse, **vars(sums))
+            aside = work.aside[0] if integrator.is_implicit else 0.0
+            found = code.apply(RATIO, i, inverse=inverse, aside=aside, **vars(sums))
             if first == 0:
                 found |= code.apply(LOSES, i, inverse=inverse, loses=sums.loses)
             if not integrator.has_atol:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
+import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
@@ -300,6 +301,9 @@ def _wrapped(value: Any) -> Any:
 _MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
 _as_array = np.asarray  # as NumPy has it, also while f is called
 _ONE_CALL = threading.RLock()
+if hasattr(os, "register_at_fork"):  # a child has no thread that would end the call
+    _release = _ONE_CALL.release
+    os.register_at_fork(before=_ONE_CALL.acquire, after_in_parent=_release, after_in_child=_release)
 
 
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:

@@ -96,7 +96,7 @@ def family(rng, name, n=N):
     """Return parameters a < b, q, c, d, and starts of n motions between a and b."""
     a = rng.choice([0.0, 0.3, -1.7], n)
     b = a + rng.choice([0.7, 1.0, *rng.uniform(0.1, 4, 8)], n)
-    q = rng.choice([1.0, 0.9, 0.5, 1.1], n)
+    q = rng.choice([1.0, 0.9, 0.5, 1.1, 1e-5], n)
     if name == "mirrors":
         b = abs(b) + 0.1
         a = -b

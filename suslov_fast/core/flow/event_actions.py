@@ -348,9 +348,11 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     action, led there. `again` gets results of `AGAIN`: whether actions come again at once.
     """
     text, work, events = code.text, code.work, code.integrator.events
-    for k in text.each(3 * events.surfaces):
-        work.fired[k] = 0.0
     _look(code)
+    for k in text.each(events.surfaces):
+        work.fired[k * 3] = work.fired.after(2)[k * 3] = 0.0
+        near = NEARLY * code.line.t[0] * abs(_at_surface(code, k)["rate"])
+        work.fired.after(1)[k * 3] = near
     if events.count == 1:
         _cross(code, 0, is_there, by_motion)
     else:

@@ -299,35 +299,27 @@ class SlidingEquations:
         new, emit = dict(self.given), self.values.emit
         for name, number, operands in self.old.operations:
             of = [a if isinstance(a, float) else new[a] for a in operands]
-            own = self.of_f.get(number)
-            if own is not None and own[0] in self.pairs and own[1][0] == "fdiv":
-                g, (_, sign, factor) = self.pairs.index(own[0]), own[1]
-                signed = _folded(emit, "select", (sides.get(g, self.above[g]), sign, -sign))
-                factor = factor if isinstance(factor, float) else new[factor]
-                new[number] = emit("fmul", factor, signed)
+            pair, about = self.of_f.get(number, (None, None))
+            if pair not in self.pairs:
+                new[number] = _folded(emit, name, of)
                 continue
-            if own is not None and own[0] in self.pairs:
-                g, (kind, sign) = self.pairs.index(own[0]), own[1]
-                truth = sides.get(g, self.above[g])
-                if kind == "fabs":  # 0 on the surface
-                    of_mode = (
-                        emit("fmul", self.D + g, of[0])
-                        if sign > 0
-                        else emit("fmul", -1.0, emit("fmul", self.D + g, of[0]))
-                    )
-                    new[number] = 0.0 if g in sides else emit("max", of_mode, 0.0)
-                    continue
-                if kind in _KINKS:
-                    new[number] = _folded(emit, "select", (truth, *of[::sign]))
-                    continue
-                if kind == "oeq":
-                    truth = False
-                elif sign < 0:
-                    is_known = isinstance(truth, bool)
-                    truth = not truth if is_known else (~self.values.number(truth)).number
+            g, (kind, sign, *factors) = self.pairs.index(pair), about
+            truth = sides.get(g, self.above[g])
+            if kind == "fdiv":
+                a = factors[0] if isinstance(factors[0], float) else new[factors[0]]
+                new[number] = emit("fmul", a, _folded(emit, "select", (truth, sign, -sign)))
+            elif kind == "fabs":  # 0 on the surface
+                of_mode = emit("fmul", float(sign), emit("fmul", self.D + g, of[0]))
+                new[number] = 0.0 if g in sides else emit("max", of_mode, 0.0)
+            elif kind in _KINKS:
+                new[number] = _folded(emit, "select", (truth, *of[::sign]))
+            elif kind == "oeq":
+                new[number] = False
+            elif sign > 0:
                 new[number] = truth
-                continue
-            new[number] = _folded(emit, name, of)
+            else:
+                is_known = isinstance(truth, bool)
+                new[number] = not truth if is_known else (~self.values.number(truth)).number
         return new
 
     def _f(self, sides):
@@ -355,7 +347,11 @@ class SlidingEquations:
         new = [*range(self.D + self.size)]
         new[self.D + g] = slides.select((w > 0.5).select(1.0, -1.0), crossed).number
         # Other modes may end with this one.
-        others = [h for h in range(self.count) if h != g and self._reach(self.D + h, self.D + g)]
+        others = [
+            h
+            for h in range(self.count)
+            if h != g and self._reach(self.D + h, self.D + g) is not None
+        ]
         for h in (*others, g) if others else ():
             new[self.D + h] = self._decided(h, new)
         if others:
@@ -447,9 +443,8 @@ class SlidingEquations:
             mode = self.values.number(mode)
             up, down = leads(above, below), leads(-below, above)
             rises, falls = leads(below, above), leads(-above, below)
-            own = (mode < -0.5).select(down.select(1.0, 0.0), (rises & falls).select(1.0, 0.0))
-            own = (mode > 0.5).select(up.select(1.0, 0.0), own)
-            truth = truth & (~is_on | (own > 0.5))
+            own = ((mode > 0.5) & up) | ((mode < -0.5) & down)
+            truth = truth & (~is_on | own | (mode.equals(0.0) & rises & falls))
         return truth
 
     def _with_modes(self, x, of=None):

@@ -69,7 +69,8 @@ def components_of(f, settings):
     found[COMPONENT.counts] = ~is_clock
     found[COMPONENT.steady, [*f.steady]] = 1.0
     found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
-    found[COMPONENT.some] = np.where(is_clock, np.inf, some_of(settings.rtol))
+    some = [some_of(settings.rtol, keeps) for keeps in found[COMPONENT.keeps]]
+    found[COMPONENT.some] = np.where(is_clock, np.inf, some)
     found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
     return found
 

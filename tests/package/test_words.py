@@ -40,7 +40,7 @@ ROWS = [
     ("from suslov_fast import solve_ivp", r"flow\(system, x0, time="),
     ("sf.lyapunov | from suslov_fast import lyapunov", "lyapunov_exponents"),
     ("Field(lambda x, k: (k[0] * x[1], -x[0]), 'x v', k=[1, 0.5])", "pass k1, k2"),
-    ("Field(lambda t, y, parms: y, 'x v', parms={'k': 1})", r"\*\*parms"),
+    ("Field(lambda t, y, params: y, 'x v', params={'k': 1})", r"\*\*params"),
     ("Field(lambda x: np.linalg.solve(np.array([[x[0], 0], [0, 1]]), x), 2)", "mass=M"),
     ("sf.SuslovND(np.eye(3)) | Suslov3D(np.eye(3))", "from_(mass_tensor|inertia) takes a matrix"),
     ("sf.Event('x', 'down')", "direction='down'"),

@@ -204,7 +204,7 @@ TABLE = [
      changed_by("x1", terminal=True, most=2)),
     (ValueError, "limits", lambda: BODY.exact([1, 0], 0.1, n=np.inf)),
     (ValueError, "\u03c6", field(lambda x: x, "\u03d5 v")),
-    (TypeError, "use chunks", lambda: sf.ensemble(BODY, OMEGA, "run", time=1, chuks=2)),
+    (TypeError, "use chunks", lambda: sf.ensemble(BODY, OMEGA, "run", time=1, chunk=2)),
     (ValueError, "n", lambda: BODY.exact([1, 0], 0.1, [np.inf]),
      lambda: BODY.exact([1.0, 0.5], 0.2, [[1, 2]])),
     (TypeError, "names", field(lambda x: x, names="u v"),

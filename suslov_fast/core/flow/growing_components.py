@@ -126,7 +126,8 @@ def _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost):
 def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
     """Return `watches`, more than 0 if a component has lost digits, infinite for an alarm.
 
-    `grows` is 1 if one below its allowed error grows by more than exp(LONG) in such a step.
+    Of components below their allowed errors: `grows` is 1 if one grows by more than exp(LONG) in
+    such a step, and `below` is their largest `lost`.
     """
     is_grown = _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost)
     is_small = abs(new) * inverse < 1.0
@@ -228,7 +229,7 @@ def _find_group(code, looks):
     for i in text.each(D):
         is_in = looks & (line.lost[i] > 0.0)
         group[i] = is_in.select(1.0 / work.error[i], 0.0)
-    found = Carried(grow=0.0, rounds=0.0)
+    found = Carried(grow=0.0, rounds=0.0, differs=1.0)
     for now in text.rounds(found):
         sums = Carried(grow=0.0, fall=0.0)
         text.copy(work.new, work.b, code.D)
@@ -238,10 +239,12 @@ def _find_group(code, looks):
         for i in text.each(D, sums):
             inputs = {"value": group[i], "f": work.f_last[i], "fed": work.f[i], "least": least}
             own = code.apply(GROWS, i, **inputs, **vars(sums))
-            group[i], sums.grow, sums.fall = own["value"], own["grow"], own["fall"]
-        differs = (sums.grow > 0.0) & (sums.fall > 0.0)
-        now.grow = (sums.fall > 0.0).select(0.0, sums.grow)
-        now.rounds = now.rounds + 1.0
+            group.choose(now.differs > 0.0, i, own["value"])  # other lanes are done
+            sums.grow, sums.fall = own["grow"], own["fall"]
+        differs = (now.differs > 0.0) & (sums.grow > 0.0) & (sums.fall > 0.0)
+        grow = (sums.fall > 0.0).select(0.0, sums.grow)
+        now.grow = (now.differs > 0.0).select(grow, now.grow)
+        now.differs, now.rounds = differs.select(1.0, 0.0), now.rounds + 1.0
         now.goes_on = (differs & (now.rounds < ROUNDS)).any()
     sounds = looks & (found.grow > 0.0)
     line.watches.choose(sounds, 0, inf)

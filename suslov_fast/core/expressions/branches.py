@@ -135,7 +135,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     on_surfaces = [emitted(values, action.surface)[0] for action in on_surfaces]
     operations = needed_for(values.operations, [*results, *on_surfaces])
     of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
-    jumps, kinks = _choosing(values, operations, of_clocks)
+    moving = depending(operations, [i for i, rate in enumerate(results) if not same(rate, 0.0)])
+    jumps, kinks = _choosing(values, operations, of_clocks, moving)
     kinds = jumps | kinks
     if not kinds:
         kept = range(D, D + P) if actions or offsets else ()
@@ -252,17 +253,21 @@ def _with_choices(operations, fixed, tests, first, chosen, shifted, groups):
     return new, [surfaces[a] for a in kinds], [truths[a] for a in kinds], shifts
 
 
-def _choosing(values, operations, of_clocks):
+def _choosing(values, operations, of_clocks, moving):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
     A kind is a comparison, "floor" or a `Table`, as in `Branches.kinds`. `operations` are all that
     f needs of the `Expressions` `values`. `of_clocks` are the values that depend on clocks alone. A
-    table of these that jumps counts as a kink, because no motion slides along its knots.
+    table of these that jumps counts as a kink, because no motion slides along its knots. Other
+    values than `moving` ones change only by events, as modes do: f decides them each time.
     """
     varying = [
         each
         for each in operations
-        if any(type(a) is int and a not in values.fixed for a in each[2])
+        if is_table(each[0]) or any(type(a) is int and a in moving for a in each[2])
+    ]
+    varying = [
+        each for each in varying if any(type(a) is int and a not in values.fixed for a in each[2])
     ]
     tables = {number: name for name, number, _ in varying if is_table(name)}
     steady = {a for a, name in tables.items() if name.is_continuous or a in of_clocks}

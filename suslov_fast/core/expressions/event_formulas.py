@@ -27,7 +27,7 @@ _JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that jump
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all around a state
 # Operations without a value everywhere; the row `side` (`flow.memory`) of a surface without one.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
-_WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
+WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75
 # Parts of the terms of a surface: their rounding, and rounding errors of the state after a step.
 ROUNDING, NOISE = 2.0**-50, 2.0**-47
@@ -211,7 +211,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
     names = [{name for name, *_ in action.surface.operations} for action in on_surfaces]
     jumps, gaps, flats = (
         tuple(not each.isdisjoint(kind) for each in names)
-        for kind in (_JUMPS, _WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
+        for kind in (_JUMPS, WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
     )
     holds = tuple(action.holds for action in on_surfaces)
     return EventSet(directions, jumps, gaps, flats, most, parts, tuple(components), P, holds)

@@ -17,7 +17,7 @@ import numpy as np
 
 from .derivative import gradients
 from .double_crossings import sizes_of
-from .event_formulas import EventAction
+from .event_formulas import WITH_GAPS, EventAction
 from .function_records import same
 from .numpy_evaluation import OF_TRUTH_VALUES, evaluate
 from .programs import Expressions, Program, dot, emitted, needed_for
@@ -56,6 +56,8 @@ class SlidingEquations:
     def __init__(self, values, results, D, P, actions=(), sign=1):
         self.old, self.D, self.P = Program(needed_for(values.operations, results), results), D, P
         self.of_f, self.sign = _surfaces_of(values, self.old), float(sign)
+        # If f has no value beyond a surface, |s| is at least 0 there.
+        self.has_gaps = not {name for name, *_ in self.old.operations}.isdisjoint(WITH_GAPS[1:])
         pairs = self._moving([*dict.fromkeys(pair for pair, _ in self.of_f.values())])
         touching = [
             k
@@ -310,7 +312,8 @@ class SlidingEquations:
                 new[number] = emit("fmul", a, _folded(emit, "select", (truth, sign, -sign)))
             elif kind == "fabs":  # 0 on the surface
                 of_mode = emit("fmul", float(sign), emit("fmul", self.D + g, of[0]))
-                new[number] = 0.0 if g in sides else emit("max", of_mode, 0.0)
+                of_mode = emit("max", of_mode, 0.0) if self.has_gaps else of_mode
+                new[number] = 0.0 if g in sides else of_mode
             elif kind in _KINKS:
                 new[number] = _folded(emit, "select", (truth, *of[::sign]))
             elif kind == "oeq":

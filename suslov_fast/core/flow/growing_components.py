@@ -115,35 +115,24 @@ def FED(new, f_new, fed, signed, lost, changes):
     return {"lost": is_fed.select(0.0, lost), "changes": is_fed.select(1.0, changes)}
 
 
-def _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost):
+@scalar_kernel
+def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
+    """Return `lost`, RELATIVE for an alarm, and `watches`, more than 0 if digits are lost.
+
+    `watches` is infinite for an alarm. Of components below their allowed errors, `grows` is 1 if
+    one grows by more than exp(LONG) in such a step, and `below` is their largest `lost`.
+    """
     size = abs(new) * inverse
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
     is_deep = is_deep & (keeps * signed * f_new / new > 0.0)  # steps of a decay may rise by chance
-    return (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
-
-
-@scalar_kernel
-def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
-    """Return `watches`, more than 0 if a component has lost digits, infinite for an alarm.
-
-    Of components below their allowed errors: `grows` is 1 if one grows by more than exp(LONG) in
-    such a step, and `below` is their largest `lost`.
-    """
-    is_grown = _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost)
-    is_small = abs(new) * inverse < 1.0
-    own = (lost > 0.0) & is_small & (signed * (f_new - fed) / new > LONG)
+    is_grown = (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
+    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) / new > LONG)
     return {
+        "lost": is_grown.select(RELATIVE, lost),
         "watches": is_grown.select(inf, larger(lost, watches)),
-        "grows": own.select(1.0, grows),
-        "below": is_small.select(larger(lost, below), below),
+        "grows": is_fast.select(1.0, grows),
+        "below": (size < 1.0).select(larger(lost, below), below),
     }
-
-
-@scalar_kernel
-def MARKED(x, new, f_new, signed, inverse, rtol, many, keeps, lost):
-    """Return `lost`, or RELATIVE for a component with an alarming error."""
-    is_grown = _has_grown(x, new, f_new, signed, inverse, rtol, many, keeps, lost)
-    return {"lost": is_grown.select(RELATIVE, lost)}
 
 
 @scalar_kernel
@@ -202,15 +191,12 @@ def _look(code, looks):
             found.changes = looks.select(own["changes"], 0.0)
         now.goes_on = (found.changes > 0.0).any()
 
-    def others(i):
-        return {"inverse": work.error[i], "fed": work.f[i]}
-
-    found = code.reduce(WATCHES, others, D, watches=0.0, grows=0.0, below=0.0)
+    found = Carried(watches=0.0, grows=0.0, below=0.0)
+    for i in text.each(D, found):
+        own = code.apply(WATCHES, i, inverse=work.error[i], fed=work.f[i], **vars(found))
+        line.lost.choose(looks, i, own.pop("lost"))
+        found.update(own)
     line.watches.choose(looks, 0, found.watches)
-    sounds = looks & found.watches.equals(inf)
-    with text.when(sounds.any(), likely=False):
-        for i in text.each(D):
-            line.lost.choose(sounds, i, code.apply(MARKED, i, inverse=work.error[i])["lost"])
     least = code.number("many") * code.number("rtol")
     if code.integrator.is_implicit:
         waits = (found.watches > least) | (found.below > PART * least)

@@ -172,7 +172,7 @@ def watch(code, loses):
         if not code.integrator.is_implicit:
             found = code.reduce(RISES, lambda i: {"inverse": work.error[i]}, D, rises=0.0)
             looks = looks & (found.rises > 0.0)
-        with text.when(looks.any()):
+        with text.when(looks.any(), likely=False):
             _look(code, looks)
 
 
@@ -203,7 +203,7 @@ def _look(code, looks):
     else:
         waits = (found.watches > least) & (found.grows > 0.0)
     waits = looks & waits & (found.watches < inf)
-    with text.when(waits.any()):
+    with text.when(waits.any(), likely=False):
         _find_group(code, waits)
 
 

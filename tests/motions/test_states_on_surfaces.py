@@ -186,8 +186,8 @@ def test_speeds_of_rimless_wheels(rng):
         ends, at, now = (g[k] - a[k], g[k] + a[k]), int(w[k] < 0), w[k]
         for _ in range(8):
             energy = now**2 / 2 + np.cos(ends[at])
-            passes = energy > 1 or ends[0] * ends[1] > 0
-            other = 1 - at if passes and (now > 0) == (at == 0) else at
+            barrier = 1.0 if ends[0] < 0 < ends[1] else np.cos(ends[1 - at])
+            other = 1 - at if energy > barrier else at
             now = np.sqrt(2 * (energy - np.cos(ends[other]))) * (1 if other else -1)
             now, at = now * np.cos(2 * a[k]), 1 - other
             which.append(1 - other)

@@ -23,7 +23,6 @@ from .values import operand_of
 
 # Of a surface: its value, its rate, the sums of moduli of the terms of both, and of the slopes.
 OF_SURFACE = 5
-_JUMPS = "floor", "olt", "ogt", "oge", "oeq", "atan2"  # operations that jump
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # like tables, may be 0 all around a state
 # Operations without a value everywhere; the row `side` (`flow.memory`) of a surface without one.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
@@ -140,8 +139,8 @@ class EventSet(NamedTuple):
     """Events as code takes them: first events on surfaces, then events at times.
 
     directions   `EventAction.direction` of the events on surfaces
-    jumps, gaps, flats  for each of these, whether its function jumps somewhere, may have no value,
-                 or may be 0 all around a state
+    gaps, flats  for each of these, whether its function may have no value, or may be 0 all around
+                 a state
     most         `EventAction.most` of all events
     parts        `EventProgram`s by name, see below
     components   for each event the numbers of the components that it may set
@@ -157,7 +156,6 @@ class EventSet(NamedTuple):
     """
 
     directions: tuple
-    jumps: tuple
     gaps: tuple
     flats: tuple
     most: tuple
@@ -209,12 +207,12 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
     directions = tuple(action.direction for action in on_surfaces)
     most = tuple(action.most for action in actions)
     names = [{name for name, *_ in action.surface.operations} for action in on_surfaces]
-    jumps, gaps, flats = (
+    gaps, flats = (
         tuple(not each.isdisjoint(kind) for each in names)
-        for kind in (_JUMPS, WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
+        for kind in (WITH_GAPS, {*_BRANCHES, *filter(is_table, set().union(*names))})
     )
     holds = tuple(action.holds for action in on_surfaces)
-    return EventSet(directions, jumps, gaps, flats, most, parts, tuple(components), P, holds)
+    return EventSet(directions, gaps, flats, most, parts, tuple(components), P, holds)
 
 
 def _toward(actions, D, P):

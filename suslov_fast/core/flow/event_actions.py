@@ -25,7 +25,7 @@ from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 LOW = 2.0**-44  # part of the terms of a sum: a low value
-SOON = 2.0**-20  # a state on a surface that jumps elsewhere has been beyond it for less of the time
+SOON = 2.0**-20  # part of the time, in which s changes by its rounding unless its rate is rounding
 LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
 STAYS = 0.25  # in place of a side
@@ -92,36 +92,31 @@ def TOUCHING_SIDE(
 
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, near, side, level, crossed, is_here, by_motion, holds, jumps, t,
-    last, sign, accepted, at_surface,
+    value, rate, size, rate_size, near, side, level, crossed, is_here, by_motion, holds, t, last,
+    sign, accepted, at_surface,
 ):  # fmt: skip
     """Return whether a state crossed a surface s = 0: `up`, `down`; new `side`, `level`, `crossed`.
 
     `side` is 1 where s >= `level`, 0 below, STAYS on the surface, GAP where s has no value. A
     crossing is a change between 1 and 0, where events may act (`is_here` is 1). On the surface the
     rate decides (`_side`); if it is rounding, the side remains, unless the step led across
-    (`by_motion` is 1). A step that led across, but where the rate leads back, has rounding errors;
-    if s `jumps`, only for |s| <= SOON `last` |rate|. The own action of an event that `holds` states
-    leaves them above, until s is below the level. A state that crossed the surface at the time
-    `crossed`, and was not beyond it by more than rounding, does not cross it back. A state with
-    |s| <= `near` is on the surface; `near` becomes 2 |s| after a step that led across. `value` is
-    s, and `rate` is ds/dt; `size` and `rate_size` are the sums of the moduli of their terms. `last`
-    is the last time of the run.
+    (`by_motion` is 1). The own action of an event that `holds` states leaves them above, until s is
+    below the level. A state that crossed the surface at the time `crossed`, and was not beyond it
+    by more than rounding, does not cross it back. A state with |s| <= `near` is on the surface;
+    there `near` becomes 2 |s| at least. `value` is s, and `rate` is ds/dt; `size` and `rate_size`
+    are the sums of the moduli of their terms. `last` is the last time of the run.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
-    is_small = (abs(value) <= SOON * last * abs(rate)) | (jumps < 0.5)
-    leads = by_motion & has_side & ~(of_value.equals(side) | of_value.equals(GAP)) & is_small
-    near = leads.select(abs(value) + abs(value), near)
     near = (at_surface > 2.0).select(larger(near, EDGE * t * abs(rate)), near)
     of_terms = stays.select(LOW, NOISE) * size
     own = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
     on, is_slow = own["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
     of_rest = is_slow | own["side"].equals(STAYS)
-    is_back = leads & ((side > 0.5).select(sign * rate, -(sign * rate)) > 0.0)
-    here = of_rest.select(by_motion.select(of_value, side), own["side"])
-    here = is_back.select(side, (holds > 1.0).select(of_value, here))
+    is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
+    here = of_rest.select((by_motion & ~is_back).select(of_value, side), own["side"])
+    here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(own["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
     again = (by_motion | on) & (t - crossed <= AT_ONCE * t)
@@ -412,7 +407,7 @@ def _cross(code, k, is_there, by_motion):
     is_there = is_there & _is_running(code)
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
     given |= {"side": line.side[place], "level": line.side[place + 1], "crossed": line.crossed[k]}
-    given |= {name: text.value(float(getattr(events, name)[k])) for name in ("holds", "jumps")}
+    given["holds"] = text.value(float(events.holds[k]))
     found = code.apply(CROSSED, near=work.fired[3 * k + 1], **own, **given)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])

@@ -28,7 +28,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-__version__ = "2.0.0"
+__version__ = "2.1.0"
 
 # The imports in `__init__.pyi` are the list of public names; by the loader, because the package may
 # be in an archive.

@@ -308,6 +308,13 @@ def test_dry_friction_in_closed_form(size):
     np.testing.assert_allclose(motion["x"] / size, [-0.7, 0.4, -0.1], rtol=1e-8)
 
 
+def test_a_rest_just_at_its_edge():
+    """From (1, 0) with k = 0.2 it comes to rest at x = k, where friction just holds the spring."""
+    block = Field(lambda s, c: (s[1], -s[0] - 0.2 * c * np.sign(s[1])), "x v", c=1.0)
+    motion = flow(block, [1.0, 0.0], time=[7.0, 20.0])
+    np.testing.assert_allclose(motion.states, [[0.2, 0.0]] * 2, atol=1e-9)
+
+
 def test_a_sign_as_a_quotient():
     """x / |x| is 0 / 0 on the surface."""
     block, same = (

@@ -346,7 +346,8 @@ class SlidingEquations:
         below, above = self._toward(g, False), self._toward(g, True)
         rises, falls = (above >= 0.0).select(1.0, 0.0), (below <= 0.0).select(-1.0, 0.0)
         crossed = (mode > 0.0).select(falls, rises)
-        leads_away = (mode > 0.0).select(above, -below) > 0.0  # s is rounding
+        own = (mode > 0.0).select(above, -below)
+        leads_away = (own > 0.0) | (below.equals(0.0) & above.equals(0.0))  # s is rounding
         crossed = leads_away.select(mode, crossed)
         new = [*range(self.D + self.size)]
         new[self.D + g] = slides.select((w > 0.5).select(1.0, -1.0), crossed).number

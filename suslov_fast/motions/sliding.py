@@ -108,10 +108,11 @@ class Sliding:
         else:
             groups = WithColumns(self.field.shape, with_events(self.field, self.actions))
             part, kept, columns = to_tolerance(groups, self.starts, K, self.request), None, None
-        # Modes change without end, as on two surfaces that are crossed, or there is none.
-        ends = [Status.ENDED] if self.surfaces else [Status.ENDED, Status.ACCUMULATES]
-        status = np.where(np.isin(part.status, ends), np.int8(Status.SLIDING), part.status)
-        of_part = part.records.in_order()
+        of_part, status = part.records.in_order(), part.status.copy()
+        # There are no modes, or they change without end, as on two surfaces that are crossed.
+        status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
+        if not self.surfaces:
+            status[status == Status.ACCUMULATES] = Status.SLIDING
         part = part._replace(states=part.states[..., :D], status=status)
         rows = rows_of(of_part, D, self.count, len(self.contacts))
         part = self.stopped(part._replace(records=self.records(of_part, kept)), columns)
@@ -181,6 +182,6 @@ class Sliding:
 
 
 def are_stuck(status: Any, at_rest: Any) -> Any:
-    """Return which solutions slide or rest; they take too many steps if they begin on a surface."""
-    ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES
+    """Return which solutions slide or rest; some that come to slide end, or take too many steps."""
+    ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES, Status.ENDED
     return np.flatnonzero(np.isin(status, ends) | (False if at_rest is None else at_rest))

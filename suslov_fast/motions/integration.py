@@ -35,6 +35,8 @@ _FEW = 256
 @lru_cache(64)
 def warn_of_size(f: Any, is_implicit: bool) -> None:
     """Warn once if f takes long to compile, or if other solvers take its implicit steps sooner."""
+    if not f.is_written:
+        return
     if is_implicit and f.entries > max(_LARGE * f.D, f.D**2 / 2):
         checks.warn(
             f"f' is a dense matrix of {f.D} x {f.D}, and steps for stiff equations take long: "

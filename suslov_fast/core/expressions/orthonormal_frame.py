@@ -52,7 +52,9 @@ def _with_frame(f, moving):
     rates = [of_Q.get((i, j), 0.0) for i in rows for j in rows]
     results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in rows)]
     kept = range(first, first + len(f.table))
-    return RightHandSide(values, results, len(f.table), kept=kept)
+    found = RightHandSide(values, results, len(f.table), kept=kept)
+    found.is_written = False
+    return found
 
 
 def _product(emit, a, b, n):

@@ -50,7 +50,10 @@ class RightHandSide:
     events       `EventSet` of actions along the motion, or None
     of, columns  here f itself and 0; with columns of derivatives beside x, see `Variational`
     key          a text that identifies this right-hand side
+    is_written   False if no user wrote f: warnings on its size would mean nothing
     """
+
+    is_written = True
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
         """Plan f, with P parameters, from `Expressions`; the operands `results` are the D rates.

@@ -39,8 +39,8 @@ class Phases:
     >>> from suslov_fast import Field, flow
     >>> block = Field(lambda s: (s[1], -s[0] - 0.4 * np.sign(s[1] - 0.3)), "x v")
     >>> phases = flow(block, [0.0, 0.3], time=3.0).phases
-    >>> [(str(s), t, str(m)) for s, t, m in zip(phases.surface, phases.time.round(4), phases.mode)]
-    [('v - 0.3', 0.0, 'slides'), ('v - 0.3', 1.3333, 'leaves')]
+    >>> phases.surface.tolist(), phases.time.round(4).tolist(), phases.mode.tolist()
+    (['v - 0.3', 'v - 0.3'], [0.0, 1.3333], ['slides', 'leaves'])
     """
 
     trajectory: NDArray[np.int64]

@@ -143,32 +143,39 @@ class SolverResult(NamedTuple):
 
     def part(self, where: NDArray[np.int64]) -> SolverResult:
         """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
-        arrays = self.states[:, where], self.t[where], self.steps[where], self.status[where]
+        rows: dict[str, Any] = {n: a[where] for n, a in self._of_trajectories() if a is not None}
         records = None if self.records is None else self.records.in_order().part(where)
-        others: Any = (None if a is None else a[where] for a in (self.doubtful, self.repeated))
-        return SolverResult(*arrays, self.is_stopped, records, *others)
+        states = self.states[:, where]
+        return self._replace(states=states, records=records, is_good=False, **rows)
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the result with trajectories `where` (K,) as in `part`; arrays may change."""
-        arrays: Any = self[:4]
-        own: Any = [a if a.flags.writeable else a.copy() for a in arrays]  # some are shared
-        own[0][:, where], own[1][where] = part.states, part.t
-        own[2][where], own[3][where] = part.steps, part.status
-        records = self.records
-        others: list[Any] = []
+        found: dict[str, Any] = {"states": _writeable(self.states)}
+        found["states"][:, where] = part.states
+        for (name, own), (_, new) in zip(
+            self._of_trajectories(), part._of_trajectories(), strict=True
+        ):
+            if own is not None or new is not None:
+                found[name] = np.zeros(len(self.t), np.int8) if own is None else _writeable(own)
+                found[name][where] = 0 if new is None else new
         if part.records is not None:
-            records = records.in_order().with_part(where, part.records.in_order())
-        for a, b in ((self.doubtful, part.doubtful), (self.repeated, part.repeated)):
-            if a is not None or b is not None:
-                a = np.zeros(len(own[1]), np.int8) if a is None else a
-                a[where] = 0 if b is None else b
-            others.append(a)
+            found["records"] = self.records.in_order().with_part(where, part.records.in_order())
         is_stopped = self.is_stopped or part.is_stopped
-        return SolverResult(own[0], own[1], own[2], own[3], is_stopped, records, *others)
+        return self._replace(is_stopped=is_stopped, is_good=False, **found)
+
+    def _of_trajectories(self) -> list[tuple[str, Any]]:
+        """Return the names and arrays (B,) that have a number of each trajectory, or None."""
+        names = "t", "steps", "status", "doubtful", "repeated"
+        return [(name, getattr(self, name)) for name in names]
 
     def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the same of trajectories that were computed again; steps are those of both."""
         return self.with_part(where, part._replace(steps=self.steps[where] + part.steps))
+
+
+def _writeable(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, or a copy of one that results share."""
+    return array if array.flags.writeable else array.copy()
 
 
 @lru_cache(64)
@@ -276,7 +283,7 @@ def _of_group(
         if begun is None:
             ends, status = without_ends((B,))
             records = Rows(rows, request.sign, starts) if has_records else None
-            return SolverResult(states, ends, steps, status, False, records, is_good=True)
+            return SolverResult(states, ends, steps, status, records=records, is_good=True)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
@@ -297,8 +304,15 @@ def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
     ends = np.where(engine.state == LaneState.DONE, np.nan, sign * engine.t)
     if engine.request.event_times is not None:
         records = Rows(engine.records, sign, starts)
-    others = engine.is_stopped, records, FELL * engine.doubtful
-    return SolverResult(engine.states, ends, engine.steps, STATUS[engine.state], *others)
+    return SolverResult(
+        states=engine.states,
+        t=ends,
+        steps=engine.steps,
+        status=STATUS[engine.state],
+        is_stopped=engine.is_stopped,
+        records=records,
+        doubtful=FELL * engine.doubtful,
+    )
 
 
 def _again(

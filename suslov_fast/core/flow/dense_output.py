@@ -188,7 +188,7 @@ def _find_nodes(code):
 
     def errors(i):
         error = weighted(of_few, code.of_columns(work.ends, i))
-        return {"error": error, "inverse": work.error[i]}
+        return {"error": error, "inverse": work.inverse[i]}
 
     largest = code.reduce(LARGER_RATIO, errors, ratio=0.0)
     needs = largest.ratio > OF_FEW
@@ -214,7 +214,7 @@ def _find_nodes(code):
         code.call("f", work.start, code.table, work.f)
         for i in text.each(D, sums):
             inputs = {"slope": _between(code, of_slope, i), "f": work.f[i]}
-            inputs |= {"inverse": work.error[i]}
+            inputs |= {"inverse": work.inverse[i]}
             sums.update(code.apply(DEFECT, **inputs, **vars(sums)))
     found = code.apply(FAILS, t=work.t[0], **vars(sums))
     fails = found.pop("fails") > 0.0

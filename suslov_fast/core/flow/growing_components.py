@@ -25,9 +25,8 @@ from math import inf
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
-from .codegen import weighted
 from .memory import LaneState
-from .scalar_kernels import TINY, scalar_kernel
+from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # in place of `lost`
 TIGHT, LATER = 4.0, 1.001  # times another end: both may be at the same pole
@@ -77,8 +76,8 @@ def LOSES(x, new, error, inverse, rtol, some, lost, loses):
 
 
 @scalar_kernel
-def LOST(x, new, f_new, signed, error, inverse, rtol, some, loose, acts, keeps, lost):
-    """Return `lost`, at most 1, after a step from x to `new`."""
+def LOST(x, new, f_new, signed, error, inverse, rtol, some, loose, acts, keeps, lost, watches):
+    """Return `lost`, at most 1, after a step from x to `new`, and `watches`, the largest."""
     size = larger(abs(x), abs(new))
     part = 1.0 / (keeps > 0.0).select(abs(new), loose * size)  # a division takes long
     rate = (new < 0.0).select(-f_new, f_new) * signed
@@ -87,7 +86,8 @@ def LOST(x, new, f_new, signed, error, inverse, rtol, some, loose, acts, keeps, 
     own = smaller(larger(lost, 0.0) + abs(error) * part + fifth * fifth, 1.0)
     counts = (acts > 0.0) | (size < UNDERFLOW)
     counts = counts & _is_large(x, new, error, inverse, rtol, some, lost)
-    return {"lost": counts.select(own, lost)}
+    lost = counts.select(own, lost)
+    return {"lost": lost, "watches": larger(lost, watches)}
 
 
 @scalar_kernel
@@ -107,12 +107,17 @@ def KNOWN(new, lost):
 
 
 @scalar_kernel
-def FED(new, f_new, fed, signed, lost, changes):
-    """Return `lost`, or 0 if others that have their digits feed a component; then it `changes`."""
-    grows = signed * (f_new - fed) / new > NEXT
-    stays = grows & (abs(f_new) < abs(fed))  # at an unstable equilibrium
+def FED(new, f_new, fed, signed, lost, changes, left):
+    """Return `lost`, or 0 if others that have their digits feed a component; then it `changes`.
+
+    `left` is the largest `lost`.
+    """
+    own = f_new - fed
+    stays = (new < 0.0).select(-own, own) * signed > NEXT * abs(new)
+    stays = stays & (abs(f_new) < abs(fed))  # at an unstable equilibrium
     is_fed = (abs(fed) > 0.5 * abs(f_new)) & (abs(fed) < inf) & (lost > 0.0) & ~stays
-    return {"lost": is_fed.select(0.0, lost), "changes": is_fed.select(1.0, changes)}
+    lost = is_fed.select(0.0, lost)
+    return {"lost": lost, "changes": is_fed.select(1.0, changes), "left": larger(lost, left)}
 
 
 @scalar_kernel
@@ -162,15 +167,18 @@ def watch(code, loses):
     accepted = (work.accepted[0] > 0.0) & (line.watches[0] < inf)
     loses = accepted & (loses > 0.0)
     with text.when(loses.any(), likely=False):
-        line.watches.choose(loses & ~(line.watches[0] > 0.0), 0, TINY)
-        for i in text.each(D):
-            error = weighted(code.integrator.error_weights, code.of_columns(work.ends, i))
-            own = code.apply(LOST, i, error=error, inverse=work.error[i])["lost"]
-            line.lost.choose(loses, i, own)
-    looks = accepted & (line.watches[0] > 0.0)
+        found = Carried(watches=line.watches[0])
+        for i in text.each(D, found):
+            own = code.apply(LOST, i, **vars(found))
+            line.lost.choose(loses, i, own.pop("lost"))
+            found.update(own)
+        line.watches.choose(loses, 0, found.watches)
+    is_implicit = code.integrator.is_implicit  # if not, `RISES` is 0 below this
+    least = 0.0 if is_implicit else PART * code.number("many") * code.number("rtol")
+    looks = accepted & (line.watches[0] > least)
     with text.when(looks.any(), likely=False):
-        if not code.integrator.is_implicit:
-            found = code.reduce(RISES, lambda i: {"inverse": work.error[i]}, D, rises=0.0)
+        if not is_implicit:
+            found = code.reduce(RISES, rises=0.0, count=D)
             looks = looks & (found.rises > 0.0)
         with text.when(looks.any(), likely=False):
             _look(code, looks)
@@ -184,16 +192,24 @@ def _look(code, looks):
         for i in text.each(D):
             work.start[i] = code.apply(KNOWN, i)["known"]
         code.call("f", work.start, code.table, work.f)
-        found = Carried(changes=0.0)
+        found = Carried(changes=0.0, left=0.0)
         for i in text.each(D, found):
             own = code.apply(FED, i, fed=work.f[i], **vars(found))
-            line.lost.choose(looks, i, own["lost"])
-            found.changes = looks.select(own["changes"], 0.0)
-        now.goes_on = (found.changes > 0.0).any()
+            line.lost.choose(looks, i, own.pop("lost"))
+            found.update(own)
+        line.watches.choose(looks, 0, found.left)
+        now.goes_on = (looks & (found.changes > 0.0) & (found.left > 0.0)).any()
+    looks = looks & (line.watches[0] > 0.0)
+    with text.when(looks.any()):
+        _alarm(code, looks)
 
+
+def _alarm(code, looks):
+    """Find whether there is an alarm, in lanes `looks`; row `f` is f without lost components."""
+    text, line, work, D = code.text, code.line, code.work, code.f.of.D
     found = Carried(watches=0.0, grows=0.0, below=0.0)
     for i in text.each(D, found):
-        own = code.apply(WATCHES, i, inverse=work.error[i], fed=work.f[i], **vars(found))
+        own = code.apply(WATCHES, i, fed=work.f[i], **vars(found))
         line.lost.choose(looks, i, own.pop("lost"))
         found.update(own)
     line.watches.choose(looks, 0, found.watches)
@@ -214,7 +230,7 @@ def _find_group(code, looks):
     least = text.value(NEXT if code.integrator.is_implicit else LONG)
     for i in text.each(D):
         is_in = looks & (line.lost[i] > 0.0)
-        group[i] = is_in.select(1.0 / work.error[i], 0.0)
+        group[i] = is_in.select(1.0 / work.inverse[i], 0.0)
     found = Carried(grow=0.0, rounds=0.0, differs=1.0)
     for now in text.rounds(found):
         sums = Carried(grow=0.0, fall=0.0)
@@ -241,5 +257,7 @@ def _find_group(code, looks):
 def sound(code):
     """End the trajectories of lanes that have an alarm."""
     line, acts = code.line, code.number("acts") > 0.0
-    ends = line.state[0].equals(float(LaneState.ENDED)) & (line.watches[0] > 0.0)
-    line.state.choose(acts & (ends | line.watches[0].equals(inf)), 0, float(LaneState.AGAIN))
+    watches = line.watches[0] > 0.0
+    with code.text.when(watches.any(), likely=False):
+        ends = line.state[0].equals(float(LaneState.ENDED)) | line.watches[0].equals(inf)
+        line.state.choose(acts & watches & ends, 0, float(LaneState.AGAIN))

@@ -185,7 +185,7 @@ def find_apart_at_end(code, errors):
     differs = Carried(differs=0.0)
     for i in text.each(D, differs):
         inputs = {"right": work.right[i], "apart": work.apart[i], "at_end": work.at_end[i]}
-        inputs |= {"f_beside": work.b[i], "inverse": work.error[i], "s": s}
+        inputs |= {"f_beside": work.b[i], "inverse": work.inverse[i], "s": s}
         differs.update(code.apply(DIFFERS, i, **inputs, **vars(differs)))
     counts = (differs.differs > 0.0) & (errors["ratio"] <= 1.0) & (errors["apart"] <= MOST_APART)
 
@@ -198,7 +198,7 @@ def find_apart_at_end(code, errors):
         for i in text.each(D, largest):
             own = work.at_end[i] * AT_END
             work.right.choose(counts & (abs(own) > abs(work.right[i])), i, own)
-            inputs = {"error": work.right[i], "inverse": work.error[i]}
+            inputs = {"error": work.right[i], "inverse": work.inverse[i]}
             largest.update(code.apply(LARGER_RATIO, **inputs, **vars(largest)))
         return [largest.ratio]
 

@@ -123,7 +123,8 @@ def rows_of_work(integrator):
         beside=6 * extended,  # f at a point of the step, the point, and changes of f beside it
         new=D,  # the next state
         f_new=extended,  # f there
-        error=D,
+        error=D,  # the estimated error of the step
+        inverse=D,  # 1 / allowed error
         jacobian=entries,  # entries of f', s, and a vector
         factors=integrator.factors,  # of 1 - s f'
         right=D,  # the right side, after the factors

@@ -17,7 +17,6 @@ from math import inf
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
-from .codegen import weighted
 from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
@@ -128,12 +127,11 @@ def SECOND(
     }
 
 
-def try_again(code, own, of_error, sums):
+def try_again(code, own, sums):
     """Test steps with errors that may be rounding again, by larger allowed errors; return a dict.
 
     It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has them before the trial,
-    see `find_errors`; lanes without a trial keep them. `own` and `of_error` are the weights of
-    columns for the next state and its error.
+    see `find_errors`; lanes without a trial keep them. `own` are the weights of columns.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
@@ -155,20 +153,18 @@ def try_again(code, own, of_error, sums):
             top.top = code.apply(TOP, i, top=top.top)["top"]
         others = Carried(large=0.0)
         for i in text.each(code.D, others):
-            inputs = {"error": weighted(of_error, code.of_columns(work.ends, i))}
-            inputs |= {"inverse": work.error[i], "noisy": NOISY * top.top}
-            others.large = code.apply(LARGE, i, large=others.large, **inputs)["large"]
+            noisy = NOISY * top.top
+            others.large = code.apply(LARGE, i, large=others.large, noisy=noisy)["large"]
         least, largest, second = _changes_beside(code, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(code.D, found):
             apart = work.b[i] if integrator.is_implicit else apart_in(code, own, i)
-            inputs = {"error": weighted(of_error, code.of_columns(work.ends, i)), "apart": apart}
-            inputs |= {"inverse": work.error[i], "least": least[i], "largest": largest[i]}
+            inputs = {"apart": apart, "least": least[i], "largest": largest[i]}
             inputs |= {"second": second[i], "top": top.top}
             inputs |= {"t": line.t[0], "taken": work.taken[0]}
             inputs["grows"] = GROWS[integrator.is_implicit]
             now = code.apply(SECOND, i, **inputs, **vars(found))
-            work.error.choose(tried, i, now.pop("inverse"))
+            work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
         # Rounding, if it decides, does not make equations stiff: rates are 0.
         counts = refused | tried & (found.of_length < sums["ratio"])

@@ -96,7 +96,7 @@ def _estimate_errors(code, kept, sizes):
     derivatives, for the allowed errors. Both are results of `find_next_state`.
     """
     integrator, work = code.integrator, code.work
-    own, of_error = integrator.weights, integrator.error_weights
+    own = integrator.weights
     if integrator.is_implicit:
         find_apart(code)
     errors = tolerance.find_errors(code, own, sizes)
@@ -105,7 +105,7 @@ def _estimate_errors(code, kept, sizes):
     if integrator.sets:
         errors |= tolerance.differences_of_sets(code)
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
-    errors |= second_trial.try_again(code, own, of_error, errors)
+    errors |= second_trial.try_again(code, own, errors)
     return errors | {"kept": kept, "taken": work.taken[0]}
 
 

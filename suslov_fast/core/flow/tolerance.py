@@ -102,8 +102,8 @@ def find_errors(code, own, sizes):
     """Return `ratio`, `total`, `apart`, `loses` and other sums over all components, by name.
 
     They are results of `RATIO`, `LOSES`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
-    sum d that shows false steps. The row `error` has errors, and gets 1 / allowed errors. `own` are
-    the weights of columns, and `sizes` is from `find_next_state`.
+    sum d that shows false steps. The row `error` has errors, and `inverse` gets 1 / allowed errors.
+    `own` are the weights of columns, and `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "loses"] + (
@@ -135,7 +135,7 @@ def find_errors(code, own, sizes):
                 inputs = {"error": apart_in(code, own, i), "inverse": inverse, "ratio": sums.apart}
                 found["apart"] = code.apply(LARGER_RATIO, **inputs)["ratio"]
             sums.update(found)
-            work.error[i] = inverse
+            work.inverse[i] = inverse
     return vars(sums)
 
 
@@ -163,7 +163,7 @@ def differences_of_sets(code):
     for components in code.integrator.sets:
         own = Carried(rates=0.0, states=0.0)
         for i in text.listed(components)(own):
-            inputs = {"last": work.a[i], "inverse": work.error[i], "taken": work.taken[0]}
+            inputs = {"last": work.a[i], "inverse": work.inverse[i], "taken": work.taken[0]}
             own.update(code.apply(DIFFERENCES, i, **vars(own) | inputs))
         sums.append(own)
     A, B = sums

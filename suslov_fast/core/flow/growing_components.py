@@ -127,11 +127,11 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
     `watches` is infinite for an alarm. Of components below their allowed errors, `grows` is 1 if
     one grows by more than exp(LONG) in such a step, and `below` is their largest `lost`.
     """
-    size = abs(new) * inverse
+    size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
-    is_deep = is_deep & (keeps * signed * f_new / new > 0.0)  # steps of a decay may rise by chance
+    is_deep = is_deep & (keeps * signed * f_new > 0.0)  # steps of a decay may rise by chance
     is_grown = (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
-    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) / new > LONG)
+    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) > LONG * abs(new))
     return {
         "lost": is_grown.select(RELATIVE, lost),
         "watches": is_grown.select(inf, larger(lost, watches)),

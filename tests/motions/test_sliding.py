@@ -413,3 +413,16 @@ def test_starts_on_a_surface_along_which_the_solution_slides():
     np.testing.assert_allclose(motion.states[0], [[0.3, 0.3]] * 2, atol=1e-12)
     assert motion.ok.all()
     assert motion.steps.max() < 500
+
+
+@pytest.mark.parametrize("at", [0.0, 0.1])
+def test_records_on_the_surface_of_sliding_are_no_rounding(at):
+    """One for each solution that comes to the surface and stays there; x0 decides which ones do."""
+    rng = np.random.default_rng(9)
+    k, c = rng.uniform(0.3, 1.5, 300), rng.uniform(-2, 2, 300)
+    x, y = rng.normal(0, 1.5, (2, 300))
+    f = Field(lambda s, k, c: (c * s[1] - k * np.sign(s[0] - at), -0.2 * s[1]), "x y", k=k, c=c)
+    found = flow(f, np.stack([x, y], axis=1), time=60.0, events=Event(lambda s: s[0] - at)).events
+    slow = abs(c * y) < k  # so that all come to the surface and slide for good
+    assert slow.sum() > 100
+    assert (np.bincount(found.trajectory, minlength=300)[slow] == 1).all()

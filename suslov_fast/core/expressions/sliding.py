@@ -468,7 +468,11 @@ class SlidingEquations:
         """Return the `EventAction` `of` of the equations without modes; it sets the modes, too."""
         surface, to = of.surface, of.to
         if surface is not None:
-            surface = self._list(emitted(self.values, surface, dict(self.given)))
+            [s] = emitted(self.values, surface, dict(self.given))
+            for g, own in enumerate(self.surfaces):
+                if same(s, own):  # along it s is rounding
+                    s = self.held[self.D + g][0].select(0.0, self.values.number(s)).number
+            surface = self._list([s])
         if to is not None:
             x = emitted(self.values, to, dict(self.given))
             to = self._list(self._with_modes([*x, *range(self.D, self.D + self.size)]))

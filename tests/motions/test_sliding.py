@@ -426,3 +426,14 @@ def test_records_on_the_surface_of_sliding_are_no_rounding(at):
     slow = abs(c * y) < k  # so that all come to the surface and slide for good
     assert slow.sum() > 100
     assert (np.bincount(found.trajectory, minlength=300)[slow] == 1).all()
+
+
+def test_an_action_on_the_surface_of_sliding_acts_once():
+    rng = np.random.default_rng(9)
+    k, c, (x, y) = rng.uniform(0.3, 1.5, 300), rng.uniform(-2, 2, 300), rng.normal(0, 1.5, (2, 300))
+    f = Field(lambda s, k, c: (c * s[1] - k * np.sign(s[0]), -0.2 * s[1]), "x y", k=k, c=c)
+    act = Event("x", to=lambda s: (s[0], 0.7 * s[1]))
+    found = flow(f, np.stack([x, y], axis=1), time=30.0, events=act)
+    slow = (abs(c * y) < k) & (abs(x) < 20 * (k - abs(c * y)))  # all come to the surface and stay
+    right = 0.7 * y * np.exp(-6.0)
+    np.testing.assert_allclose(found.states[0, slow, 1], right[slow], rtol=1e-7)

@@ -71,7 +71,12 @@ class SlidingEquations:
         self._begin(  # only with surfaces at which f jumps across, and contacts with a force
             [pair for g, pair in enumerate(pairs) if self._reach(D + g, D + g) is not None],
             actions,
-            [k for k, place in self.contacts.items() if self._reach(place, place) is not None],
+            [
+                k
+                for k, place in self.contacts.items()
+                if self._reach(place, place) is not None
+                and not any(same(self.touched[k][0], s) for s in self.surfaces)
+            ],
         )
         pairs = sum(self._reach(a, b) is not None for a in self.held for b in self.held)
         if not 0 < pairs * len(self.held) <= MOST_PAIRS:

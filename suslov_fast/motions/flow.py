@@ -31,6 +31,7 @@ from .events import (
     warn_of_times_that_never_come,
 )
 from .integration import SolverResult, empty_result, to_tolerance, without_ends
+from .modes import Sliding, are_stuck
 from .motion import Motion
 from .motion_arguments import (
     checked_settings,
@@ -42,7 +43,6 @@ from .motion_arguments import (
     warn_of_times,
 )
 from .sensitivities import WithColumns, with_derivatives
-from .sliding import Sliding, are_stuck
 
 
 @public

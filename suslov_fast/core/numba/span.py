@@ -1,4 +1,4 @@
-"""What one call of a kernel of steps computes, and the arrays to which it writes.
+"""The task of one call of a kernel of steps, and the arrays to which it writes.
 
 B trajectories have states 0, 1, 2, ... of D components.
 """

@@ -169,7 +169,7 @@ class SolverResult(NamedTuple):
         return [(name, getattr(self, name)) for name in names]
 
     def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
-        """Return the same of trajectories that were computed again; steps are those of both."""
+        """Return the result with a second run of trajectories `where`; its steps are added."""
         return self.with_part(where, part._replace(steps=self.steps[where] + part.steps))
 
 

@@ -118,7 +118,7 @@ def rows_of_work(integrator):
         # What shows false steps, of each explicit column or of all implicit ones.
         apart=D if integrator.is_implicit else of_ends,
         # States at the ends of the first three quarters of an explicit step, and f. Those of an
-        # implicit step are less x, and those of the last columns follow.
+        # implicit step are less x, and states of the last columns follow.
         nodes=6 * D,
         beside=6 * extended,  # f at a point of the step, the point, and changes of f beside it
         new=D,  # the next state

@@ -201,7 +201,7 @@ def prepare(field, i, l, halves, coefficients):
 def take_dense_steps(part, parts, field, memory, span, output):
     """Take part `part` of `parts` of the steps of a `Span`, from `output.final` on.
 
-    `field` is a `Dense`, `memory` a `Memory`. `carry` is that of `take_dense`.
+    `field` is a `Dense`, `memory` a `Memory`. `take_dense` explains `carry`.
     """
     field, memory, output = uncounted((field, memory, output))
     saved, final, carry, status, failed_at = output

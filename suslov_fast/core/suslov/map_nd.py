@@ -286,7 +286,7 @@ def nd_steps(part, parts, parameters, omega0, span, output):
 def gauss_steps(part, parts, parameters, omega0, span, output):
     """Iterate part `part` of `parts` of the trajectories, by elimination with m unknowns a step.
 
-    The arguments are those of `nd_steps`.
+    `nd_steps` explains the arguments.
     """
     parameters, omega0, output = uncounted((parameters, omega0, output))
     iterate_nd(part, parts, parameters, omega0, span, output, True)
@@ -401,7 +401,7 @@ def _sums_of_all(I, w):
 def nd_steps_side_by_side(parameters, omega0, span, output):
     """Take the steps by NumPy and return True; return False if one loses digits or passes a pole.
 
-    The arguments are those of `nd_steps`. `carry` becomes 0 if start is 0.
+    `nd_steps` explains the arguments. `carry` becomes 0 if start is 0.
     """
     begin, end, start, stop, every, row = span
     saved, final, carry, status, failed_at = output

@@ -284,7 +284,7 @@ def steps_side_by_side(parameters, omega0, span, output):
     """Take the steps of all trajectories by NumPy, with the bits of `steps`; always return True.
 
     `Kernel.by_numpy` calls it before `steps` is compiled; True says that the work is done.
-    The arguments are those of `steps`, whose bits do not depend on `part`.
+    `steps` explains the arguments.
     """
     # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span

@@ -42,7 +42,10 @@ def warn_of_size(f: Any, is_implicit: bool) -> None:
             f"f' is a dense matrix of {f.D} x {f.D}, and steps for stiff equations take long: "
             "SciPy's solve_ivp is faster, with method='LSODA' or 'BDF' and jac=field.jacobian"
         )
-    elif not (is_implicit or f.is_dense) and (count := len(f.f.operations)) > _LONG:
+        return
+    count = len(f.f.operations)
+    # Fewer than D**2 operations are no sums over all variables.
+    if not (is_implicit or f.is_dense) and count > max(_LONG, f.D**2):
         checks.warn(
             f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
             "sums over all variables as products W @ v with matrices"

@@ -141,7 +141,7 @@ def test_motion_of_states_whose_squares_are_out_of_range(body, power):
 def test_overflow_is_no_number():
     """The phase of a rotor is lost; a body has come to its limit."""
     body = sf.Suslov3D(4, 1, -0.5, -0.3, [0.0, 1e60])
-    with pytest.warns(RuntimeWarning, match=r"^1 of 2 orbits: beyond the range"):
+    with pytest.warns(RuntimeWarning, match=r"^1 of 2"):
         motion = sf.flow(body, [1e10, 5e9], time=1e300)
     assert np.isnan(motion.states[0]).all(axis=-1).tolist() == [False, True]
     assert motion.status.tolist() == [sf.Status.OK, sf.Status.NONFINITE]

@@ -148,7 +148,7 @@ def test_symbolic_eps():
     x = [F(k * k - 7, 5) for k in range(1, 7)]
     for integral, number in zip(symbolic, chosen("Lagrange"), strict=True):
         assert integral(x, eps=eps) == number(x)
-        with pytest.raises(TypeError, match="eps: pass numbers by name"):
+        with pytest.raises(TypeError, match=r"^eps"):
             integral(x)
     formula = written_out(symbolic[1])
     assert "eps" in str(formula)

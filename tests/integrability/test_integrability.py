@@ -254,7 +254,7 @@ def test_the_orbit_of_a_point():
     assert str(found.polynomials[0]) == "2052*Omega1^2 - 4*Omega1*Omega2 + 513*Omega2^2 - 4096"
     assert hk_bases(MAP, 2, point=MAP([1, 2])).basis == found.basis
     assert hk_bases(MAP, 1, point=[1, -2]).dimension == 2  # a steady state
-    with pytest.raises(ArithmeticError, match="reach poles of the map"):
+    with pytest.raises(ArithmeticError, match="poles"):
         hk_bases(kahan(Field.from_terms([[[1]]]), 1), 2, point=[F(1, 3)])  # 1/3, 1/2, 1
 
 
@@ -263,7 +263,7 @@ def test_iterates_without_an_image():
     map = rational_map(Map(lambda x: (x[1], 0 * x[2], 1 / x[0]), 3))
     assert degrees(map, 3) == [2, 1, 0]
     for call in (lambda: degrees(map, 4), lambda: report(map, degree=1)):
-        with pytest.raises(ArithmeticError, match="the iterates reach poles of the map"):
+        with pytest.raises(ArithmeticError, match="poles"):
             call()
 
 

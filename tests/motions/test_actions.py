@@ -157,7 +157,7 @@ def test_a_time_that_never_comes_is_told_of():
 def test_a_new_state_without_a_value_is_no_pole():
     clock = Field(lambda x: (1.0,), "x")
     change = Event("x - 1", to=lambda x: (np.sqrt(x[0] - 2),))
-    with pytest.warns(RuntimeWarning, match="new state of an event"):
+    with pytest.warns(RuntimeWarning, match="event"):
         motion = flow(clock, [0.0], time=2.0, events=change)
     assert motion.end == 1.0
 

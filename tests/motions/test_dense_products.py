@@ -171,3 +171,9 @@ def test_long_functions_are_told_of_before_they_are_compiled(monkeypatch):
         sf.flow(field, X0[0], time=0.1)
     [count] = [int(re.search(r"(\d+) operations", str(each.message))[1]) for each in told]
     assert 2 * N * N < count < 4 * N * N
+
+
+def test_long_sparse_functions_are_not_told_to_be_products(monkeypatch):
+    monkeypatch.setattr(integration, "_LONG", N // 2)
+    ring = Field(lambda x: [x[i - 1] - x[i] for i in range(N)], NAMES)
+    sf.flow(ring, X0[0], time=0.1)  # warnings are errors

@@ -56,7 +56,7 @@ def test_a_ball_on_a_vibrating_table():
     )
     with pytest.raises(ValueError, match=r"^period must be given"):
         periodic_orbit(ball, start, events=hit)
-    with pytest.raises(ValueError, match=r"^period must be a time after which the force"):
+    with pytest.raises(ValueError, match=r"^period "):
         periodic_orbit(ball, start, 1.1 * T, events=hit)
 
 

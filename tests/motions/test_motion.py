@@ -195,7 +195,7 @@ def test_one_warning_names_the_first():
     assert found.status.tolist() == statuses
     assert np.isnan(found.states[0, :, 0]).tolist() == [False, True, True, True, False]
     assert found.end.tolist() == pytest.approx([3.0, 2.0, 1.0, 0.0, 3.0])
-    with pytest.warns(IntegrationWarning, match="1 of 1 solutions have no value"):
+    with pytest.warns(IntegrationWarning, match="1 of 1"):
         none = flow(LORENZ, [1e200, 1e200, 1.0], time=1.0)
     assert (none.status, none.end) == (Status.NONFINITE, 0.0)
     assert np.isnan(none.states).all()
@@ -204,7 +204,7 @@ def test_one_warning_names_the_first():
 def test_times_that_look_like_values_of_a_clock():
     field = Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")
     times = np.linspace(5.0, 10.0, 6)
-    with pytest.warns(UserWarning, match="where t is 5: pass time - 5"):
+    with pytest.warns(UserWarning, match="time - 5"):
         found = flow(field, [[1.0, 5.0], [2.0, 5.0]], time=times)
     np.testing.assert_allclose(found.states[:, 0, 1], times + 5.0, rtol=1e-14)
     flow(field, [5.0, 0.0], time=times)  # a state, not a clock: no warning
@@ -214,7 +214,7 @@ def test_times_that_look_like_values_of_a_clock():
 @pytest.mark.compiled
 def test_solutions_that_need_ever_shorter_steps():
     """Backward in time Lorenz's y and z turn at the rate x, which grows like exp(-10 t)."""
-    with pytest.warns(IntegrationWarning, match="1 of 2 solutions take more than 250,000 steps"):
+    with pytest.warns(IntegrationWarning, match=r"1 of 2 .*250,000"):
         found = flow(LORENZ, [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0]], time=[-50.0, -1.0])
     assert found.status.tolist() == [Status.TOO_MANY_STEPS, Status.OK]
     assert -2.0 < found.end[0] < -1.0

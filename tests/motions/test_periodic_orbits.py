@@ -282,7 +282,7 @@ FORCED = "x v c s", lambda s: (s[1], -0.2 * s[1] - s[0] ** 3 + 0.3 * s[2], s[3],
     ids=["force as states", "Volterra", "Kepler"],
 )
 def test_a_member_of_a_family_is_told(field, start, period):
-    with pytest.warns(UserWarning, match="a member of a family") as told:
+    with pytest.warns(UserWarning, match="family") as told:
         periodic_orbit(field, start, period)
     assert len(told) == 1
 

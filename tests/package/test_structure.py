@@ -303,6 +303,6 @@ def test_names_are_imported_when_they_are_asked_for():
         assert all(name in globals() for name in suslov_fast.__all__)
     """
     children.run(code)
-    with pytest.raises(AttributeError, match=r"module 'suslov_fast' has no attribute 'nothing'$"):
+    with pytest.raises(AttributeError, match="nothing"):
         _ = suslov_fast.nothing
     assert (PACKAGE / "py.typed").exists()

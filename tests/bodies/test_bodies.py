@@ -82,7 +82,7 @@ def test_selection_by_value():
     assert bodies.sel(I1=0.1) == bodies[1]
     assert bodies.sel(I2=2, I1=4) == bodies[0][1]
     assert Suslov3D([4.0], 1, 0, 0).sel(I1=4) == Suslov3D(4, 1, 0, 0)
-    with pytest.raises(ValueError, match=r"^I2 .* I1"):
+    with pytest.raises(ValueError, match=r"I2 .* I1"):
         Suslov3D([4.0, 0.1], [1], -0.5, 1 / 3).sel(I2=1)  # its value is that of both members
     with pytest.raises(KeyError, match="I1"):  # equal, not close
         bodies.sel(I1=np.nextafter(4.0, 5.0))

@@ -28,6 +28,7 @@ from .checks import (
     wrong,
 )
 from .core.expressions.variational import variational
+from .core.flow.batch_solver import Settings
 from .core.flow.held import OF_ANOTHER, PARAMETERS, TIME, MotionSystem, motion_system_of
 from .core.maps.step_system import FieldSystem
 from .core.numba.arrays import uncounted
@@ -42,8 +43,12 @@ from .keywords import public
 from .maps import eps_of, map_of
 from .motions.event import Event
 from .motions.events import actions_of, batch_of, checked_events, event_times_of
-from .motions.flow import checked_derivatives
-from .motions.motion_arguments import RTOL, checked_settings, either_map_or_motion
+from .motions.motion_arguments import (
+    RTOL,
+    checked_derivatives,
+    checked_settings,
+    either_map_or_motion,
+)
 
 __all__ = [
     "BodySystem",
@@ -150,11 +155,11 @@ def system(
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
-    others = {"rtol": rtol, "atol": atol, "max_step": max_step, "stiff": stiff}
+    given = Settings(rtol, atol, max_step, stiff)
     both = (0.0, 0) if time is None else (eps, None)
-    of_motions = {"events": events, "derivatives": derivatives}
-    if either_map_or_motion("system", *both, time, method=method, **others, **of_motions):
-        settings = checked_settings(body, **others)
+    others = {"method": method, **given._asdict(), "events": events, "derivatives": derivatives}
+    if either_map_or_motion("system", *both, time, **others):
+        settings = checked_settings(body, given)
         return _motion(body, one_number("time", time), settings, events, derivatives)
     step_size = _single(body, eps_of("system", body, eps))
     return map_of(body, method).methods[method].system(body, step_size)
@@ -174,7 +179,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
     if shape := field.shape + batch_of(acting):
         received = f"a batch of shape {shape}: make a system for each"
         raise wrong("system", "a single field, with events of the same times for all", received)
-    names, _ = checked_derivatives(field, derivatives)
+    names = checked_derivatives(field, derivatives)
     parameters = tuple(name for name in names if name != "x0")
     f, given = of_one(field, parameters, bool(names), actions_of(field, acting))
     if names:

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
 from ..checks import StatesLike, integer, one_number, short, wrong
-from ..core.flow.batch_solver import SolverRequest
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
 from ..maps.batch import Progress
 from ..maps.kernel_calls import thread_count
-from .event import Event, checked_direction, field_of
+from .event import Event, checked_direction
 from .events import Events
-from .flow import checked_derivatives, solved
-from .motion_arguments import RTOL, checked_settings, checked_starts
+from .flow import solved
+from .motion_arguments import RTOL, checked_derivatives, checked_settings, checked_starts
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 
@@ -45,11 +45,12 @@ def crossings(
 ) -> Events:
     """Find where motions cross a surface s(x) = 0: Poincare sections, maxima, escapes, basins.
 
-    A crossing is a point where s becomes positive, or stops being so. A step of :func:`flow` ends
-    there, so that it has the digits of the tolerance. Pairs of crossings within a step are found by
-    values of s at five points of the step, and by their rates. Points where a motion touches the
-    surface, and humps that are narrower than a thirtieth of a step, may be missed. A smaller
-    `max_step` looks closer. Where s is NaN nothing is crossed. A start on the surface never counts.
+    A crossing is a point where s becomes positive, or stops being positive. A step of the solver
+    ends at each crossing, so that its time and state are as accurate as the tolerance. Two
+    crossings within one step are found from the values and rates of s at five points of the step.
+    The search may miss points where a motion touches the surface, and humps of s that are narrower
+    than a thirtieth of a step; then pass a smaller `max_step`. Where s is NaN there is no crossing.
+    A start on the surface does not count.
 
     Parameters
     ----------
@@ -58,23 +59,24 @@ def crossings(
     x0 : array_like(float, shape=(..., D))
         Initial states, as in :func:`flow`.
     surface : callable or str, or sequence of them
-        The name of a component, a formula of them, ``"z - 27"``, or a function s of the state,
-        ``lambda x: x[2] - 27``, which is traced as that of a `Field`, and may take parameters of
-        the system by name.
+        The name of a component, a formula of components, ``"z - 27"``, or a function s of the
+        state, ``lambda x: x[2] - 27``. The function is traced, as the function of a `Field` is, and
+        may have arguments with the names of parameters of the system.
     time : float
         The time after the transient; negative backwards in time.
     rtol, atol, max_step, stiff
         As in :func:`flow`.
     direction : {0, 1, -1} or {"both", "up", "down"}
-        Both (the default), upwards, or downwards.
+        Crossings in both directions (the default), or only where s increases, or decreases.
     transient : float
-        The time at first in which crossings are ignored.
+        The time at the beginning in which crossings are ignored.
     most : int, optional
-        The number of crossings, 1 or more, at which a trajectory ends.
+        The number of crossings, 1 or more, after which a trajectory ends.
     derivatives : sequence of str, or str
-        As in :func:`flow`: ``crossings(...).derivatives["a"].time`` are those of the times.
+        As in :func:`flow`. ``crossings(...).derivatives["a"].time`` are the derivatives of the
+        times with respect to the parameter a.
     threads, progress
-        As in :func:`iterate`; `progress` is called with the number of trajectories that have ended.
+        As in :func:`iterate`; `progress` counts trajectories that have ended.
 
     Returns
     -------
@@ -104,9 +106,8 @@ def crossings(
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     system = system_of(system, x0)
-    settings = checked_settings(system, rtol, atol, max_step, stiff)
-    names, _ = checked_derivatives(system, derivatives)
-    field = field_of(system)
+    settings = checked_settings(system, Settings(rtol, atol, max_step, stiff))
+    names = checked_derivatives(system, derivatives)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:
         raise wrong("transient", "0 or more", short(transient))
@@ -124,6 +125,6 @@ def crossings(
         most=math.inf if most is None else most,
         since=before,
     )
-    motion = solved(system, x, batch, request, progress, names, field, events)
+    motion = solved(system, x, batch, request, progress, names, events)
     assert motion.events is not None  # because there are events
     return motion.events

@@ -1,10 +1,11 @@
-"""`Event`, which acts on the states of motions: its arguments, its traced functions, its text."""
+"""`Event`, which acts on states along motions: its arguments, its traced functions, its text."""
 
 from __future__ import annotations
 
 import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field
 from types import CellType, CodeType, FunctionType
 from typing import Any
@@ -40,53 +41,60 @@ from ..results.result import read_only
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
-_MOST_TRACED = 64  # fields, for which an event keeps what was traced
+_MOST_TRACED = 64  # fields for which an event keeps its traced functions
 
 
 @public_class
 @dataclass(frozen=True, eq=False, repr=False)
 class Event:
-    """An event along motions, on a surface or at given times: for :func:`flow`.
+    """An event along motions, on a surface or at given times: an argument of :func:`flow`.
 
-    Doses, resets, bounces, spikes, switches, ends: ``flow(system, x0, time=t, events=[...])``
-    takes one or more, and ``Motion.events`` holds what happened. Functions are traced, as the
-    function of a :class:`Field` is, and carried out as machine code. Besides the state they may
-    take parameters of the system by name.
+    Events are doses, resets, bounces, spikes, switches and ends of trajectories.
+    ``flow(system, x0, time=t, events=[...])`` accepts one or more of them, and ``Motion.events``
+    records when they happened. The functions of an event are traced, as the function of a
+    :class:`Field` is, and run as machine code. After the state they may have arguments with the
+    names of parameters of the system.
 
-    When an event is made, the values of the names that its functions use are kept with it: a number
-    from outside is a constant from then on, also in a loop. A parameter of the system is not kept.
+    An event stores the values that outside names in its functions have when the event is made. So
+    a loop variable in such a function is a constant of the event. Values of parameters come from
+    the system instead.
 
     Parameters
     ----------
     surface : str or callable, optional
         The name of a component, a formula, or a function s of the state, ``lambda x: x[0] - 30``.
-        The event happens where s becomes positive, or stops being so, by the motion or by another
-        event. Where s is NaN nothing is crossed. A start on the surface is no event.
+        The event happens where s becomes positive, or stops being positive, along the motion or
+        through another event. Where s is NaN no event happens. A start on the surface is no event.
     to : callable or sequence of str or float, or one of these, optional
-        A function that takes the state and returns the new one, ``lambda x: (x[0], -x[1])``, or
-        the new components, as formulas of the old ones and numbers: ``("h", "-v")``, ``(1, 0)``,
-        and 0 for one variable. Without `to` and `terminal` the event is a record.
+        The state after the event: a function of the state, ``lambda x: (x[0], -x[1])``, or a list
+        of components. A component is a number, or a formula of the state before: ``("h", "-v")``,
+        ``(1, 0)``. For a single variable a number is enough. Without `to` and `terminal` the event
+        is recorded and changes nothing.
     terminal : bool
-        True if the event ends the trajectory, which then has the status STOPPED.
+        If True, the event ends the trajectory, which then has the status STOPPED.
     direction : {"both", "up", "down"} or {0, 1, -1}
-        Both, only where s increases, or only where it decreases, along the motion as it is
-        computed: backwards in time if the times of :func:`flow` are negative.
+        "up" and "down" restrict the event to points where s increases, or decreases, in the
+        direction of the computation. That is backwards in time if the times of :func:`flow` are
+        negative.
     times : array_like(float, shape=(k,) or (..., k)), optional
-        In place of a surface: the times of the event, of all trajectories, or of each, padded with
-        NaN. ``...`` broadcasts with the batch.
+        In place of a surface, the times of the event: k times for all trajectories, or k times for
+        each one, where ``...`` broadcasts with the batch. NaN fills places without a time.
     most : int, optional
-        The number of times it happens, 1 or more: the last one ends the trajectory. Ends of a rest
-        do not count.
+        The number of times that the event happens, 1 or more; the last time ends the trajectory.
+        It does not count when a body that rests on the surface leaves it.
 
     Notes
     -----
-    At one instant times come first, in the order of the list, then surfaces in the order of the
-    list, each on the state that the one before it has left, again and again until none acts. A time
-    asked at an event has the state after it. A body whose hops become short rests on the surface,
-    until a force lifts it, see ``Motion.phases``. A trajectory whose events follow one another
-    without end otherwise ends with the status ACCUMULATES.
-    Where events are defined, states have the tolerance of :func:`flow`. Two events are equal if all
-    attributes are equal, functions only if they are the same; after ``Event.of`` they are text.
+    At one instant, events at given times act first, then events on surfaces; within both groups
+    the order of the list holds. Each event acts on the state after the event before it, and all
+    are tried again until none acts. If the motion is wanted at the time of an event, it has the
+    state after the event.
+    A body that bounces in shorter and shorter hops comes to rest on the surface until a force lifts
+    it, see ``Motion.phases``. If other events follow one another without end, the trajectory ends
+    with the status ACCUMULATES.
+    With events, also the motion of a body is solved to the tolerance of :func:`flow`. Two events
+    are equal if all attributes are equal. A function is equal to itself alone; ``Event.of`` makes
+    an event of texts.
 
     Examples
     --------
@@ -153,9 +161,10 @@ class Event:
 
     @public
     def of(self, system: Any) -> Event:
-        """Return this event with equations as text in a system's names, so that it pickles."""
-        found = traced(self, field_of(system))
-        return self if self._is_text else found.text
+        """Return this event with equations as text in the names of a system, so that it pickles."""
+        instance("system", system, Body)
+        of_system = traced(self, system._field)
+        return self if self._is_text else of_system.text
 
     @public
     def to_dict(self) -> dict[str, Any]:
@@ -163,9 +172,9 @@ class Event:
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
         times = self.times
-        if times is not None:  # with None for NaN, which JSON has not
+        if times is not None:  # with None in place of NaN, which JSON lacks
             times = np.where(np.isfinite(times), times, np.array(None)).tolist()
-        found = {
+        entries = {
             "surface": self.surface,
             "to": None if self.to is None else list(self.to),  # type: ignore[arg-type]
             "definitions": dict(self._definitions),
@@ -174,12 +183,12 @@ class Event:
             "terminal": self.terminal,
             "most": self.most,
         }
-        return {name: value for name, value in found.items() if value not in (None, False, 0, {})}
+        return {name: value for name, value in entries.items() if value not in (None, False, 0, {})}
 
     @classmethod
     @public
     def from_dict(cls, description: Mapping[str, Any]) -> Event:
-        """Return the event in a dictionary of :meth:`to_dict`, also one read from JSON."""
+        """Return the event that :meth:`to_dict` described, also after its way through JSON."""
         instance("description", description, Mapping)
         entries = dict(description)
         definitions = entries.pop("definitions", {})
@@ -194,22 +203,17 @@ class Event:
         return not (callable(self.surface) or callable(self.to))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Event):
-            return NotImplemented
-        mine, theirs = self.times, other.times
-        if mine is None or theirs is None:
-            are_same = mine is theirs
-        else:
-            are_same = np.array_equal(mine, theirs, equal_nan=True)
-        return are_same and self._compared == other._compared
+        return self._key == other._key if isinstance(other, Event) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash(self._compared[:-1])
+        return hash(self._key)
 
     @property
-    def _compared(self) -> tuple[Any, ...]:
-        own = self.surface, self.to, self.direction, self.terminal, self.most
-        return *own, dict(self._definitions)
+    def _key(self) -> tuple[Any, ...]:
+        """The values that == and hash compare; times as bytes, because NaN equals NaN there."""
+        times = None if self.times is None else (self.times.shape, (self.times + 0.0).tobytes())
+        others = self.surface, self.to, self.direction, self.terminal, self.most
+        return *others, times, *self._definitions.items()
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_traced": {}, "_kept": {}}
@@ -220,25 +224,17 @@ class Event:
     def __repr__(self) -> str:
         parts = [] if self.surface is None else [_shown(self.surface)]
         if self.times is not None:
-            shape = self.times.shape
-            few = self.times.ndim == 1 and self.times.size <= 4
-            text = ", ".join(f"{t:g}" for t in self.times.ravel()) if few else ""
-            parts.append(f"times=[{text}]" if few else f"times: {shape}")
+            is_short = self.times.ndim == 1 and self.times.size <= 4
+            numbers = ", ".join(f"{t:g}" for t in self.times) if is_short else ""
+            parts.append(f"times=[{numbers}]" if is_short else f"times: {self.times.shape}")
         parts += [] if self.to is None else [f"to={_shown(self.to)}"]
-        parts += [f"direction={self.direction}"] if self.direction else []
-        parts += ["terminal=True"] if self.terminal else []
-        parts += [] if self.most is None else [f"most={self.most}"]
+        for name in ("direction", "terminal", "most"):
+            parts += [f"{name}={value}"] if (value := getattr(self, name)) else []
         return f"Event({', '.join(parts)})"
 
 
-def field_of(system: Any) -> Any:
-    """Return the field that has the equations and the component names of a system."""
-    instance("system", system, Body)
-    return system._field
-
-
 def traced(event: Event, system: Any) -> TracedEvent:
-    """Return the `TracedEvent` of an event for a field's names of components and parameters."""
+    """Return the `TracedEvent` of an event for the component and parameter names of a field."""
     key, known = (system.names, system._coordinates), event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
@@ -248,9 +244,10 @@ def traced(event: Event, system: Any) -> TracedEvent:
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
-    """Return a function that keeps the present values of its names; any other object as it is.
+    """Return a copy of a function that keeps the present values of outside names.
 
-    Functions of the same file that it calls keep theirs, too; `known` has finished copies by id.
+    Functions of the same file that it calls are copied, too; `known` has the copies by id. Any
+    other object is returned as it is.
     """
     f = getattr(f, "py_func", f)  # if Numba compiled f
     if not isinstance(f, FunctionType):
@@ -259,9 +256,9 @@ def _with_values(f: Any, known: dict[int, Any]) -> Any:
         return known[id(f)]
     cells = tuple(CellType() for _ in f.__closure__ or ())
     values: dict[str, Any] = {"__builtins__": builtins}
-    found = FunctionType(f.__code__, values, f.__name__, f.__defaults__, cells)
-    found.__kwdefaults__ = f.__kwdefaults__ and dict(f.__kwdefaults__)
-    known[id(f)] = found
+    copy = FunctionType(f.__code__, values, f.__name__, f.__defaults__, cells)
+    copy.__kwdefaults__ = f.__kwdefaults__ and dict(f.__kwdefaults__)
+    known[id(f)] = copy
 
     def kept(value: Any) -> Any:
         is_near = isinstance(value, FunctionType) and value.__globals__ is f.__globals__
@@ -269,27 +266,23 @@ def _with_values(f: Any, known: dict[int, Any]) -> Any:
 
     names = _names_in(f.__code__)
     values.update((name, kept(f.__globals__[name])) for name in names if name in f.__globals__)
-    for cell, own in zip(cells, f.__closure__ or (), strict=True):
-        try:
-            cell.cell_contents = kept(own.cell_contents)
-        except ValueError:  # it has no value yet
-            continue
-    return found
+    for cell, given in zip(cells, f.__closure__ or (), strict=True):
+        with suppress(ValueError):  # if the name has no value yet
+            cell.cell_contents = kept(given.cell_contents)
+    return copy
 
 
 def _names_in(code: CodeType) -> set[str]:
-    """Return the names that the code of a function, and of functions within it, may look up."""
+    """Return the names that a function, and functions inside it, may look up."""
     inner = (each for each in code.co_consts if isinstance(each, CodeType))
     return {*code.co_names}.union(*map(_names_in, inner))
 
 
 def _shown(function: Any) -> str:
     """Return a function or texts in short, for messages."""
-    return (
-        getattr(function, "__name__", type(function).__name__)
-        if callable(function)
-        else short(function)
-    )
+    if callable(function):
+        return getattr(function, "__name__", type(function).__name__)
+    return short(function)
 
 
 def checked_direction(value: Any) -> int:
@@ -299,7 +292,7 @@ def checked_direction(value: Any) -> int:
 
 
 def _check_surface(surface: Any) -> None:
-    """Raise TypeError unless a surface is a text, or a function that is no SciPy event."""
+    """Raise TypeError unless a surface is a text or a function, and no event function of SciPy."""
     if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
         how = "pass terminal=True to end there, direction=-1 for downwards"
@@ -313,7 +306,7 @@ def _check_surface(surface: Any) -> None:
 
 
 class TracedEvent:
-    """An event with its functions as expressions in these names of components and parameters."""
+    """An event with its functions as expressions, in these names of components and parameters."""
 
     def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
         self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
@@ -333,7 +326,7 @@ class TracedEvent:
         return EventAction.list_of(self.tracer.values, results)
 
     def _surface(self, surface: Any) -> Any:
-        """Return a surface (function or text) as an operand; ValueError if it reads no state."""
+        """Return a surface, a function or text, as an operand; ValueError if it reads no state."""
         if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
             expected = f"a function of the state, or the name of a component, {either(self.names)}"
             raise wrong("surface", expected, short(surface))
@@ -350,7 +343,7 @@ class TracedEvent:
         return operand
 
     def _results(self, argument: str, f: Any) -> list[Any]:
-        """Return operands of the results of f, a function or texts; `argument` is for messages."""
+        """Return the results of f, a function or texts, as operands; messages name `argument`."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
         needed, known = arguments_of(f), taken(f, self.tracer.parameters)
@@ -366,13 +359,13 @@ class TracedEvent:
         return operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
-        """Return the operands of the formulas `texts`; messages call them `argument`."""
+        """Return formulas, given as texts, as operands; messages name `argument`."""
         tracer = self.tracer
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
         each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
-            found = values_of(each, known, called_by_name)
-            return [tracer.result(found[k]) for k in range(len(texts))]
+            values = values_of(each, known, called_by_name)
+            return [tracer.result(values[k]) for k in range(len(texts))]
         except (TypeError, ValueError) as error:
             names = either(tracer.names)
             raise ValueError(f"{argument}: {error}; names of this system are {names}") from None
@@ -383,7 +376,7 @@ class TracedEvent:
         event, surfaces = self.event, [] if self.surface is None else [self.surface]
         results = [*surfaces, *(self.to or ())]
         definitions, texts = written(self.tracer.values, results, self.tracer.names)
-        found = Event(
+        text = Event(
             texts[0] if surfaces else None,
             to=None if self.to is None else texts[len(surfaces) :],
             direction=event.direction,
@@ -391,5 +384,5 @@ class TracedEvent:
             terminal=event.terminal,
             most=event.most,
         )
-        vars(found)["_definitions"] = definitions
-        return found
+        vars(text)["_definitions"] = definitions
+        return text

@@ -1,10 +1,11 @@
-"""`Events`, the record of events along motions; checks of lists of events; inputs of the engine."""
+"""`Events`, the record of events along motions; checks of lists of events; their given times."""
 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
@@ -16,34 +17,35 @@ from ..core.expressions.event_formulas import EventAction, in_order_of_code
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..fields.html import html_table
+from ..maps.kernel_arguments import flat_arrays
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
-from .event import Event, field_of, traced
+from .event import Event, traced
 
-_DERIVATIVES = [column.name for column in OF_EVENTS if column.when]
-_NEAR = 2.0**-16  # part of the size of x0, at which surfaces are looked at near it
-_EVEN = 2.0**-8  # the odd part of a surface near x0, divided by the even one, if its rate is 0
+# `starts_at_rest` evaluates surfaces at points near x0: their distance, divided by the size of x0,
+# and the largest change of a surface function from side to side, divided by its size, at rest.
+_NEAR, _EVEN = 2.0**-16, 2.0**-8
 
 
 class Derivatives(dict[str, Any]):
-    """Derivatives by "x0" and names of parameters; the error for another name tells how to ask."""
+    """Derivatives by name, "x0" or a parameter; the error for another name tells how to ask."""
 
     def __missing__(self, name: str) -> Any:
         raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},)")
 
     @classmethod
-    def of(cls, names: Sequence[str], D: int, part: Any) -> Derivatives:
-        """Return {name: part(i)}; i selects columns: slice(D) for "x0", else one number."""
-        others = iter(range(D * ("x0" in names), D * ("x0" in names) + len(names)))
+    def of(cls, names: Sequence[str], D: int, part: Callable[[Any], Any]) -> Derivatives:
+        """Return part(i) by name, where i selects columns: slice(D) for "x0", else one number."""
+        others = itertools.count(D if "x0" in names else 0)
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
 
 
 class EventDerivatives(NamedTuple):
     """Derivatives of the times of K events, and of the states before and after them.
 
-    By a parameter their shapes are (K,), (K, D), (K, D); by "x0" there is one more axis, (K, D),
-    (K, D, D), (K, D, D).
+    With respect to a parameter, `time` has the shape (K,), and `before` and `states` (K, D). With
+    respect to x0 there is one more axis of length D.
     """
 
     time: FloatArray
@@ -55,34 +57,34 @@ class EventDerivatives(NamedTuple):
 class Events(Result):
     """Events along motions: the result of :func:`crossings`, and ``Motion.events``.
 
-    There are K of them, ordered by trajectory, then along the motion; at one instant in the order
-    in which they acted.
+    The K events are ordered by trajectory, then along the motion. Events at one instant are in the
+    order in which they acted.
 
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order: ``events.of(i).time`` are the
-        times of trajectory i.
+        Index of the trajectory, in the batch flattened in C order. ``events.of(i).time`` are the
+        times of events of trajectory i.
     which : ndarray(int, shape=(K,))
-        The number of the surface, or of the event, in the list that was passed; 0 if there is one.
+        The number of the surface or of the event in the list that was passed; 0 for a single one.
     time : ndarray(float, shape=(K,))
-        Times, with the digits of the tolerance.
+        The times of the events, as accurate as the tolerance.
     before, states : ndarray(float, shape=(K, D))
-        The states before and after; equal where no event acts. At a surface they lie on it to
-        rounding, on the side to which the motion goes.
+        The states before and after each event, which are equal if the event changes nothing.
+        `before` lies on the surface up to rounding, on the side to which the motion goes.
     count : ndarray(int, shape=(..., C))
-        How often each of the C surfaces or events was met by each trajectory.
+        How often each of the C surfaces or events occurred on each trajectory.
     given : tuple of Event
-        The events, with equations as text.
+        The events that were passed, with equations as text.
     body
         The system.
     status, end, final
-        As in :class:`Motion`; of :func:`crossings`, `final` is the state at the last time, or at
-        the crossing number `most`.
-
+        As in :class:`Motion`. For :func:`crossings`, `final` is the state at the last time, or at
+        the crossing with the number `most`.
     derivatives : dict of EventDerivatives
         For each name in the argument `derivatives`, the derivatives of `time`, `before` and
-        `states` (dt/dp, and dx/dp at the event): by the saltation matrix, to the tolerance.
+        `states` with respect to it. They contain the change of the time of the event (saltation
+        matrix), and are as accurate as the tolerance.
 
     Examples
     --------
@@ -116,19 +118,18 @@ class Events(Result):
     final: FloatArray
     _given: tuple[Event, ...] = field(default=(), compare=False)
     _by: tuple[str, ...] = ()
-    _time_by: FloatArray | Any = None  # derivatives of `time`, (K, C), those by x0 first
+    _time_by: FloatArray | Any = None  # derivatives of `time` (K, C), with respect to x0 first
     _before_by: FloatArray | Any = None  # (K, D, C)
     _states_by: FloatArray | Any = None
 
     @property
     def given(self) -> tuple[Event, ...]:
         """The events, with equations as text."""
-        own = field_of(self.body)
-        return tuple(event.of(own) for event in self._given)
+        return tuple(event.of(self.body) for event in self._given)
 
     @property
     def derivatives(self) -> dict[str, EventDerivatives]:
-        """The derivatives of times and states, by "x0" or by name of the parameter."""
+        """The derivatives of times and states by name, "x0" or a parameter."""
         columns = self._time_by, self._before_by, self._states_by
         D = self.body.dimension
         return Derivatives.of(
@@ -153,10 +154,10 @@ class Events(Result):
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
-        own = self.trajectory == np.ravel_multi_index(index, self._batch)
+        kept = self.trajectory == np.ravel_multi_index(index, self._batch)
         for column in OF_EVENTS:
             if (values := attributes[column.name]) is not None:
-                attributes[column.name] = values[own]
+                attributes[column.name] = values[kept]
         return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
 
     def of(self, trajectory: int) -> Events:
@@ -186,17 +187,16 @@ class Events(Result):
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
     """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
-    if events is None or (type(events) is tuple and not events):  # as in most calls
-        return ()
-    many = events if isinstance(events, (tuple, list)) else (events,)
-    for each in many:
+    given = () if events is None else events
+    given = given if isinstance(given, (tuple, list)) else (given,)
+    for each in given:
         if not isinstance(each, Event):
             received = short(each) + f": pass Event({each!r})" * isinstance(each, str)
             if callable(each):
                 more = ", terminal=True" * bool(getattr(each, "terminal", False))
                 received = f"a function: pass Event({getattr(each, '__name__', 'f')}{more})"
             raise wrong("events", "an Event, or a list of them", received, TypeError)
-    return tuple(many)
+    return tuple(given)
 
 
 def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
@@ -207,23 +207,19 @@ def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]
 
 def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
     """Return the batch shape to which the given times of events broadcast; () without events."""
-    if not events:
-        return ()
     shapes = [event.times.shape[:-1] for event in events if event.times is not None]
     return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 
 
 def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...]) -> EventTimes:
-    """Return the `EventTimes`: sign (1 or -1) * time, ascending; inf if that is negative or NaN."""
-    later = [event for event in events if event.times is not None]
-    if not later:
+    """Return the given times of events for a batch of motions with times of this sign, 1 or -1."""
+    arrays = [event.times for event in events if event.times is not None]
+    if not arrays:
         return NO_EVENT_TIMES
-    # The number of the first one of these.
-    first = sum(each.times is None for each in events)
-    if all(each.times.size == each.times.shape[-1] for each in later):
-        return _shared_times(first, sign, *(each.times.tobytes() for each in later))
-    arrays = [np.broadcast_to(a.times, (*batch, a.times.shape[-1])) for a in later]
-    return _event_times(first, sign, [a.reshape(-1, a.shape[-1]) for a in arrays])
+    first = len(events) - len(arrays)  # in the order of code, events on surfaces come first
+    if all(times.size == times.shape[-1] for times in arrays):
+        return _shared_times(first, sign, *(times.tobytes() for times in arrays))
+    return _event_times(first, sign, [flat_arrays(times, batch) for times in arrays])
 
 
 @functools.lru_cache(64)
@@ -233,19 +229,19 @@ def _shared_times(first: int, sign: int, *each: bytes) -> EventTimes:
 
 
 def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
-    """Return the `EventTimes` of events with numbers from `first` on, and times (rows, k) each."""
-    times, which = [], []
-    for k, array in enumerate(each, first):
-        moduli = sign * array
-        times.append(np.where(moduli >= 0.0, moduli, np.inf))
-        which += [float(k)] * moduli.shape[1]
-    both = np.concatenate(times, axis=1)
-    order = np.argsort(both, axis=1, kind="stable")
-    return EventTimes(np.take_along_axis(both, order, 1), np.array(which)[order])
+    """Return the `EventTimes` of events with numbers from `first` on, and times (rows, k) each.
+
+    They are sign * time, ascending; infinity in place of NaN and of times in the other direction.
+    """
+    moduli = sign * np.concatenate(each, axis=1)
+    moduli = np.where(moduli >= 0.0, moduli, np.inf)
+    which = np.repeat(np.arange(first, first + len(each)), [a.shape[1] for a in each])
+    order = np.argsort(moduli, axis=1, kind="stable")
+    return EventTimes(np.take_along_axis(moduli, order, 1), which.astype(np.float64)[order])
 
 
 def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
-    """Warn of events with no time up to the end of the times `asked`."""
+    """Warn of events at given times, all of which are outside the times `asked` of a motion."""
     for k, event in enumerate(events if len(asked) else ()):
         if event.times is None:
             continue
@@ -261,8 +257,9 @@ def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: F
 def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
     """Return which states x0 (..., D) rest on a surface that acts, and the event; or None, None.
 
-    The surface function is evaluated near x0 along f, on both sides, and after a midpoint step. If
-    events at time 0 may change x0, none does.
+    A state rests on a surface if the rate of the surface function is 0 there, and the motion would
+    cross it next. The rate follows from values near x0 along f, on both sides, and the crossing
+    from the value after a midpoint step. If an event at time 0 may change x0, no state rests.
     """
     if any(event.times is not None and (event.times == 0.0).any() for event in events):
         return None, None
@@ -301,26 +298,24 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
     """Return `Records` of the engine as `Events`; these have event numbers in the user's list."""
-    D, order = motion.body.dimension, in_order_of_code(events)
+    order = np.array(in_order_of_code(events), np.int64)
     columns = {
         "trajectory": records.trajectory,
-        "which": records.which if len(order) == 1 else np.array(order, np.int64)[records.which],
+        "which": order[records.which],
         "time": records.time,
-        "before": records.before[:, :D],
-        "states": records.states[:, :D],
+        "before": records.before,
+        "states": records.states,
+        "_time_by": records.time_by,
+        "_before_by": records.before_by,
+        "_states_by": records.states_by,
     }
-    return events_of(columns | derivatives_of(records), events, motion)
-
-
-def derivatives_of(records: Any) -> dict[str, Any]:
-    """Return the derivatives in `Records` by names of columns, None if there are none."""
-    return dict(zip(_DERIVATIVES, records.derivatives or (None,) * 3, strict=True))
+    return events_of(columns, events, motion)
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the `Events` of a motion; `columns` are their arrays by name.
+    """Return the `Events` of a motion from their arrays by name.
 
-    Raise ValueError if a number of a trajectory or of an event does not exist in the motion.
+    Raise ValueError if an array has the number of a trajectory or event that does not exist.
     """
     status, C = motion.status, len(events)
     numbers = columns["trajectory"] * C + columns["which"]

@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
-from ..core.flow.batch_solver import SolverRequest
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
@@ -20,11 +20,12 @@ from ..maps.derivatives import growth
 from ..maps.evaluation import mask_and_warn
 from ..maps.kernel_calls import thread_count
 from ..maps.problem import Problem, check
-from ..status import report_poles
-from .event import Event, field_of
+from ..status import Status, report_poles
+from .event import Event
 from .events import actions_of, batch_of, checked_events, event_times_of
 from .integration import threads_for
 from .motion_arguments import (
+    CAUSES,
     RTOL,
     checked_settings,
     checked_starts,
@@ -32,6 +33,13 @@ from .motion_arguments import (
     warn_of_ends,
 )
 from .tangents import exponents_of
+
+_SLIDING = {
+    Status.SLIDING: (
+        "slide along a surface at which f jumps, where exponents are not computed (smooth f there: "
+        "np.tanh(y/width) for np.sign(y))"
+    )
+}
 
 
 @public
@@ -50,49 +58,50 @@ def lyapunov_exponents(
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Return Lyapunov exponents over a finite time, per unit of time; chaos shows as positive ones.
+    """Return Lyapunov exponents over a finite time, per unit of time; a positive one shows chaos.
 
-    Exponents of a :class:`Map` are mean logarithms per step. With `eps` and `steps` the exponents
-    belong to orbits of Kahan's map: mean logarithms per step, divided by ``abs(eps)``. With `time`
-    they belong to the motion, as :func:`flow` computes it.
-    The derivative of the map along the orbit, or the solution of the variational equations, is
-    decomposed as Q R before its columns lose digits (Benettin's method). The exponents are the mean
-    logarithms of the diagonals of R. Their sum equals the mean of ``log |det DPhi| / |eps|``, or of
-    the trace of f' (relative error 1e-10 for maps). Where f jumps, a jump adds ``log |det S|``,
-    with the factor S by which it changes the derivative of the motion. The exponents of an orbit
-    are bitwise identical whatever else is in the batch.
+    With `eps` and `steps` the exponents belong to orbits of Kahan's map; with `time` they belong to
+    the motion, as :func:`flow` computes it. For a :class:`Map` they are per step.
+
+    Tangent vectors follow the derivative of the map, or the variational equations of the motion.
+    They are decomposed as Q R before they lose digits, and Q goes on (Benettin's method). The
+    exponents are the mean logarithms of the diagonals of R, per step or divided by the time. Their
+    sum equals the mean of ``log |det DPhi| / |eps|``, or the mean of the trace of f'; for maps the
+    relative error of the sum is 1e-10. Where f jumps, tangent vectors are multiplied by the
+    saltation matrix S, so the sum of logarithms gets ``log |det S|``. The exponents of an orbit
+    have the same bits in any batch.
 
     Parameters
     ----------
     system, x0
         As in :func:`iterate` and :func:`flow`.
     eps, steps : optional
-        As in :func:`iterate`, eps not 0, and left out for a `Map`. The mean is over `steps`, 1 or
-        more, after the transient.
+        As in :func:`iterate`; eps is not 0, and is left out for a `Map`. The mean is over `steps`
+        steps after the transient, 1 or more.
     transient : int or float
-        Number of steps, or time, before averaging begins. It also aligns the tangent vectors;
-        without it the mean has an error of order 1 / steps, or 1 / time.
+        Number of steps, or time, before averaging begins. It aligns the tangent vectors; without
+        it the mean has an error of order 1 / steps, or 1 / time.
     time : float, optional
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
     events : Event or sequence of Event
-        With `time`, events, see :class:`Event`, without `terminal` and `most`. Tangent
-        vectors change with the state, and with the time of an event at a surface.
+        With `time`, events without `terminal` and `most`, see :class:`Event`. Tangent vectors
+        change with the state, and with the time at which the state meets a surface.
     method, threads, progress
-        As in :func:`iterate`; a motion has no method. `progress` counts steps, the transient
-        included, or thousandths of the time; if it returns False, the exponents are means over what
-        is done, or NaN if the transient was not over.
+        As in :func:`iterate`; `method` is for maps only. `progress` counts steps, including the
+        transient, or thousandths of the time. If it returns False, the exponents are means up to
+        there, or NaN within the transient.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents, the largest first. ``-inf`` if a step or an event is not invertible, as an event
-        that sets a component to a number may be. NaN, with one :class:`IntegrationWarning`, if an
-        orbit of the map fails or a motion ends. If an orbit passed a pole, the warning
-        says so, and the exponents belong to the map, not to the motion. A motion has no
-        exponents for variables with a constant rate other than 0, such as time, unless an event
-        sets them.
+        Exponents, the largest first. They are ``-inf`` if a step or an event is not invertible,
+        such as an event that sets a component to a number. They are NaN, with one
+        :class:`IntegrationWarning`, if an orbit of the map fails, or if a motion ends or slides
+        along a surface where f jumps. If an orbit passed a pole, a warning says so: its exponents
+        belong to the map, and not to the motion. A motion has no exponents for variables with a
+        constant rate other than 0, such as time, unless an event sets them.
 
     See Also
     --------
@@ -128,21 +137,20 @@ def lyapunov_exponents(
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = checked_settings(body, rtol)
+    settings = checked_settings(body, Settings(rtol))
     acting = checked_events(events)
     if any(each.terminal or each.most is not None for each in acting):
         received = "terminal or most, with which a trajectory ends"
         raise wrong("events", "those with which trajectories go on", received)
     acting = tuple(each for each in acting if each.to is not None)
     x, batch = checked_starts(body, x0, batch_of(acting))
-    field = field_of(body)
-    actions = actions_of(field, acting)
+    actions = actions_of(body._field, acting)
     event_times = event_times_of(acting, 1, batch) if actions else None
     count = threads_for(len(x), thread_count(threads))
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
-        exponents, ends = exponents_of(field, x, batch, request, before, actions)
-    warn_of_ends(ends, x, batch)
+        exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
+    warn_of_ends(ends, x, batch, causes=CAUSES | _SLIDING)
     return exponents.reshape(*batch, exponents.shape[1])
 
 

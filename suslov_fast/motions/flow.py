@@ -11,17 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.exact import states_at
 from ..bodies.systems import System
-from ..checks import FloatArray, Reals, StatesLike, short, wrong
+from ..checks import FloatArray, Reals, StatesLike
 from ..core.expressions.event_formulas import EventAction
-from ..core.flow.batch_solver import SolverRequest
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import Field, system_of
 from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps import map_of
 from ..maps.batch import Progress, reporter
+from ..maps.kernel_arguments import flat_arrays
+from ..maps.kernel_calls import thread_count
 from ..maps.problem import Problem
 from ..status import Status
-from .event import Event, field_of
+from .event import Event
 from .events import (
     actions_of,
     batch_of,
@@ -30,19 +32,20 @@ from .events import (
     starts_at_rest,
     warn_of_times_that_never_come,
 )
-from .integration import SolverResult, empty_result, to_tolerance, without_ends
+from .integration import SolverResult, empty_result, to_tolerance
 from .modes import Sliding, are_stuck
 from .motion import Motion
 from .motion_arguments import (
+    checked_derivatives,
     checked_settings,
     checked_starts,
-    request_of,
+    checked_times,
     warn_of_ends,
     warn_of_lost_components,
     warn_of_tables,
     warn_of_times,
 )
-from .sensitivities import WithColumns, with_derivatives
+from .sensitivities import with_derivatives
 
 
 @public
@@ -61,61 +64,63 @@ def flow(
     threads: int | None = None,
     progress: Progress = None,
 ) -> Motion:
-    """Return the motion: the solution of the equations at given times, from x0 at time 0.
+    """Return the motion from x0: the states of the solution at given times.
 
-    `time` lists the times at which states are wanted: ``(0, 10)`` is two times, no interval. Times
-    before x0 are negative. NaN in x0 gives NaN. Each trajectory takes steps of its own, by
-    extrapolation of order 10, or of order 7 where the equations are stiff. The step size follows
-    from the estimated error of the trajectory; the times do not shorten steps. If the closed form
-    of a body is known, its motion is exact.
+    The state at time 0 is x0. `time` lists the times of the wanted states: ``(0, 10)`` are two
+    times, not an interval. Negative times lie before x0. If x0 contains NaN, so do all states.
+
+    Each trajectory has its own steps, by extrapolation methods of order 10, or of order 7 where the
+    equations are stiff. The estimated error of the trajectory controls the step size; steps do not
+    have to end at the wanted times. If the closed form of a body is known, its motion is exact.
 
     Parameters
     ----------
     system : Field, Suslov3D, SuslovND or callable
-        A single field or body, or a batch. A function of the state in place of a field has the
-        variables x1, x2, ..., as many as x0 has components, and no parameters.
+        A single field or body, or a batch. A function of the state can stand for a field: its
+        variables are x1, x2, ..., as many as x0 has components, and it has no parameters.
     x0 : array_like(float, shape=(..., D))
-        Initial states: states x of a field, or angular velocities; or a dictionary of components
-        by name.
+        Initial states: states x of a field, or angular velocities of a body. A dictionary gives the
+        components by name.
     time : array_like(float, shape=() or (n,))
-        Times counted from x0, in any order, all 0 or later, or all 0 or earlier: ``time=[5, 6]``
-        is 5 and 6 after x0, not from 5 on. A number is one time, n = 1. If equations depend on
-        time, time is a variable t with the rate 1, and x0 contains its initial value:
+        Times counted from x0, in any order; all 0 or later, or all 0 or earlier. ``time=[5, 6]``
+        is 5 and 6 after x0, not an interval. A number is one time, n = 1. If the equations depend
+        on time, make time a variable t with the rate 1, and put its initial value into x0:
         ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
-        Relative tolerance, from 1e-13 to 1e-2. The estimated error of a step stays below `rtol`
-        times the largest absolute value that the component has had on the trajectory, or 2**-60 of
-        the largest component's if that is more. If a component becomes small, loses its digits and
-        grows again by itself, the trajectory is computed again, with relative digits for it.
+        Relative tolerance, from 1e-13 to 1e-2. In each step the estimated error of a component
+        stays below `rtol` times the largest absolute value that the component has had on the
+        trajectory. For very small components the limit is 2**-60 times the largest component. If a
+        component becomes so small that it loses its digits, and then grows again by itself, the
+        trajectory is computed again with a relative tolerance for this component.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
-        below ``atol[i] + rtol * abs(x[i])``, or the rounding error of the step if that is more, so
-        that small components have digits of their own.
+        below ``atol[i] + rtol * abs(x[i])``, or below the rounding error of the step if that is
+        larger. Pass it if components need relative accuracy also while they are small.
     max_step : float, optional
-        The longest step in time, for pulses that are shorter than the steps.
+        The longest step in time. Pass it if f has pulses that are shorter than the steps.
     stiff : bool, optional
-        True or False takes all steps by the method for stiff equations, or by the other one. By
-        default each trajectory chooses, from step to step.
+        True takes all steps with the method for stiff equations, False with the other method. By
+        default each trajectory chooses the method from step to step.
     events : Event or sequence of Event
-        Events at times or on surfaces, see :class:`Event`; ``motion.events`` holds
-        what they did.
+        Events at times or on surfaces, see :class:`Event`; ``motion.events`` records them.
     derivatives : str or sequence of str
-        "x0", and names of parameters of the field, as "x0 k c": ``motion.derivatives[name]`` then
-        is the derivative with respect to it. The variational equations are solved to the same
-        tolerance, relative to the size of x0 or of the parameter, and so is the motion of a body,
-        which is exact without them.
+        Names of what to differentiate the motion with respect to: "x0", and parameters of the
+        field, as in "x0 k c". Then ``motion.derivatives[name]`` is the derivative. The variational
+        equations are solved to the same tolerance, relative to the size of x0 or of the parameter.
+        With derivatives also the motion of a body is solved to the tolerance.
     threads, progress
-        As in :func:`iterate`; `progress` counts states, and those that are not computed yet when
-        it returns False are NaN. A solution has the same bits on any threads, in any batch.
+        As in :func:`iterate`. `progress` counts states; if it returns False, states that are not
+        computed yet are NaN. A solution has the same bits with any number of threads, and in any
+        batch.
 
     Returns
     -------
     Motion
-        The states (n, ..., D), with the status of each trajectory. A solution that ends, because it
-        escapes to infinity or reaches a pole, is NaN from there on; so is one that takes more than
-        250,000 steps, or as many events, from one time to the next, and a solution of equations
-        without a value at x0. One :class:`IntegrationWarning` counts them, and says when the first
-        one ends, and of what. NaN for a state that contains NaN, without a warning.
+        The states (n, ..., D), and the status of each trajectory. If a solution ends, because it
+        escapes to infinity or reaches a pole, its states are NaN from there on. The same holds for
+        a solution with more than 250,000 steps or events from one time to the next, and for
+        equations without a value at x0. One :class:`IntegrationWarning` counts all of these; it
+        tells the cause and the time of the first. Initial states with NaN cause no warning.
 
     See Also
     --------
@@ -153,24 +158,17 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    request = request_of(time, checked_settings(body, rtol, atol, max_step, stiff), threads)
-    times, sign = request.times, request.sign
-    names, field = checked_derivatives(body, derivatives)
-    acting = checked_events(events)
-    if acting:
-        field = field or field_of(body)
+    settings = checked_settings(body, Settings(rtol, atol, max_step, stiff))
+    times, sign = checked_times(time)
+    request = SolverRequest(times, sign, settings, thread_count(threads))
+    names, acting = checked_derivatives(body, derivatives), checked_events(events)
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             warn_of_tables(body, x, times.max(initial=0.0))
-    at_rest = None, None
-    if acting:
-        warn_of_times_that_never_come(acting, sign, times)
-        if sign > 0:
-            starts = x.reshape(*batch, x.shape[1]) if batch else x[0]
-            at_rest = starts_at_rest(field, acting, starts)
-    return solved(body, x, batch, request, progress, names, field, acting, at_rest)
+    warn_of_times_that_never_come(acting, sign, times)
+    return solved(body, x, batch, request, progress, names, acting)
 
 
 def solved(
@@ -180,135 +178,88 @@ def solved(
     request: SolverRequest,
     progress: Progress,
     names: tuple[str, ...],
-    field: Any,
     events: tuple[Event, ...],
-    at_rest: Any = (None, None),
 ) -> Motion:
-    """Return the motion from states x (B, D), with one warning for all solutions that end.
+    """Return the motion from states x (B, D), after a warning of solutions that end.
 
-    `field` has the equations of the body if there are events, or derivatives by `names`.
+    `names` are the names of what to differentiate it with respect to.
     """
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
-    of_columns = event_times = None
-    new: Any = None  # arrays of the result that are not read-only yet, by default all
+    of_columns, at_rest = None, (None, None)
     if events:
-        actions = actions_of(field, events)
+        actions = actions_of(body._field, events)
         event_times = event_times_of(events, request.sign, batch)
+        request = request._replace(event_times=event_times)
+        if request.sign > 0:
+            at_rest = starts_at_rest(body._field, events, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        if report is not None or events:
-            others = request.threads, report, event_times, request.most, request.since
-            request = SolverRequest(times, request.sign, settings, *others)
+        if report is not None:
+            request = request._replace(report=report)
         if names:
-            found, of_columns = with_derivatives(field, x, batch, names, request, actions)
+            result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:
-            own = WithColumns(field.shape, with_events(field, actions))
-            found = to_tolerance(own, x, batch, request)
+            groups = with_events(body._field, actions)
+            result = to_tolerance(groups, body._field.shape, x, batch, request)
         else:
-            found = motion_of(body, x, batch, request)
+            result = motion_of(body, x, batch, request)
         phases: dict[str, Any] = {}
-        where = () if found.is_good and at_rest[0] is None else are_stuck(found.status, at_rest[0])
+        where = are_stuck(result.status, at_rest[0])
         if len(where):
-            part = Sliding(field or body, x, batch, where, request, events)
-            found, of_columns, phases = part.continued(found, of_columns, names, at_rest)
-        if report is not None and total and not found.is_stopped:
+            part = Sliding(body._field, x, batch, where, request, events)
+            result, of_columns, phases = part.continued(result, of_columns, names, at_rest)
+        if report is not None and total and not result.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
-    if not found.is_good:
-        warn_of_ends(found, x, batch, settings.atol)
-        warn_of_lost_components(found, batch)
-    if batch:
-        states = found.states.reshape((len(times), *batch, body.dimension))
-    else:
-        states = found.states[:, 0]  # sooner than by `reshape`
-    steps = found.steps.reshape(batch)
-    if len(times) == 1:
-        last = times.reshape(())
-    else:
-        last = np.array(request.sign * abs(times).max(initial=0.0))
-    if found.is_good:
-        status, end = without_ends(batch)[1], np.full(batch, last) if batch else last
-        again, new = status, (states, times, steps, of_columns, end)
-    else:
-        status = found.status.reshape(batch)
-        end = np.where(status == Status.OK, last, found.t.reshape(batch))
-        again = without_ends(batch)[1] if found.repeated is None else found.repeated.reshape(batch)
+    warn_of_ends(result, x, batch, settings.atol)
+    warn_of_lost_components(result, batch)
+    last = request.sign * abs(times).max(initial=0.0)
     motion = Motion._of(
         {
-            "states": states,
+            "states": result.states.reshape((len(times), *batch, x.shape[1])),
             "time": times,
             "body": body,
-            "status": status,
-            "end": end,
-            "steps": steps,
-            "rtol": settings.rtol,
-            "atol": settings.atol,
-            "max_step": settings.max_step,
-            "stiff": settings.stiff,
-            "_again": again,
+            "status": result.status.reshape(batch),
+            "end": np.where(result.status, result.t, last).reshape(batch),
+            "_again": result.repeated.reshape(batch),
             "_by": names,
             "_derivatives": of_columns,
-        },
-        new,
+            **{name: column.reshape(batch) for name, column in result.columns.items()},
+            **settings._asdict(),
+            **phases,
+        }
     )
-    if phases:
-        vars(motion).update(phases)
     if events:
-        vars(motion)["_records"] = found.records, events, request.most
+        vars(motion)["_records"] = result.records, events, request.most
     else:
         vars(motion)["events"] = None
     return motion
 
 
-def checked_derivatives(system: Any, derivatives: Any) -> tuple[tuple[str, ...], Any]:
-    """Return the checked names of derivatives, and the field that has them; None without names."""
-    if type(derivatives) is tuple and not derivatives:  # as in most calls
-        return (), None
-    names = derivatives.split() if isinstance(derivatives, str) else derivatives
-    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        such = "x0", *system._coordinates
-        received = short(derivatives)
-        raise wrong("derivatives", f"names, such as {such}", received, TypeError)
-    field: Any = system._field
-    if unknown := [name for name in names if name not in ("x0", *field._coordinates)]:
-        known = ", ".join(map(repr, ("x0", *field._coordinates)))
-        raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
-    if "x0" in names and "x0" in field._coordinates:
-        how = "the initial state and a parameter: give the parameter another name"
-        raise wrong("derivatives", "names of one thing each", f"'x0', {how}")
-    if len({*names}) < len(names):
-        raise wrong("derivatives", "different names", short(names))
-    return tuple(names), field
-
-
-# ------------------------------------------------------------------------------------------ motions
 def motion_of(
     system: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, Field):
-        return to_tolerance(system, x, batch, request)
+        return to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
     is_exact = system._is_solved  # True, or for each member
     if np.all(is_exact):
         return _exact(system, x, batch, request)
     if not np.any(is_exact):
-        return to_tolerance(system._field, x, batch, request)
+        return motion_of(system._field, x, batch, request)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
-    found = empty_result(x, len(request.times))
+    result = empty_result(x, len(request.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         members, count = _members(system, batch, where), (len(where),)
-        found = found.with_part(where, motion_of(members, x[where], count, request))
-    return found
+        result = result.with_part(where, motion_of(members, x[where], count, request))
+    return result
 
 
 def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
     """Return the members (K,) of a body, one for each of the trajectories `where` of the batch."""
-    parts = {}
-    for name, value in body._parts.items():
-        array = np.asarray(value)
-        inner = array.shape[array.ndim - body._axes.get(name, 0) :]
-        parts[name] = np.broadcast_to(array, (*batch, *inner)).reshape(-1, *inner)[where]
+    axes, arrays = body._axes, body._arrays
+    parts = {name: flat_arrays(a, batch, axes.get(name, 0))[where] for name, a in arrays.items()}
     return body._with_parts(parts)
 
 
@@ -318,8 +269,9 @@ def _exact(
     """Return the exact motion of a body; NaN where the closed form is out of range."""
     omega = x.reshape(*batch, x.shape[1])
     problem = Problem(map_of(body), body, omega, 0.0, batch, request.threads, "x0")
-    found = empty_result(x, len(request.times))
-    states = states_at(problem, request.times, is_number=False).reshape(found.states.shape)
-    status = np.where(np.isnan(states).any(axis=(0, 2)), Status.NONFINITE, Status.OK)
-    status[np.isnan(x[:, 0])] = Status.NONFINITE
-    return found._replace(states=states, status=status.astype(np.int8), t=np.full(len(x), np.nan))
+    result = empty_result(x, len(request.times))
+    states = states_at(problem, request.times, is_number=False).reshape(result.states.shape)
+    has_none = np.isnan(states).any(axis=(0, 2)) | np.isnan(x[:, 0])
+    result.status[:] = np.where(has_none, Status.NONFINITE, Status.OK)
+    result.t[:] = np.nan
+    return result._replace(states=states)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import FloatArray
-from ..core.flow.batch_solver import BatchSolver, SolverRequest, closer
+from ..core.flow.batch_solver import COLUMNS, BatchSolver, SolverRequest, closer
 from ..core.flow.growing_components import LATER, RELATIVE
 from ..core.flow.held import STATUS as STATUS
 from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
+from ..fields.right_hand_sides import OfMembers
 from ..maps.kernel_arguments import ALL
 from ..maps.kernel_calls import available
 from ..status import Status
@@ -56,18 +57,21 @@ Integrator.on_new = warn_of_size
 
 
 class Records(NamedTuple):
-    """Records of events, ordered by trajectory and time."""
+    """Records of K events, ordered by trajectory and time."""
 
     trajectory: NDArray[np.int64]  # (K,)
     which: NDArray[np.int64]  # (K,), numbers of events in the order of code
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
-    states: FloatArray  # (K, D), after the change; `before` where none acts
-    of_columns: Any = None  # (K, C + 2 D), tau of C columns, f before and after, if there are any
-    derivatives: Any = None  # of times (K, C), of `before` and `states` (K, D, C)
+    states: FloatArray  # (K, D), after the event
+    of_columns: Any = None  # (K, C + 2 D), see `Columns.of_records`
+    # Derivatives of `time` (K, C), and of `before` and `states` (K, D, C), if they are computed.
+    time_by: Any = None
+    before_by: Any = None
+    states_by: Any = None
 
     def in_order(self) -> Records:
-        """Return these records."""
+        """Return these records, as `Rows.in_order` returns its own."""
         return self
 
     def first(self, most: float) -> Records:
@@ -77,33 +81,29 @@ class Records(NamedTuple):
         ranks = np.arange(len(self.time)) - np.searchsorted(self.trajectory, self.trajectory)
         return self.selected(ranks < most)
 
-    def selected(self, own: NDArray[np.bool_]) -> Records:
-        """Return the records that are marked (K,), without `of_columns`."""
-        derivatives = self.derivatives and tuple(a[own] for a in self.derivatives)
-        arrays: dict[str, Any] = {name: getattr(self, name)[own] for name in self._fields[:5]}
-        return self._replace(of_columns=None, derivatives=derivatives, **arrays)
+    def selected(self, marked: NDArray[np.bool_]) -> Records:
+        """Return the records that are marked (K,)."""
+        arrays: Any = (None if a is None else a[marked] for a in self)
+        return Records(*arrays)
 
     def part(self, where: NDArray[np.int64]) -> Records:
-        """Return the records of trajectories `where` (K,), ascending, as of 0 to K - 1."""
-        own = np.isin(self.trajectory, where)
-
-        def of(a: Any) -> Any:
-            return a and tuple(map(of, a)) if a is None or isinstance(a, tuple) else a[own]
-
-        return Records(np.searchsorted(where, self.trajectory[own]), *map(of, self[1:]))
+        """Return records of trajectories `where` (K,), ascending, with their places in `where`."""
+        part = self.selected(np.isin(self.trajectory, where))
+        return part._replace(trajectory=np.searchsorted(where, part.trajectory))
 
     def with_part(self, where: NDArray[np.int64], part: Records) -> Records:
-        """Return records with those of trajectories `where` (K,) as in `part`, of 0 to K - 1."""
-        stays, numbers = ~np.isin(self.trajectory, where), where[part.trajectory]
-        both = np.concatenate([self.trajectory[stays], numbers])
-        order = np.argsort(both, kind="stable")
-
-        def joined(a: Any, b: Any) -> Any:
-            if a is None or isinstance(a, tuple):
-                return a and tuple(map(joined, a, b))
-            return np.concatenate([own for own in (a[stays], b) if len(own)] or [b])[order]
-
-        return Records(both[order], *map(joined, self[1:], part[1:]))
+        """Return records in which `part` replaces trajectories `where`; the reverse of `part`."""
+        others = self.selected(~np.isin(self.trajectory, where))
+        part = part._replace(trajectory=where[part.trajectory])
+        if not len(others.time):
+            return part
+        if not len(part.time):
+            return others
+        trajectory = np.concatenate([others.trajectory, part.trajectory])
+        order = np.argsort(trajectory, kind="stable")
+        both: Any = zip(others, part, strict=True)
+        both = (None if a is None else np.concatenate([a, b])[order] for a, b in both)
+        return Records(*both)
 
 
 class Rows(NamedTuple):
@@ -136,71 +136,62 @@ class SolverResult(NamedTuple):
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
-    steps: NDArray[np.int64]  # (B,)
     status: NDArray[np.int8]  # (B,)
-    is_stopped: bool = False  # whether `report` ended the run
+    columns: dict[str, NDArray[Any]]  # of `COLUMNS`, (B,) each
+    doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
+    repeated: NDArray[np.int8]  # (B,), 1 if small components made it compute again, else 0
     records: Any = None  # `Records` or `Rows`, if there are events
-    doubtful: NDArray[np.int8] | None = None  # (B,), `FELL` or `NO_DIGITS`, else 0
-    repeated: NDArray[np.int8] | None = None  # (B,), 1 if small components made it compute again
-    is_good: bool = False  # True if it is known that there is nothing to warn of
+    is_stopped: bool = False  # whether `report` ended the run
+
+    def _by_trajectory(self) -> list[NDArray[Any]]:
+        """Return the arrays (B,) that have a number for each trajectory."""
+        return [self.t, self.status, self.doubtful, self.repeated, *self.columns.values()]
 
     def part(self, where: NDArray[np.int64]) -> SolverResult:
         """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
-        rows: dict[str, Any] = {n: a[where] for n, a in self._of_trajectories() if a is not None}
-        records = None if self.records is None else self.records.in_order().part(where)
-        states = self.states[:, where]
-        return self._replace(states=states, records=records, is_good=False, **rows)
+        return SolverResult(
+            states=self.states[:, where],
+            t=self.t[where],
+            status=self.status[where],
+            columns={name: column[where] for name, column in self.columns.items()},
+            doubtful=self.doubtful[where],
+            repeated=self.repeated[where],
+            records=None if self.records is None else self.records.in_order().part(where),
+            is_stopped=self.is_stopped,
+        )
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
-        """Return the result with trajectories `where` (K,) as in `part`; arrays may change."""
-        found: dict[str, Any] = {"states": _writeable(self.states)}
-        found["states"][:, where] = part.states
-        for (name, own), (_, new) in zip(
-            self._of_trajectories(), part._of_trajectories(), strict=True
-        ):
-            if own is not None or new is not None:
-                found[name] = np.zeros(len(self.t), np.int8) if own is None else _writeable(own)
-                found[name][where] = 0 if new is None else new
+        """Return the result with trajectories `where` (K,) as in `part`; arrays are written to."""
+        self.states[:, where] = part.states
+        for whole, new in zip(self._by_trajectory(), part._by_trajectory(), strict=True):
+            whole[where] = new
+        records = self.records
         if part.records is not None:
-            found["records"] = self.records.in_order().with_part(where, part.records.in_order())
-        is_stopped = self.is_stopped or part.is_stopped
-        return self._replace(is_stopped=is_stopped, is_good=False, **found)
-
-    def _of_trajectories(self) -> list[tuple[str, Any]]:
-        """Return the names and arrays (B,) that have a number of each trajectory, or None."""
-        names = "t", "steps", "status", "doubtful", "repeated"
-        return [(name, getattr(self, name)) for name in names]
+            records = records.in_order().with_part(where, part.records.in_order())
+        return self._replace(records=records, is_stopped=self.is_stopped or part.is_stopped)
 
     def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the result with a second run of trajectories `where`; its steps are added."""
-        return self.with_part(where, part._replace(steps=self.steps[where] + part.steps))
-
-
-def _writeable(array: NDArray[Any]) -> NDArray[Any]:
-    """Return an array, or a copy of one that results share."""
-    return array if array.flags.writeable else array.copy()
-
-
-@lru_cache(64)
-def without_ends(batch: tuple[int, ...]) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return ends, NaN, and statuses, OK, that nobody can write to, so that results share them."""
-    ends = np.full(batch, np.nan)
-    return np.ndarray(batch, np.float64, ends.tobytes()), np.ndarray(
-        batch, np.int8, bytes(ends.size)
-    )
+        steps = self.columns["steps"][where] + part.columns["steps"]
+        return self.with_part(where, part._replace(columns=part.columns | {"steps": steps}))
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
     """Return the result before any step: states at `count` times are NaN."""
     B = len(starts)
-    states = np.full((count, *starts.shape), np.nan)
-    status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
-    steps = np.zeros(B, np.int64)
-    return SolverResult(states, np.zeros(B), steps, status, records=Rows([], 1, starts))
+    return SolverResult(
+        states=np.full((count, *starts.shape), np.nan),
+        t=np.zeros(B),
+        status=np.full(B, Status.TOO_MANY_STEPS, np.int8),
+        columns={name: np.zeros(B, kind) for name, kind in COLUMNS.items()},
+        doubtful=np.zeros(B, np.int8),
+        repeated=np.zeros(B, np.int8),
+        records=Rows([], 1, starts),
+    )
 
 
 def right_hand_sides(
-    groups: Any, shape: tuple[int, ...], batch: tuple[int, ...]
+    groups: list[OfMembers], shape: tuple[int, ...], batch: tuple[int, ...]
 ) -> list[tuple[Any, Any, FloatArray]]:
     """Return groups of trajectories that share a right-hand side f: (indices or ALL, f, table).
 
@@ -210,7 +201,7 @@ def right_hand_sides(
         return [(ALL, groups[0].f, groups[0].table[0])]
     if shape == batch and len(groups) == 1:
         return [(ALL, groups[0].f, groups[0].table)]
-    found, count = [], math.prod(shape)
+    groups_of, count = [], math.prod(shape)
     numbers = np.broadcast_to(np.arange(count).reshape(shape), batch).ravel()
     for members, f, table in groups:
         place = np.full(count, -1)
@@ -218,60 +209,40 @@ def right_hand_sides(
         places = place[numbers]
         where = np.flatnonzero(places >= 0)
         if len(where):
-            found.append((where, f, table[places[where]]))
-    return found
-
-
-def solve(
-    field: Any, starts: FloatArray, batch: tuple[int, ...], request: SolverRequest
-) -> SolverResult:
-    """Return the `SolverResult` of the motion from `starts` (B, D) to ascending `request.times`.
-
-    If `request.report` returns False, states that are not yet computed stay NaN.
-    """
-    groups = field._right_hand_sides
-    if not len(starts):
-        return empty_result(starts, len(request.times))
-    if not field.shape:
-        [(_, f, table)] = groups
-        return _of_group(f, table[0], starts, request)
-    groups = right_hand_sides(groups, field.shape, batch)
-    where, f, table = groups[0]
-    if where is ALL:
-        return _of_group(f, table, starts, request)
-    return _of_groups(groups, starts, request)
+            groups_of.append((where, f, table[places[where]]))
+    return groups_of
 
 
 def to_tolerance(
-    field: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+    groups: list[OfMembers],
+    shape: tuple[int, ...],
+    x: FloatArray,
+    batch: tuple[int, ...],
+    request: SolverRequest,
 ) -> SolverResult:
-    """Return the motion of a field, to a tolerance, at times in any order."""
-    if request.sign < 0:
-        request = request._replace(times=abs(request.times))
-    moduli, is_changed = request.times, request.event_times is not None
-    count = len(moduli)
-    ascend = count == 1 or (count > 1 and not np.count_nonzero(moduli[1:] <= moduli[:-1]))
-    if ascend and (is_changed or moduli[-1] > 0.0):
-        found = solve(field, x, batch, request)
-        if moduli[0] == 0.0:  # after events the engine saves it, unless a solution has no value
-            kept = found.status == Status.NONFINITE if is_changed else slice(None)
-            found.states[0, kept] = x[kept]
-        return found
-    later = moduli >= 0.0 if is_changed else moduli > 0.0  # an event at time 0 acts
-    ascending, places = np.unique(moduli[later], return_inverse=True)
-    if not len(ascending):
-        found = empty_result(x, len(moduli))
-        found.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
-        found.t[:] = np.nan
+    """Return motions from states x (B, D), to a tolerance, at `request.times` in any order.
+
+    `groups` are the right-hand sides of the members of a field of this shape. If `request.report`
+    returns False, states that are not yet computed stay NaN.
+    """
+    moduli, has_events = abs(request.times), request.event_times is not None
+    times, places = moduli, None
+    if np.count_nonzero(moduli[1:] <= moduli[:-1]):
+        times, places = np.unique(moduli, return_inverse=True)
+    if not len(x):
+        return empty_result(x, len(moduli))
+    if len(times) and (times[-1] > 0.0 or has_events):  # an event at time 0 acts
+        of_trajectories = right_hand_sides(groups, shape, batch)
+        result = _of_groups(of_trajectories, x, request._replace(times=times))
     else:
-        found = solve(field, x, batch, request._replace(times=ascending))
-    states = np.empty((len(moduli), *x.shape))
-    states[later] = found.states[places]
-    states[~later] = x
-    if is_changed:
-        has_none = found.status == Status.NONFINITE
-        states[:, has_none] = np.where(moduli[:, np.newaxis, np.newaxis] > 0.0, np.nan, x[has_none])
-    return found._replace(states=states)
+        result = empty_result(x, len(times))
+        result.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
+        result.t[:] = np.nan
+    if len(times) and times[0] == 0.0:
+        # After events the engine saves this state, unless a solution has no value.
+        kept = result.status == Status.NONFINITE if has_events else slice(None)
+        result.states[0, kept] = x[kept]
+    return result if places is None else result._replace(states=result.states[places])
 
 
 def _of_group(
@@ -280,42 +251,49 @@ def _of_group(
     """Return the `SolverResult` of trajectories that share f, with `table`, numbers of f."""
     B, begun = len(starts), None
     threads = 1 if B == 1 else threads_for(B, request.threads)
-    has_records = request.event_times is not None
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
-        states, steps, rows, begun = solve_small_batch(f, table, starts, request)
+        states, columns, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
-            ends, status = without_ends((B,))
-            records = Rows(rows, request.sign, starts) if has_records else None
-            return SolverResult(states, ends, steps, status, records=records, is_good=True)
+            return SolverResult(
+                states=states,
+                t=np.full(B, np.nan),
+                status=np.zeros(B, np.int8),
+                columns=columns,
+                doubtful=np.zeros(B, np.int8),
+                repeated=np.zeros(B, np.int8),
+                records=_rows_of(rows, starts, request),
+            )
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
-    found = _result_of(engine, starts)
+    result = _result_of(engine, starts)
     (where,) = np.nonzero(engine.state == LaneState.AGAIN)
     if not len(where) or engine.is_stopped:
-        return found
-    own = table if table.ndim == 1 else table[where]
+        return result
+    table = table if table.ndim == 1 else table[where]
     request = _part_of(request, where, engine.report_of_part(where))
-    part = _again(f, own, starts[where], request, engine.lost[where])
-    return found.again(where, part._replace(repeated=np.ones(len(where), np.int8)))
+    part = _again(f, table, starts[where], request, engine.lost[where])
+    part.repeated[:] = 1
+    return result.again(where, part)
 
 
 def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
     """Return the `SolverResult` of a run from `starts` (B, D)."""
-    sign, records = engine.request.sign, None
-    ends = np.where(engine.state == LaneState.DONE, np.nan, sign * engine.t)
-    if engine.request.event_times is not None:
-        records = Rows(engine.records, sign, starts)
     return SolverResult(
         states=engine.states,
-        t=ends,
-        steps=engine.steps,
+        t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
         status=STATUS[engine.state],
-        is_stopped=engine.is_stopped,
-        records=records,
+        columns=engine.columns,
         doubtful=FELL * engine.doubtful,
+        repeated=np.zeros(len(starts), np.int8),
+        records=_rows_of(engine.records, starts, engine.request),
+        is_stopped=engine.is_stopped,
     )
+
+
+def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows | None:
+    return None if request.event_times is None else Rows(records, request.sign, starts)
 
 
 def _again(
@@ -364,15 +342,18 @@ def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> S
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
-    found, report, done = empty_result(starts, len(request.times)), request.report, 0
+    where, f, table = groups[0]
+    if where is ALL:
+        return _of_group(f, table, starts, request)
+    result, report, done = empty_result(starts, len(request.times)), request.report, 0
     for where, f, table in groups:
-        own = None if report is None else lambda now, before=done: report(before + now)
-        part = _of_group(f, table, starts[where], _part_of(request, where, own))
-        found = found.with_part(where, part)
+        of_part = None if report is None else lambda now, before=done: report(before + now)
+        part = _of_group(f, table, starts[where], _part_of(request, where, of_part))
+        result = result.with_part(where, part)
         done += len(request.times) * len(where)
-        if found.is_stopped:
+        if result.is_stopped:
             break
-    return found
+    return result
 
 
 def threads_for(B: int, threads: int | None) -> int:

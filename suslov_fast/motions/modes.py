@@ -1,4 +1,8 @@
-"""Solutions that slide along a surface at which f jumps: they are computed again, with modes."""
+"""Solutions that slide along surfaces at which f jumps, or rest: computed again, with modes.
+
+A mode is a further component of the state, see `core/expressions/sliding.py`: 0 while the solution
+slides along its surface.
+"""
 
 from __future__ import annotations
 
@@ -21,40 +25,40 @@ from .event import traced
 from .events import actions_of
 from .integration import to_tolerance
 from .phases import rows_of
-from .sensitivities import WithColumns, with_derivatives
+from .sensitivities import with_derivatives
 
 
 @lru_cache(32)
 def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
-    """Return equations with modes, and the actions of events: or None if nothing slides."""
+    """Return equations with modes, as `Equations` and `SlidingEquations`; None without any mode."""
     D, P = len(equations.names), len(equations.parameters)
-    found = SlidingEquations(equations.values, equations.results, D, P, actions, sign)
-    if not found.size:
+    modes = SlidingEquations(equations.values, equations.results, D, P, actions, sign)
+    if not modes.size:
         return None
-    names = [*equations.names, *(f"mode {g}" for g in range(found.size))]
-    own = Equations(names, equations.parameters, found.values, found.results)
-    return own, found
+    names = [*equations.names, *(f"mode {g}" for g in range(modes.size))]
+    return Equations(names, equations.parameters, modes.values, modes.results), modes
 
 
 class Sliding:
-    """Trajectories `where` of a field, with modes: their field, starts and request.
+    """Trajectories `where` (K,) of a batch of solutions, to be computed again with modes.
 
-    `events` are `Event`s.
+    field, starts, request   for these trajectories with modes; not set if there are no modes
+    contacts                 {number of an event in the order of code: component that is its mode}
     """
 
     def __init__(
         self, field: Any, x: Any, batch: Any, where: Any, request: Any, events: Any
     ) -> None:
-        self.found, self.x, self.where, self.system, self.held = None, x, where, field, ()
+        self.x, self.where, self.system = x, where, field
+        self.modes: Any = None
+        self.held: tuple[EventAction, ...] = ()
         self.has_records = request.event_times is not None
         actions = self.given = actions_of(field, events)
         self.events = [events[k] for k in in_order_of_code(events)]
-        if not isinstance(field, Field) or field._equations is None:
+        with_modes = field._equations and _with_modes(field._equations, actions, request.sign)
+        if not with_modes:
             return
-        self.found = _with_modes(field._equations, actions, request.sign)
-        if self.found is None:
-            return
-        equations, self.modes = self.found
+        equations, self.modes = with_modes
         self.actions, self.surfaces = self.modes.actions, self.modes.surfaces_of_events
         self.count, size, self.contacts = self.modes.count, self.modes.size, self.modes.contacts
         self.held = tuple(actions[k] for k in self.contacts)
@@ -69,21 +73,22 @@ class Sliding:
             self.starts[:, -2:] = last / (1.0 + last), 0.0
         times = (request.event_times or NO_EVENT_TIMES).of(where)
         rows = len(times.times)
-        which = times.which + self.count + 1
-        first = np.full((rows, 1), float(self.surfaces + self.count))
-        times = EventTimes(
+        which = np.broadcast_to(times.which + self.count + 1, times.times.shape)
+        times = EventTimes(  # with the event at time 0 that sets all modes
             np.concatenate([np.zeros((rows, 1)), times.times], axis=1),
-            np.concatenate([first, np.broadcast_to(which, times.times.shape)], axis=1),
+            np.concatenate([np.full((rows, 1), float(self.surfaces + self.count)), which], axis=1),
         )
         settings = request.settings
         if isinstance(settings.atol, tuple):
             settings = settings._replace(atol=settings.atol + (0.0,) * size)
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
-    def continued(self, found: Any, of_columns: Any, names: Any, at_rest: Any) -> Any:
-        """Return `found` and derivatives `of_columns` with these trajectories computed again.
+    def continued(self, result: Any, of_columns: Any, names: Any, at_rest: Any) -> Any:
+        """Return the result and derivatives of all trajectories, with these computed again.
 
-        Also return attributes of the motion: rows of phases and the texts of surfaces.
+        `result` and `of_columns` are the result and derivatives so far; `names` are what to
+        differentiate with respect to, and `at_rest` is a result of `starts_at_rest`. The third
+        value has the attributes of the motion for phases.
         """
         where, D = self.where, self.x.shape[1]
         which, event = at_rest
@@ -93,23 +98,22 @@ class Sliding:
                 "trajectories, and leaves it without an event, because a start is none: begin on "
                 "the side from which it is crossed, or hold x0 there by a variable for the mode"
             )
-        if self.found is None:
-            return found, of_columns, {}
-        K = (len(where),)
+        if self.modes is None:
+            return result, of_columns, {}
+        K, field = (len(where),), self.field
+        columns = kept = None
         if names:
             part, columns = with_derivatives(
-                self.field, self.starts, K, names, self.request, self.actions
+                field, self.starts, K, names, self.request, self.actions
             )
-            count = columns.shape[-1]
-            kept = [
-                c for c in range(count) if "x0" not in names or not D <= c < self.starts.shape[1]
-            ]
+            of_modes = slice(D, self.starts.shape[1]) if "x0" in names else ()
+            kept = np.delete(np.arange(columns.shape[-1]), of_modes)
             columns = columns[..., :D, kept]
         else:
-            groups = WithColumns(self.field.shape, with_events(self.field, self.actions))
-            part, kept, columns = to_tolerance(groups, self.starts, K, self.request), None, None
+            groups = with_events(field, self.actions)
+            part = to_tolerance(groups, field.shape, self.starts, K, self.request)
         of_part, status = part.records.in_order(), part.status.copy()
-        # There are no modes, or they change without end, as on two surfaces that are crossed.
+        # No modes are consistent, or they change without end, as on two surfaces that are crossed.
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING
@@ -120,21 +124,19 @@ class Sliding:
         rows[:, 0] = where[numbers]
         rows = rows[~(abs(rows[:, 2]) > abs(part.t[numbers]))]
         if columns is not None:
-            own = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
-            own[:, where] = columns
-            of_columns = own.reshape(of_columns.shape)
-        if self.has_records:
-            whole = found.records.in_order()
-            before, states = whole.before[:, :D], whole.states[:, :D]
-            whole = whole._replace(before=before, states=states, of_columns=None)
-            found = found._replace(records=whole)
-        else:
+            flat = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
+            flat[:, where] = columns
+            of_columns = flat.reshape(of_columns.shape)
+        if not self.has_records:
             part = part._replace(records=None)
         phases = {"_phases": read_only(rows), "_surfaces": self.texts()}
-        return found.again(where, part), of_columns, phases
+        return result.again(where, part), of_columns, phases
 
     def stopped(self, part: Any, columns: Any) -> Any:
-        """Return the result where contacts end solutions at hit number `most`; columns change."""
+        """Return a result in which contacts end solutions at their hit number `most`.
+
+        The states and derivatives (`columns`) after it become NaN.
+        """
         records, times = part.records, abs(self.request.times)
         for k in self.contacts:
             most = self.given[k].most
@@ -157,7 +159,7 @@ class Sliding:
         return part
 
     def texts(self) -> tuple[str, ...]:
-        """Return the texts of the surfaces of modes: of f, then of contacts."""
+        """Return the surfaces of modes as texts: surfaces of f, then of contacts."""
         equations = self.system._equations
         pairs = [tuple(map(equations.shown, pair)) for pair in self.modes.pairs]
         of_f = (a if b == "0" else f"{a} - ({b})" if " " in b else f"{a} - {b}" for a, b in pairs)
@@ -165,23 +167,30 @@ class Sliding:
         return *of_f, *(each.tracer.text(each.surface) for each in touching)
 
     def records(self, records: Any, columns: Any = None) -> Any:
-        """Return records without records of modes, with the numbers of the whole batch."""
+        """Return records of the user's events, with their numbers, and without modes in states.
+
+        `columns` are numbers of the derivatives that stay.
+        """
         which = records.which
-        is_own = (which >= self.surfaces) & (which <= self.surfaces + self.count)
-        kept = ~is_own
-        for k, place in self.contacts.items():  # a body that leaves its contact
+        kept = (which < self.surfaces) | (which > self.surfaces + self.count)
+        for k, place in self.contacts.items():  # a body that leaves its contact is not an event
             is_same = (records.before[:, : self.D] == records.states[:, : self.D]).all(axis=1)
             kept &= (which != k) | ((records.before[:, place] > 0.5) & ~is_same)
-        found = records.selected(kept)
-        numbers = np.where(found.which > self.surfaces, found.which - self.count - 1, found.which)
-        derivatives = columns and tuple(
-            (a[:, : self.D] if a.ndim > 2 else a)[..., columns] for a in found.derivatives
+        found, D = records.selected(kept), self.D
+        number = np.where(found.which > self.surfaces, found.which - self.count - 1, found.which)
+        found = found._replace(which=number, before=found.before[:, :D], states=found.states[:, :D])
+        if columns is None:
+            return found
+        return found._replace(
+            time_by=found.time_by[:, columns],
+            before_by=found.before_by[:, :D, columns],
+            states_by=found.states_by[:, :D, columns],
         )
-        before, states = found.before[:, : self.D], found.states[:, : self.D]
-        return found._replace(which=numbers, before=before, states=states, derivatives=derivatives)
 
 
 def are_stuck(status: Any, at_rest: Any) -> Any:
-    """Return which solutions slide or rest; some that come to slide end, or take too many steps."""
+    """Return the numbers of solutions that may slide, by their status, or rest at the start."""
+    if at_rest is None and not np.count_nonzero(status):  # as in most calls
+        return ()
     ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES, Status.ENDED
     return np.flatnonzero(np.isin(status, ends) | (False if at_rest is None else at_rest))

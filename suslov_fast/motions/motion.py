@@ -27,31 +27,30 @@ class Motion(States):
     ----------
     states : ndarray(float, shape=(n, ..., D))
         The states at the n times, in the order of `time`; NaN after the end of a solution.
-        ``np.asarray(motion)`` is the same array, and ``motion["x1"]`` a component.
+        ``np.asarray(motion)`` is the same array, and ``motion["x1"]`` is one component.
     time : ndarray(float, shape=(n,))
         The times.
     final : ndarray(float, shape=(..., D))
-        The states at the last of them or, where a terminal event ended the trajectory, there.
+        The state of each trajectory at the last time, or after the terminal event that ended it.
     names : tuple of str
         Names of the components.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory: OK, or negative if it has no state at the last time.
     end : ndarray(float, shape=(...))
-        The last time of each trajectory: of `time`, or the time at which it ends, or up to which
-        it was computed.
+        The last time of each trajectory: the last one in `time`, or the time at which the solution
+        or its computation ended.
     steps : ndarray(int, shape=(...))
-        Number of steps that were taken, also before a trajectory was computed again; 0 where the
-        solution is exact.
+        The number of steps, including the steps of a first computation that was repeated; 0 where
+        the solution is exact.
     events : Events or None
-        What events did, in the order of trajectories and times.
+        The events that happened; None if the call had none.
     phases : Phases
-        When trajectories begin and end to slide along surfaces at which f jumps, or to rest on
-        surfaces of events: arrays `trajectory`, `surface` (its text), `time` and `mode`, "slides",
-        "rests" or "leaves".
+        When trajectories begin and end to slide along a surface where f jumps, or to rest on the
+        surface of an event.
     derivatives : dict of str to ndarray
-        The derivatives of the states that were asked for. ``motion.derivatives["x0"]`` has the
-        shape (n, ..., D, D); at [..., i, j] is the derivative of component i with respect to
-        component j of x0. By a parameter the shape is (n, ..., D).
+        The derivatives that were asked for. ``motion.derivatives["x0"]`` has the shape
+        (n, ..., D, D); its entry [..., i, j] is the derivative of component i with respect to
+        component j of x0. The derivative with respect to a parameter has the shape (n, ..., D).
     body, rtol, atol, max_step, stiff
         The arguments of :func:`flow`.
 
@@ -59,8 +58,7 @@ class Motion(States):
     -----
     ``motion.ok`` (...) is True where a solution reaches the last time or its terminal event.
     ``motion.member(k)`` is the motion of trajectory k alone. Two motions are equal if all
-    attributes are equal; NaN equals NaN. Arrays are read-only, so that a motion stays what was
-    computed: change a copy.
+    attributes are equal, where NaN equals NaN. Arrays are read-only; change a copy.
 
     Examples
     --------
@@ -84,10 +82,10 @@ class Motion(States):
     steps: NDArray[np.int64]
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _again: NDArray[np.int8] | Any = None  # 1 where small components made it compute again
-    _by: tuple[str, ...] = ()
-    _derivatives: FloatArray | Any = None  # (n, ..., D, C) those by x0 first
-    _phases: FloatArray | Any = None  # `rows_of`, if there are any
-    _surfaces: tuple[str, ...] = ()
+    _by: tuple[str, ...] = ()  # the argument `derivatives`
+    _derivatives: FloatArray | Any = None  # (n, ..., D, C), with respect to x0 first
+    _phases: FloatArray | Any = None  # `phases.rows_of`, if anything slides or rests
+    _surfaces: tuple[str, ...] = ()  # texts of the surfaces in `phases`
     # The fields of `Settings`.
     rtol: float | Any = None
     atol: float | tuple[float, ...] | None = None
@@ -97,12 +95,12 @@ class Motion(States):
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:
         parts = {each.name: attributes.pop(f"events.{each.name}") for each in OF_EVENTS}
-        count = attributes.pop("events.count")
-        given = tuple(Event.from_dict(each) for each in about.get("events", ()))
-        motion = cls._of(attributes | {"events": None})
-        if not given and count is None:
-            return motion
-        return cls._of(attributes | {"events": events_of(parts, given, motion)})
+        attributes["events"] = attributes.pop("events.count")  # None without events
+        motion = cls._of(attributes)
+        if motion.events is not None:
+            given = tuple(map(Event.from_dict, about["events"]))
+            vars(motion)["events"] = events_of(parts, given, motion)
+        return motion
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
@@ -112,8 +110,8 @@ class Motion(States):
         if self.events is not None:
             attributes["events"] = Events._of(self.events._members(index))
         if self._phases is not None:
-            own = self._phases[:, 0] == np.ravel_multi_index(index, self.status.shape)
-            attributes["_phases"] = self._phases[own] * [0.0, 1.0, 1.0, 1.0]
+            kept = self._phases[:, 0] == np.ravel_multi_index(index, self.status.shape)
+            attributes["_phases"] = self._phases[kept] * [0.0, 1.0, 1.0, 1.0]
         return attributes
 
     if not TYPE_CHECKING:
@@ -121,26 +119,25 @@ class Motion(States):
         def __getattr__(self, name: str) -> Any:
             if name == "events" and "_records" in vars(self):
                 records, given, most = vars(self)["_records"]
-                vars(self)["events"] = events_of_records(
-                    records.in_order().first(most), given, self
-                )
+                records = records.in_order().first(most)
+                vars(self)["events"] = events_of_records(records, given, self)
                 return self.events
             return super().__getattr__(name)
 
     @property
     def derivatives(self) -> dict[str, FloatArray]:
-        """The derivatives of the states, by "x0" or by name of the parameter."""
+        """The derivatives of the states by name, "x0" or a parameter."""
         of_columns, D = self._derivatives, self.body.dimension
         return Derivatives.of(self._by, D, lambda at: np.ascontiguousarray(of_columns[..., at]))
 
     @property
     def phases(self) -> Phases:
-        """When trajectories slide or rest, a table like `events`, with `to_dataframe`."""
+        """When trajectories begin and end to slide or rest."""
         return phases_of(self._phases, self._surfaces)
 
     @property
     def final(self) -> FloatArray:
-        """The states at the last of the times or at terminal events, shape (..., D)."""
+        """The states at the last time, or after terminal events, shape (..., D)."""
         if self.events is not None:
             return self.events.final
         if not len(self.time):

@@ -1,32 +1,29 @@
-"""Arguments of the functions that compute motions, and the warning of those that end."""
+"""Checks of arguments of functions that compute motions, and warnings of motions that end."""
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
+from ..core.flow.batch_solver import LEAST_RTOL, Settings
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
-from ..maps.kernel_calls import thread_count
-from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .integration import FELL, SolverResult
 
 _MOST = 1e-2  # of rtol
-# The default of rtol. A number that is typed is another object, also if it is 1e-9, so that `is`
-# tells whether rtol is given where it means nothing.
+# The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
+# means nothing, also if the user passed 1e-9.
 RTOL = float("1e-9")
-# The defaults of arguments that only maps have, and of those that only motions have.
+# The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
-_FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
-# What solutions do that stop.
-_CAUSES = {
+# What solutions do that stop before the last time: the verb of a sentence about them.
+CAUSES = {
     Status.ENDED: (
         "end: they escape to infinity, reach a pole, or f, a derivative that is asked for or the "
         "new state of an event has no value there"
@@ -72,58 +69,57 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
         return np.array([time]), -1 if time < 0.0 else 1
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
-    numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
-    low, high = min(numbers, default=0.0), max(numbers, default=0.0)
+    low, high = time.min(initial=0.0), time.max(initial=0.0)
     if low < 0.0 < high:
         how = "call flow twice, forward and backward"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
     return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
 
 
-def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequest:
-    """Return the request of `flow` for checked settings: `time` and `threads` are checked here."""
-    if threads is None and type(time) in (float, int, np.float64) and time:
-        return _at_one_time(time, settings)  # for speed in small calls
-    times, sign = checked_times(time)
-    return SolverRequest(times, sign, settings, thread_count(threads))
-
-
-@functools.lru_cache(64)
-def _at_one_time(time: float, settings: Settings) -> SolverRequest:
-    times, sign = checked_times(time)
-    return SolverRequest(read_only(times), sign, settings)
-
-
-def checked_settings(
-    system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
-) -> Settings:
-    """Return the settings that the engine uses, and results keep; TypeError for a `Map`."""
+def checked_settings(system: Any, given: Settings) -> Settings:
+    """Return the settings as plain numbers, for the engine and results; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # which raises
-    if atol is max_step is stiff is None and type(rtol) is float:  # for speed in small calls
-        return _by_rtol(rtol)
-    number = checks.real_number("rtol", rtol)
-    if not isinstance(number, float) or not LEAST_RTOL <= number <= _MOST:
-        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(rtol))
-    if atol is not None:
+    rtol = checks.real_number("rtol", given.rtol)
+    if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given.rtol))
+    settings = given._replace(rtol=rtol)
+    if given.atol is not None:
+        atol: Any = checks.real_number("atol", given.atol)
         D = system.dimension
-        atol = checks.real_number("atol", atol)
         if not isinstance(atol, float) and atol.shape != (D,):
             raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
         atol = atol if isinstance(atol, float) else tuple(atol.tolist())
-    if max_step is not None:
-        max_step = checks.positive("max_step", max_step)
-    if not (stiff is None or isinstance(stiff, (bool, np.bool_))):
-        raise wrong("stiff", "True, False or None", short(stiff), TypeError)
-    return Settings(number, atol, max_step, None if stiff is None else bool(stiff))
+        settings = settings._replace(atol=atol)
+    if given.max_step is not None:
+        settings = settings._replace(max_step=checks.positive("max_step", given.max_step))
+    if given.stiff is not None:
+        if not isinstance(given.stiff, (bool, np.bool_)):
+            raise wrong("stiff", "True, False or None", short(given.stiff), TypeError)
+        settings = settings._replace(stiff=bool(given.stiff))
+    return settings
 
 
-@functools.lru_cache(64)
-def _by_rtol(rtol: float) -> Settings:
-    if not LEAST_RTOL <= rtol <= _MOST:
-        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(rtol))
-    return Settings(rtol)
+def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
+    """Return the names of derivatives as a tuple, after checks; TypeError for a `Map`."""
+    if type(derivatives) is tuple and not derivatives:  # as in most calls
+        return ()
+    names = derivatives.split() if isinstance(derivatives, str) else derivatives
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        such = "x0", *system._coordinates
+        received = short(derivatives)
+        raise wrong("derivatives", f"names, such as {such}", received, TypeError)
+    field: Any = system._field
+    if unknown := [name for name in names if name not in ("x0", *field._coordinates)]:
+        known = ", ".join(map(repr, ("x0", *field._coordinates)))
+        raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
+    if "x0" in names and "x0" in field._coordinates:
+        how = "the initial state and a parameter: give the parameter another name"
+        raise wrong("derivatives", "names of one thing each", f"'x0', {how}")
+    if len({*names}) < len(names):
+        raise wrong("derivatives", "different names", short(names))
+    return tuple(names)
 
 
 def checked_starts(
@@ -131,19 +127,15 @@ def checked_starts(
 ) -> tuple[FloatArray, tuple[int, ...]]:
     """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
     x = checks.states("x0", x0, system._labels)
-    if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
-        return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
-    """Warn if the first time is the value of a clock in x0, because times count from x0."""
+    """Warn if the first time equals a time variable in x0, because times count from x0."""
     if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])
-    if not (x == first).all(axis=0).any():
-        return
     for clock in field._right_hand_sides[0][1].clocks:
         if (x[:, clock] == first).all():
             name = field._labels[clock]
@@ -166,38 +158,43 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
 
 
 def warn_of_ends(
-    found: SolverResult, x: FloatArray, batch: tuple[int, ...], atol: Any = None
+    result: SolverResult,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    atol: Any = None,
+    causes: Mapping[Status, str] = CAUSES,
 ) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
-    if not np.count_nonzero(found.status):  # all but OK are negative
+    if not np.count_nonzero(result.status):  # all but OK are negative
         return
-    # The closed form has told why it has no state, and then there is no time.
-    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(found.t))
-    for status, text in _CAUSES.items():
-        own = exists & (found.status == int(status))
-        if not own.any() or (status == Status.TOO_MANY_STEPS and found.is_stopped):
+    # Where the closed form has no state, there is no time, and a warning was given before.
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(result.t))
+    for status, text in causes.items():
+        ends = exists & (result.status == int(status))
+        if not ends.any() or (status == Status.TOO_MANY_STEPS and result.is_stopped):
             continue
-        first = int(np.argmax(own))
-        index = spell(first_index(own.reshape(batch)))
-        count = f"{np.count_nonzero(own)} of {own.size} solutions"
+        first = int(np.argmax(ends))
+        index = spell(first_index(ends.reshape(batch)))
+        count = f"{np.count_nonzero(ends)} of {ends.size} solutions"
         if status == Status.ENDED and atol is not None and not np.any(atol):
             text += (
                 " (atol=0 asks for digits that f may not have where a component passes 0: omit it)"
             )
-        texts.append(f"{count} {text}, first: trajectory {index} at t = {found.t[first]:.9g}")
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {result.t[first]:.9g}")
     if texts:
         checks.warn("; ".join(texts), IntegrationWarning)
 
 
-def warn_of_lost_components(found: SolverResult, batch: tuple[int, ...]) -> None:
-    """Warn once of solutions with components that have lost their digits, and would grow again."""
-    if found.doubtful is None or not found.doubtful.any():
+def warn_of_lost_components(result: SolverResult, batch: tuple[int, ...]) -> None:
+    """Warn once of solutions with a component that has lost its digits, and would grow again."""
+    if not np.count_nonzero(result.doubtful):
         return
-    index, own = spell(first_index(found.doubtful.reshape(batch) != 0)), found.doubtful
+    doubtful = result.doubtful
+    index = spell(first_index(doubtful.reshape(batch) != 0))
     fell = "fell below 1e-300, where numbers lose their digits, and would grow again"
     ends = "lost its digits and grows again, and they end sooner if it has its digits"
-    why, how = (fell, "solve for its logarithm") if FELL in own else (ends, "compare two rtol")
+    why, how = (fell, "solve for its logarithm") if FELL in doubtful else (ends, "compare two rtol")
     checks.warn(
-        f"{np.count_nonzero(own)} of {own.size} solutions have a component that {why} "
+        f"{np.count_nonzero(doubtful)} of {doubtful.size} solutions have a component that {why} "
         f"(first: trajectory {index}): {how}"
     )

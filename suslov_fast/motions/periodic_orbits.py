@@ -12,6 +12,7 @@ from .. import checks
 from ..bodies.systems import System
 from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
+from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
 from ..fields.field import Field, system_of
 from ..fields.html import html_table
@@ -21,15 +22,14 @@ from . import shooting
 from .event import Event
 from .events import checked_events
 from .motion_arguments import checked_settings
-from .shooting import OfMotion, Shooting
+from .shooting import FieldFlow, Shooting
 
-_AT_REST = 1e-6  # part of its size that a state at rest moves in a period
-_NEUTRAL = 1e-6  # from 1, within which a modulus of a multiplier decides nothing
-_TURNS, _AGAIN = 12, 1e-6  # of an orbit in a period, at most; how near they are, in its ranges
-_FAR = 0.5  # distance from x0, in ranges of the orbit, above which it is told
+_AT_REST = 1e-6  # part of its size by which a state at rest may change in a period
+_NEUTRAL = 1e-6  # a modulus of a multiplier that is as near to 1 decides nothing
+_TURNS, _SAME = 12, 1e-6  # most turns in a period; the distance of two of them, in ranges
+_FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning
 _ROUGH = 1e-8  # tolerance of the search for a near return
-_LOOKS = np.arange(1, 512) / 512  # parts of the period, at which it is looked at
-_NEARER = "an x0 nearer to it, as flow(system, x0, time={T}).final is if the orbit attracts"
+_LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
 
 
 class PeriodicOrbit(NamedTuple):
@@ -50,19 +50,19 @@ class PeriodicOrbit(NamedTuple):
     period: float
     """The period."""
     multipliers: NDArray[np.complex128]
-    """Floquet multipliers, eigenvalues of the derivative of the motion over a period, by modulus.
+    """Floquet multipliers: eigenvalues of the derivative of the motion over a period, by modulus.
 
-    Shape (D,), less those of variables of constant rates, such as time, as for
-    :func:`lyapunov_exponents`."""
+    Shape (D,), or less if variables have constant rates, as for :func:`lyapunov_exponents`."""
     residual: float
-    """Distance from the end of the orbit, or of one of its arcs, to the start of the next arc.
+    """Distance from the end of the orbit to its start, or between two arcs if it is larger.
 
-    The largest modulus of a component, divided by the largest one of the states."""
+    It is the largest modulus of a component, divided by the largest modulus in the states."""
     stable: bool
-    """True if the orbit attracts: moduli of nontrivial multipliers are below 1 - 1e-6.
+    """True if the orbit attracts: all nontrivial multipliers have moduli below 1 - 1e-6.
 
-    Trivial is one multiplier 1 of the flow, unless the equations depend on time, and one for each
-    known integral; none is known with events that change states."""
+    A trivial multiplier is 1 for any motion: one for the direction of the flow, unless the
+    equations depend on time, and one for each known integral. With events that change states no
+    integral is known."""
 
     def __getattr__(self, name: str) -> NoReturn:
         times = "np.linspace(0, orbit.period, 200)"
@@ -83,16 +83,16 @@ def periodic_orbit(
     rtol: float = 1e-12,
     events: Event | Sequence[Event] | None = (),
 ) -> PeriodicOrbit:
-    """Find a periodic orbit near a state, with its period and (Floquet) multipliers.
+    """Find a periodic orbit near a state, with its period and its Floquet multipliers.
 
-    A system with an integral, such as an energy, has families of periodic orbits. The result is a
-    member near `x0`, usually with another energy. The nearer `period`, the nearer the member.
+    Newton's method solves for the state and the period together, with the derivatives of the motion
+    that :func:`flow` computes. Its steps have the least norm. If derivatives grow much within a
+    period, the orbit is divided into arcs that are solved for together (multiple shooting).
 
-    Newton's method solves for the state and the period together, along the motion as :func:`flow`
-    computes it, with its derivatives, by steps of least norm. If derivatives grow much within a
-    period, the orbit is divided into arcs that are solved for together (multiple shooting). On a
-    relaxation cycle `x0` should lie where the motion is slow. A rest state of a forced system is
-    found, too: its multipliers say whether it is stable.
+    A system with an integral, such as an energy, has families of periodic orbits. Then the result
+    is a member of the family near `x0`, usually with another energy; a better `period` leads to a
+    nearer member. For a relaxation cycle pass an `x0` where the motion is slow. If a forced system
+    has a state of rest, it is a result, too: its multipliers show whether it is stable.
 
     Parameters
     ----------
@@ -101,38 +101,38 @@ def periodic_orbit(
     x0 : array_like(float, shape=(D,))
         A state near the orbit.
     period : float, optional
-        The approximate period; by default the time after which the motion from `x0` returns to
-        it nearly. If the equations depend on time, a variable with a constant rate, pass the
-        period of the force, which is kept.
+        The approximate period; by default the time after which the motion from `x0` nearly returns
+        to it. If the equations depend on time, a variable with a constant rate, pass the period of
+        the force; it stays fixed.
     rtol : float
-        The tolerance of :func:`flow`.
+        The relative tolerance of :func:`flow`.
     events : Event or sequence of Event
-        Events at surfaces, see :class:`Event`: bouncing, walking, spiking cycles.
-        The state that is returned lies between two of them.
+        Events on surfaces, see :class:`Event`, for cycles that bounce, walk or spike. The returned
+        state lies between two events.
 
     Returns
     -------
     PeriodicOrbit
-        A named tuple of `state` (D,), `period`, `multipliers`, `residual` and `stable`. They are
-        complex and sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Unless the
-        equations depend on time, one of them is 1 up to the error of the method.
+        A named tuple of `state` (D,), `period`, `multipliers`, `residual` and `stable`. Multipliers
+        are complex, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Unless the
+        equations depend on time, one multiplier is 1 up to the error of the method.
 
     Raises
     ------
     NoConvergence
-        If there is no periodic orbit near `x0` and `period`; the message says what was found
+        If there is no periodic orbit near `x0` and `period`. The message says what was found
         instead: an equilibrium, or a motion that ends.
     TypeError, ValueError
-        If an argument is out of range, the system has no steps, or the equations depend on time and
-        `period` is left out, or is no period of the force.
+        If an argument is out of range, or the system has no motion. If the equations depend on time
+        and `period` is left out, or is not a period of the force.
 
     Warns
     -----
     UserWarning
-        If `period` is a multiple of the period of the orbit, which is returned. If the orbit
-        neither attracts nor passes near x0: with its period and its distance. If the orbit is a
-        member of a family: more multipliers are 1 than the flow and known integrals explain: the
-        Hamiltonian of `Field.from_hamiltonian`, and linear integrals.
+        If `period` is a multiple of the period of the orbit: the result is the orbit for one turn.
+        If the orbit neither attracts nor passes near x0: with its period and its distance. If the
+        orbit belongs to a family: more multipliers are 1 than the flow and the known integrals
+        explain. Known integrals are linear ones, and the H of `Field.from_hamiltonian`.
 
     See Also
     --------
@@ -159,20 +159,20 @@ def periodic_orbit(
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
     x = _checked_start(body, x0)
-    checked_settings(body, rtol)
+    settings = checked_settings(body, Settings(rtol))
     field = body._field
-    motion = OfMotion(field, x, rtol, acting)
-    T = _checked_period(field, motion, x, period, acting)
+    motion = FieldFlow(field, x, settings, acting)
     with np.errstate(all="ignore"):
-        search = shooting.found(motion, motion.between_changes(x, T), T)
+        T = _checked_period(field, motion, x, period, acting)
+        search = shooting.nearest_orbit(motion, motion.between_events(x, T), T)
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
-    search = _one_turn(search)
-    acts = any(event.to is not None for event in acting)  # they may change what f keeps
-    orbit = _result(search, 0 if acts else _integrals(body))
-    if not (orbit.stable or search.flow.is_forced):  # where x0, or the force, may lead to it
-        _warn_of_distance(search, x)
+        search = _one_turn(search)
+        acts = any(event.to is not None for event in acting)  # events may change integrals of f
+        orbit = _result(search, 0 if acts else _integrals(body))
+        if not (orbit.stable or motion.is_forced):  # else x0, or the force, leads to the orbit
+            _warn_of_distance(search, x)
     return orbit
 
 
@@ -188,23 +188,21 @@ def _checked_start(system: Any, x0: Any) -> FloatArray:
 
 
 def _checked_period(
-    field: Any, motion: OfMotion, x: FloatArray, period: Any, events: tuple[Event, ...]
+    field: Any, motion: FieldFlow, x: FloatArray, period: Any, events: tuple[Event, ...]
 ) -> float:
     """Return the given period, or the time after which the motion from x nearly returns."""
     if period is not None:
         T = checks.positive("period", period)
-        with np.errstate(all="ignore"):
-            if motion.is_forced and not motion.has_force_of(x, T):
-                expected = "a time after which the force is the same, to six digits or more"
-                raise wrong("period", expected, period)
+        if motion.is_forced and not motion.has_force_of(x, T):
+            expected = "a time after which the force is the same, to six digits or more"
+            raise wrong("period", expected, period)
         return T
     if motion.is_forced:
         name = field.names[motion.clocks[0]]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
-    with np.errstate(all="ignore"):
-        rough = OfMotion(field, x, max(motion.settings.rtol, _ROUGH), events)
-        near, last = shooting.near_return(rough, x)
+    rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, _ROUGH)), events)
+    near, last = shooting.near_return(rough, x)
     if near is not None:
         return near
     start = f"x0 = {short(x.tolist())}"
@@ -214,30 +212,32 @@ def _checked_period(
         found = f"the motion from {start} falls to the equilibrium {short(rest.tolist())}"
         raise NoConvergence(f"periodic_orbit: {found}: pass an x0 nearer to an orbit")
     found = f"the motion from {start} does not return near it until t = {last:g}"
-    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {_NEARER.format(T='T')}")
+    how = "an x0 nearer to it, as flow(system, x0, time=T).final is if the orbit attracts"
+    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {how}")
 
 
-def _rest(field: Any, motion: OfMotion, x: FloatArray, last: float) -> FloatArray | None:
-    """Return the state at which the motion from x rests at the time `last`, or None."""
-    own = ~motion.drifts
-    with np.errstate(all="ignore"):
-        end = motion.states(x, np.array([last]))[0]
-        rate = abs(field(end))[own].max()
-    # In the time until then, such a rate moves it by less than a part of its way.
-    is_at_rest = rate * last <= _AT_REST * abs(end - x)[own].max()
+def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArray | None:
+    """Return the state if the motion from x is at rest at the time `last`, else None."""
+    moving = ~motion.drifts
+    end = motion.states(x, [last])[0]
+    rate = abs(field(end))[moving].max()
+    # From now on until 2 last, it would move by a small part of its way so far.
+    is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
-    """Return what was found, as text, or None for a periodic orbit; `given` is the T asked for."""
-    x, own, T = search.nodes[0], ~search.drifts, search.T
-    state, least = short(x.tolist()), _AT_REST * search.largest
-    rate = abs(search.rates[:, own]).max(initial=0.0) * len(search.nodes)  # in a period
+    """Return what the search has found in place of an orbit, as text; None for an orbit.
+
+    `given` is the period that was asked for.
+    """
+    state, least = short(search.nodes[0].tolist()), _AT_REST * search.largest
+    rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # in a period
     if rate <= least and not search.flow.is_forced:  # it does not move
-        if rate * max(given / T, 1.0) <= least:
+        if rate * max(given / search.T, 1.0) <= least:
             return f"the equilibrium {state}"
         return f"periods that tend to 0 at the state {state}"
-    if search.is_found:
+    if search.closes:
         return None
     if not np.isfinite(search.residual):
         return "no orbit, because the motion from x0 ends within the period"
@@ -245,67 +245,66 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
 
 
 def _one_turn(search: Shooting) -> Shooting:
-    """Return arcs of one turn of an orbit that is found several times around, with a warning."""
-    flow, x, own = search.flow, search.nodes[0], ~search.drifts
-    turns = np.arange(_TURNS, 1 if not flow.is_forced else _TURNS, -1)
-    with np.errstate(all="ignore"):
-        ways = abs(flow.states(x, search.T / turns) - x) / search.sizes
-        for m in turns[(ways[:, own] < _AGAIN).all(axis=1)]:
-            one = shooting.found(flow, x, search.T / m)
-            if one.is_found and not _not_an_orbit(one, one.T):
-                which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
-                warn(f"periodic_orbit found {which}")
-                return one
+    """Return arcs of one turn, with a warning, if the arcs are several turns of an orbit."""
+    flow, x = search.flow, search.nodes[0]
+    if flow.is_forced:
+        return search
+    turns = np.arange(_TURNS, 1, -1)
+    ways = abs(flow.states(x, search.T / turns) - x)[:, search.moving] / search.units
+    for m in turns[(ways < _SAME).all(axis=1)]:
+        one = shooting.nearest_orbit(flow, x, search.T / m)
+        if not _not_an_orbit(one, one.T):
+            which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
+            warn(f"periodic_orbit found {which}")
+            return one
     return search
 
 
 def _warn_of_distance(search: Shooting, x0: FloatArray) -> None:
-    """Warn if an orbit passes x0 far away."""
-    own, x = ~search.drifts, search.nodes[0]
-    with np.errstate(all="ignore"):
-        states = np.vstack([x, search.flow.states(x, search.T * _LOOKS)])[:, own]
+    """Warn if the orbit does not pass near x0."""
+    moving, x = search.moving, search.nodes[0]
+    states = np.vstack([x, search.flow.states(x, search.T * _LOOKS)])[:, moving]
     ranges = np.ptp(states, axis=0)
-    ways = abs(states - x0[own]) / np.maximum(ranges, 1e-3 * ranges.max())
+    ways = abs(states - x0[moving]) / np.maximum(ranges, 1e-3 * ranges.max())
     nearest = ways.max(axis=1).argmin()
     if ways[nearest].max() > _FAR:
-        far = np.linalg.norm(states[nearest] - x0[own])
+        far = np.linalg.norm(states[nearest] - x0[moving])
         passes = f"an orbit of period {search.T:.4g} that passes x0 at a distance of {far:.2g}"
         warn(f"periodic_orbit found {passes}: pass an x0 or a period nearer to those that you want")
 
 
 def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
-    x, T, own = search.nodes[0], search.T, ~search.drifts
-    product = np.eye(int(own.sum()))
-    with np.errstate(all="ignore"):
-        for slopes in search.slopes:
-            product = slopes[np.ix_(own, own)] @ product
+    product = np.eye(len(search.moving))
+    for slopes in search.slopes:
+        product = slopes @ product
     if not np.isfinite(product).all():
-        found = f"an orbit of period {T:g} whose multipliers exceed the range of float64"
+        found = f"an orbit of period {search.T:g} whose multipliers exceed the range of float64"
         raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
     _warn_of_families(search, known)
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))
-    of_flow = 0 if search.flow.is_forced else 1
-    others = values[np.argsort(abs(values - 1.0))][of_flow + (known or 0) :]
+    trivial = (known or 0) + (not search.flow.is_forced)
+    others = values[np.argsort(abs(values - 1.0))][trivial:]
     is_stable = bool((abs(others) < 1.0 - _NEUTRAL).all())
-    return PeriodicOrbit(x, float(T), values[order], search.residual, is_stable)
+    return PeriodicOrbit(
+        search.nodes[0], float(search.T), values[order], search.residual, is_stable
+    )
 
 
 def _integrals(system: Any) -> int | None:
-    """Return the number of known integrals of a field; None for a body, which has others."""
+    """Return the number of known integrals of a field; None for a body, which has further ones."""
     if not isinstance(system, Field):
         return None
     [(_, f, table)] = system._listed_right_hand_sides
-    own = [i for i in range(f.D) if i not in f.steady]
-    [C] = coefficients(f, table)[:, own]
-    linear = len(own) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(own)
+    moving = [i for i in range(f.D) if i not in f.steady]
+    [C] = coefficients(f, table)[:, moving]
+    linear = len(moving) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(moving)
     return linear + system._is_hamiltonian
 
 
 def _warn_of_families(search: Shooting, known: int | None) -> None:
-    """Warn if the orbit has a family that the integrals, `known` in number, do not explain."""
-    phase = 0 if search.flow.is_forced else 1
-    if known is None or search.freedom <= phase + known:
+    """Warn if the orbit has a family that the integrals do not explain; `known` is their number."""
+    if known is None or search.freedom <= known + (not search.flow.is_forced):
         return
     why = "the equations conserve something, so near orbits are periodic, too"
     how = "if states are a force, write it as a function of a time t with t' = 1"

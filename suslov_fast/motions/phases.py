@@ -1,4 +1,4 @@
-"""`Phases`: when motions begin and end to slide along surfaces, or to rest on them."""
+"""`Phases`: when motions begin and end to slide along surfaces, or to rest on surfaces."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ MODES = "leaves", "slides", "rests"
 class Phases:
     """When motions begin and end to slide or rest: the attribute ``phases`` of a :class:`Motion`.
 
-    There are K rows, ordered by trajectory, then along the motion.
+    The K entries are ordered by trajectory, then along the motion.
 
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
         Index of the trajectory, in the batch flattened in C order.
     surface : ndarray(str, shape=(K,))
-        The text of the surface: the function that is 0 on it.
+        The surface, as the text of the function that is 0 on it.
     time : ndarray(float, shape=(K,))
-        Times, with the digits of the tolerance.
+        The times, as accurate as the tolerance.
     mode : ndarray(str, shape=(K,))
         "slides" or "rests" where such a phase begins, "leaves" where it ends.
 
@@ -54,12 +54,12 @@ class Phases:
 
     @public
     def to_dataframe(self) -> Any:
-        """Return the rows as a table of pandas, with the attributes as columns; needs pandas."""
+        """Return a pandas table with the attributes as columns."""
         return extra("pandas", "xarray").DataFrame(dict(vars(self)))
 
 
 def phases_of(rows: Any, surfaces: tuple[str, ...]) -> Phases:
-    """Return the `Phases` with rows (K, 4) of `rows_of`, or None; `surfaces` are texts."""
+    """Return the `Phases` of rows (K, 4) from `rows_of`, or of None; `surfaces` are texts."""
     rows = np.empty((0, 4)) if rows is None else rows
     trajectory, which, mode = rows[:, [0, 1, 3]].astype(np.int64).T
     names = np.array(MODES)[mode]
@@ -69,23 +69,23 @@ def phases_of(rows: Any, surfaces: tuple[str, ...]) -> Phases:
 def rows_of(records: Any, D: int, count: int, contacts: int) -> FloatArray:
     """Return rows (K, 4) of phases: trajectory, number of the surface, time, place in `MODES`.
 
-    `records` are `Records` of states (D) with modes of `count` surfaces and then of contacts. Modes
-    that begin and end at one instant are left out.
+    After D components, the states in `Records` have a mode for each of `count` surfaces of f, and
+    then for each of the contacts. Phases that begin and end at one instant are left out.
     """
-    found = []
+    rows = []
     for g in range(count + contacts):
         before, after = (
             a[:, D + g] < 0.5 if g >= count else a[:, D + g] == 0.0
             for a in (records.before, records.states)
         )
-        (own,) = np.nonzero(before != after)
-        trajectory, time = records.trajectory[own], records.time[own]
-        is_new = np.ones(len(own), bool)
+        (changes,) = np.nonzero(before != after)
+        trajectory, time = records.trajectory[changes], records.time[changes]
+        is_new = np.ones(len(changes), bool)
         is_new[1:] = (trajectory[1:] != trajectory[:-1]) | (time[1:] != time[:-1])
         first = np.flatnonzero(is_new)
-        own = own[first[np.diff([*first, len(own)]) % 2 == 1]]
-        mode = np.where(after[own], 1 + (g >= count), 0)
-        columns = records.trajectory[own], np.full(len(own), g), records.time[own], mode
-        found.append(np.stack([np.asarray(a, float) for a in columns], axis=1))
-    rows = np.concatenate(found)
-    return rows[np.lexsort((abs(rows[:, 2]), rows[:, 0]))]
+        changes = changes[first[np.diff([*first, len(changes)]) % 2 == 1]]
+        mode = np.where(after[changes], 1 + (g >= count), 0)
+        surface = np.full(len(changes), g)
+        rows.append(np.c_[records.trajectory[changes], surface, records.time[changes], mode])
+    both = np.concatenate(rows)
+    return both[np.lexsort((abs(both[:, 2]), both[:, 0]))]

@@ -1,12 +1,12 @@
-"""Derivatives of motions by initial states and parameters, as columns beside the states.
+"""Derivatives of motions with respect to initial states and parameters: columns after the state.
 
-Columns are scaled by powers of 2 to the size of the states, because they share an error estimate.
-Columns by the initial state get its size, and a column by a parameter gets the size of its value.
+State and columns share an error estimate, so columns are multiplied by powers of 2 to have the size
+of the state: a derivative with respect to x0 by the size of x0, and a derivative with respect to a
+parameter by the size of its value.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,24 +18,15 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.held import HALF
 from ..fields.right_hand_sides import OfMembers, with_events
 from ..maps.kernel_arguments import flat_arrays
-from .integration import SolverResult, to_tolerance
-
-
-@dataclass
-class WithColumns:
-    """A stand-in for a field in `integration.solve`, with derivatives (columns) or events."""
-
-    shape: tuple[int, ...]
-    _right_hand_sides: list[OfMembers]
+from .integration import Records, SolverResult, to_tolerance
 
 
 class Columns:
-    """The derivatives of trajectories x (B, D) of a field, as C columns of D more variables.
+    """The derivatives of trajectories x (B, D) of a field, as C columns of D further variables.
 
-    field, settings  for the motion with columns, in place of the field and its settings
-    starts           (B, D + D C); columns are by x0 if `by_starts`, then by `parameters`
-
-    `groups`, if given, replace the right-hand sides of the members of the field, as with events.
+    groups, settings  right-hand sides of the members with columns, and settings for these
+    starts            (B, D + D C): the states, then columns: if `by_starts`, the derivatives with
+                      respect to x0 first, then with respect to `parameters`
     """
 
     def __init__(
@@ -46,22 +37,17 @@ class Columns:
         by_starts: bool,
         parameters: tuple[str, ...],
         settings: Settings,
-        groups: list[OfMembers] | None = None,
+        actions: tuple[EventAction, ...] = (),
     ) -> None:
         B, self.D = x.shape
-        if groups is None:
-            groups = field._listed_right_hand_sides
-            if parameters:
-                groups = field._motion_lists(parameters, twice=True)
         self.count = self.D * by_starts + len(parameters)
         values = [field._arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
-        tables = []
-        for members, f, table in groups:
+        self.groups = []
+        for members, f, table in with_events(field, actions, parameters, True):
             own = variational(f, self.count)
             scales = [np.ravel(size)[members] for size in sizes]
-            tables.append(OfMembers(members, own, np.column_stack([table, *scales])))
-        self.field = WithColumns(field.shape, tables)
+            self.groups.append(OfMembers(members, own, np.column_stack([table, *scales])))
         of_starts = _power_of_2(abs(x).max(axis=1))
         self.scales = np.empty((B, self.count))
         self.starts = np.zeros((B, self.D * (1 + self.count)))
@@ -77,27 +63,33 @@ class Columns:
             self.settings = settings._replace(atol=settings.atol * (1 + self.count))
 
     def parted(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return states (n, B, D), and derivatives (n, B, D, C), from states with columns."""
+        """Return states (n, B, D) and derivatives (n, B, D, C) from states with columns."""
         n, B, _ = states.shape
         columns = states[..., self.D :].reshape(n, B, self.count, self.D)
         columns = columns.swapaxes(2, 3) / self.scales[:, np.newaxis]
         return np.ascontiguousarray(states[..., : self.D]), columns
 
-    def of_records(self, records: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return derivatives of the times of events (K, C), and of states before and after.
+    def of_records(self, records: Records) -> Records:
+        """Return records with derivatives, and with states without columns.
 
-        If a solution starts dx away, its event comes tau earlier, dt = -tau, and the state there
-        moves by v - f tau for the column v. States have the shape (K, D, C).
+        If the start changes along a column v, the event comes tau earlier, and the state at the
+        event changes by v - f tau. `of_columns` are tau of C columns, and f before and after.
         """
         D, C, K = self.D, self.count, len(records.time)
         scales = self.scales[records.trajectory]
-        others = records.of_columns if K else np.empty((0, C + 2 * D))
-        tau, *rates = np.split(others, (C, C + D), axis=1)
+        tau, *rates = np.split(records.of_columns.reshape(K, C + 2 * D), (C, C + D), axis=1)
         states = []
         for x, f in zip((records.before, records.states), rates, strict=True):
             columns = x[:, D:].reshape(K, C, D) - tau[..., np.newaxis] * f[:, np.newaxis]
             states.append((columns / scales[..., np.newaxis]).swapaxes(1, 2))
-        return (0.0 - tau) / scales, states[0], states[1]
+        return records._replace(
+            before=records.before[:, :D],
+            states=records.states[:, :D],
+            of_columns=None,
+            time_by=(0.0 - tau) / scales,
+            before_by=states[0],
+            states_by=states[1],
+        )
 
 
 def _power_of_2(values: FloatArray) -> FloatArray:
@@ -115,16 +107,13 @@ def with_derivatives(
     request: SolverRequest,
     actions: tuple[EventAction, ...],
 ) -> tuple[SolverResult, FloatArray]:
-    """Return the motion and its derivatives by `names` (n, ..., D, C), columns by x0 first."""
+    """Return the motion, and its derivatives with respect to `names` (n, ..., D, C), x0 first."""
     parameters = tuple(name for name in names if name != "x0")
-    groups = with_events(field, actions, parameters, True) if actions else None
-    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, groups)
+    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, actions)
     request = request._replace(settings=columns.settings)
-    found = to_tolerance(columns.field, columns.starts, batch, request)
+    result = to_tolerance(columns.groups, field.shape, columns.starts, batch, request)
     if actions:
-        records = found.records.in_order()
-        of_records = columns.of_records(records)
-        found = found._replace(records=records._replace(derivatives=of_records))
-    states, derivatives = columns.parted(found.states)
+        result = result._replace(records=columns.of_records(result.records.in_order()))
+    states, derivatives = columns.parted(result.states)
     shape = len(request.times), *batch, *derivatives.shape[2:]
-    return found._replace(states=states), derivatives.reshape(shape)
+    return result._replace(states=states), derivatives.reshape(shape)

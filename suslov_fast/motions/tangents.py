@@ -1,16 +1,17 @@
 """Growth of tangent vectors along motions: variational equations with repeated decomposition.
 
-Columns of V grow, or turn to the direction that grows fastest. A segment of time ends before they
-lose their digits; then V = Q R, the logarithms of the diagonal of R are added up, and the next
-segment starts with Q. Each trajectory has segment lengths T / 2**m of its own, so that its bits do
-not depend on others.
+Tangent vectors, the columns of V, grow, and turn to the direction that grows fastest. A segment of
+time ends before they lose their digits. Then V = Q R, the logarithms of the diagonal of R are added
+up, and the next segment starts with Q. The segments of each trajectory have lengths T / 2**m, and m
+depends on this trajectory alone, so that its bits do not depend on the batch.
 
-If rates of decay are far apart, as in stiff equations, segments would be a few e-folds of the
-second fastest rate. Then an orthonormal frame replaces the columns (`orthonormal_frame`): its
-segments end before it loses its angles.
+If rates of decay are far apart, as in stiff equations, segments would be very short: a few e-folds
+of the second fastest rate. Then an orthonormal frame replaces the columns (`orthonormal_frame`),
+and a segment ends before the columns of the frame lose their right angles.
 
-An event may take a direction away, such as one that sets a component to a number. Then a column has
-no digits left even after the shortest segment with it. It is dead, with the exponent -inf.
+An event may remove a direction, as an event does that sets a component to a number. Then a column
+has no digits left even after the shortest segment with this event. The column is called dead, and
+its exponent is -inf.
 """
 
 from __future__ import annotations
@@ -40,21 +41,22 @@ from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
 _MOST = 40  # m of the shortest segment
-_UNITS = 2**_MOST  # of a phase, the lengths of this segment
-_ROOM = 8.0  # of the first segment: its length times the size of f'
-# The diagonal of R in a segment: the least part of its largest entry, and of 1, because errors are
-# `rtol` times the largest columns so far; and the largest entry.
+_UNITS = 2**_MOST  # lengths of the shortest segment in the whole time
+_ROOM = 8.0  # the length of the first segment times the size of f'
+# A segment is short enough if all entries of the diagonal of R exceed _LEAST times the largest one,
+# and _LEAST, because errors are `rtol` times the largest columns so far; and none is too large.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # part of all directions in each of the first columns
-_DEAD = 2.0**-40  # part of the largest entry, below which the shortest segment has no digits
-_NO_DIGITS = 2.0**-48  # of a column of length 1, which the rounding of a change leaves alone
-_OF_PROGRESS = 1000  # parts of the time
-# Segments after which a trajectory has a frame, if they are less than a part of the time; most
-# components of one; and by how many times `rtol` its columns may differ from orthonormal ones.
+# After the shortest segment, entries without digits: at most _DEAD times the largest entry, or at
+# most what rounding errors in an event leave of a column of length 1.
+_DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
+_OF_PROGRESS = 1000  # what `progress` counts: parts of the time
+# A trajectory has a frame after _FEW segments, if they cover less than _PART of the time. It has at
+# most _LARGEST_FRAME columns; their products differ from 0 and 1 by at most _OFF times `rtol`.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
-# With events: part of the transient and of a phase, which segments end at first. They should not
-# end where a state comes from a surface, because they begin without memory, and events often act
-# at simple parts of the time.
+# With events, factors of the transient, and of the time for a first part of all segments. Segments
+# should not end just after an event, because they begin without memory of surfaces that were met;
+# and events often act at simple parts of the time.
 _LESS, _FIRST = 1.0 - 2.0**-20 / np.pi, 1.0 / np.e
 
 
@@ -66,23 +68,22 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult`: status and ends.
+    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with how all ended.
 
-    n counts the components that an action sets, or that have no constant rate in some member.
-    `actions` are actions of events, surfaces first.
+    n counts components without a constant rate in some member, or that an action sets. `actions`
+    are the actions of events, in the order of code.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
-    found = empty_result(starts, 0)
-    members = with_events(field, actions, (), True) if actions else field._listed_right_hand_sides
-    groups = right_hand_sides(members, field.shape, batch)
+    result = empty_result(starts, 0)
+    groups = right_hand_sides(with_events(field, actions, (), True), field.shape, batch)
     changed = {i for action in actions for i in components_of(action)}
     drifting = [{*f.steady} - changed for _, f, _ in groups]
     left_out = [*set.intersection(*drifting)] if groups else []
     moving = np.setdiff1d(np.arange(field.dimension), left_out)
     exponents = np.full((len(starts), len(moving)), np.nan)
     if not len(moving):
-        found.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
-        return exponents, found
+        result.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
+        return exponents, result
     transient *= _LESS if actions else 1.0
     total, before, goes_on = transient + time, 0.0, True
     for where, f, table in groups:
@@ -100,19 +101,19 @@ def exponents_of(
         if goes_on and run.again.any():
             goes_on = run.repeat(x, transient, time, lambda done: told(total))
         exponents[where] = run.exponents()
-        found.t[where], found.status[where] = run.t, run.status
+        result.t[where], result.status[where] = run.t, run.status
         before += share * total
         if not goes_on:
             break
-    return exponents, found._replace(is_stopped=not goes_on)
+    return exponents, result._replace(is_stopped=not goes_on)
 
 
 def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
-    Each column gets a small part of all directions, so that it turns to the slowest ones. Without
-    it, a column along a fast eigenvector may stay there, and all segments would be short. Also a
-    direction that is slowest only at the start would hold a column for a long time.
+    Each column also has a small part of all directions, so that it turns to the slowest direction.
+    Otherwise a column along a fast eigenvector may stay there, which makes all segments short. So
+    may a column along a direction that is slowest at the start only.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
@@ -120,6 +121,16 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     columns = np.take_along_axis(columns, order, axis=-1)
     n = slopes.shape[-1]
     return np.linalg.qr(columns + _OF_ALL * np.cos(1.0 + np.arange(n * n)).reshape(n, n))[0]
+
+
+def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q and the moduli of the diagonal of R for columns V = Q R (K, n, n).
+
+    Columns that are not finite become columns of the identity.
+    """
+    V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(V.shape[-1])
+    Q, R = np.linalg.qr(V)
+    return Q, abs(np.diagonal(R, axis1=1, axis2=2))
 
 
 class _Run:
@@ -155,7 +166,7 @@ class _Run:
         self.begin()
 
     def begin(self) -> None:
-        """Set the sums of logarithms to 0, also after the transient."""
+        """Set the sums of logarithms to 0, at the start and after the transient."""
         B = len(self.x)
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
@@ -163,17 +174,16 @@ class _Run:
     def repeat(
         self, x: FloatArray, transient: float, time: float, report: Callable[[float], bool]
     ) -> bool:
-        """Compute trajectories with an alarm again, from their starts in x, with relative digits.
+        """Compute trajectories with an alarm again, from their starts in x.
 
-        Components that lost theirs have them, and all components after another alarm.
+        Components that lost digits get a relative tolerance, and after another alarm all do.
         """
         (which,) = np.nonzero(self.again)
-        table = self.table if self.table.ndim == 1 else self.table[which]
         times = self.event_times and self.event_times.of(which)
         request = SolverRequest(
             np.array([time]), 1, closer(self.settings), self.threads, None, times
         )
-        run = _Run(self.f, table, x[which], self.moving, request)
+        run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
         goes_on = transient == 0.0 or run.over(transient, report)
@@ -230,31 +240,22 @@ class _Run:
         columns = start[:, D:-2].reshape(K, n, D)
         columns[:, :, self.moving] = self.Q[which].transpose(0, 2, 1) * sizes[:, None, None]
         start[:, -2] = sizes
-        states = np.full((1, K, self.tangent.D), np.nan)
-        table = self.table if self.table.ndim == 1 else self.table[which]
-        request = self._request(length, self._event_times_of(which))
-        engine = BatchSolver(
-            self.tangent, table, start, request, states, self.lost[which], self.acts
-        )
-        engine.run(self.threads)
-        self._note_alarms(engine, which)
-        (end,), status = states, STATUS[engine.state]
-        ended = status != Status.OK
+        event_times = self._event_times_of(which)
+        engine = self._solved(which, length, self.tangent, self._table(which), start, event_times)
+        (end,), ended = engine.states, engine.state != LaneState.DONE
         columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
         V = columns.transpose(0, 2, 1) / sizes[:, None, None]
-        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
-        Q, R = np.linalg.qr(V)
-        diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
+        Q, diagonal = _decomposed(V)
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
-        matters = lives.copy()  # the trace of f' tells of the last column, without a change
+        matters = lives.copy()  # the trace of f' replaces the last column, unless an event acts
         matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
-        # With events, columns may have become infinite in place of the state.
+        # With events, it may be the columns that became infinite, and not the state.
         is_end = ended & (is_last | (self.event_times is None))
-        self.status[which[is_end]] = status[is_end]
+        self.status[which[is_end]] = STATUS[engine.state][is_end]
         self.t[which[is_end]] += engine.t[is_end]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
         go = which[is_good]
@@ -278,45 +279,48 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with frames; return masks: it was short enough, the next may be longer.
+        """Take a segment with orthonormal frames in place of columns; return as `_segment` does.
 
-        Trajectories, of numbers `which`, that do not reach its end have no frames from then on.
+        Trajectories that do not reach the end of the segment have no frames from then on.
         """
         D, n, K = self.f.D, self.n, len(which)
         frame = with_frame(self.f, tuple(self.moving.tolist()))
-        table = self.table if self.table.ndim == 1 else self.table[which]
-        table, x, starts = counted_from_start(self.f, table, self.x[which])
-        start, states = np.zeros((K, frame.D)), np.full((1, K, frame.D), np.nan)
+        table, x, starts = counted_from_start(self.f, self._table(which), self.x[which])
+        start = np.zeros((K, frame.D))
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)
-        request = self._request(length)
-        lost = self.lost[which], self.acts
-        engine = BatchSolver(frame, table, start, request, states, *lost)
-        engine.run(self.threads)
-        self._note_alarms(engine, which)
-        (end,), ended = states, STATUS[engine.state] != Status.OK
+        engine = self._solved(which, length, frame, table, start)
+        (end,), ended = engine.states, engine.state != LaneState.DONE
         if starts is not None:
             end[:, [*self.f.offsets]] += starts
         V = end[:, D:-n].reshape(K, n, n) - SHIFT
-        V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(n)
+        Q, diagonal = _decomposed(V)
         off = abs(V.transpose(0, 2, 1) @ V - np.eye(n)).max(axis=(1, 2))
-        Q, R = np.linalg.qr(V)
         self.has_frames[which[ended]] = False
         most = _OFF * self.settings.rtol
         is_good = ~ended & (is_last | (off <= most))
         go = which[is_good]
-        diagonal = abs(np.diagonal(R, axis1=1, axis2=2))
         self.logs[go] += end[is_good, -n:] + np.log(diagonal[is_good])
         self.x[go], self.Q[go], self.lost[go] = end[is_good, :D], Q[is_good], engine.lost[is_good]
         self.duration[go] += length
         self.t[go] += length
         return is_good, is_good & (4.0 * off <= most)
 
-    def _note_alarms(self, engine: BatchSolver, which: NDArray[np.int64]) -> None:
-        """End the trajectories `which` that `engine` would compute again."""
+    def _table(self, which: NDArray[np.int64]) -> FloatArray:
+        return self.table if self.table.ndim == 1 else self.table[which]
+
+    def _solved(
+        self, which: Any, length: float, f: Any, table: Any, start: Any, event_times: Any = None
+    ) -> BatchSolver:
+        """Solve f from `start` over a segment, and note which trajectories had an alarm."""
+        request = SolverRequest(np.array([length]), 1, self.settings, event_times=event_times)
+        states = np.full((1, *start.shape), np.nan)
+        engine = BatchSolver(f, table, start, request, states, self.lost[which], self.acts)
+        engine.run(self.threads)
         ends = engine.state == LaneState.AGAIN
         self.again[which[ends]], self.status[which[ends]] = True, Status.TOO_MANY_STEPS
         self.lost[which[ends]] = engine.lost[ends]
+        return engine
 
     def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:
         """Return the times of events left for trajectories `which`, counted from their present."""
@@ -331,9 +335,6 @@ class _Run:
         return EventTimes(
             np.take_along_axis(times, order, 1), np.take_along_axis(numbers, order, 1)
         )
-
-    def _request(self, length: float, event_times: EventTimes | None = None) -> SolverRequest:
-        return SolverRequest(np.array([length]), 1, self.settings, event_times=event_times)
 
     def _changes_of(
         self, engine: BatchSolver, K: int

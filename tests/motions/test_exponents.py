@@ -212,6 +212,13 @@ def test_motion_of_a_batch_ends_at_the_time_of_each():
         assert np.isnan(found).sum() == 1
 
 
+def test_motion_that_slides():
+    block = sf.Field(lambda s: (s[1], -s[0] - 0.4 * np.sign(s[1] - 0.3)), "x v")
+    with pytest.warns(sf.IntegrationWarning, match="slide.* exponents"):
+        found = sf.lyapunov_exponents(block, [0.0, 0.3], time=5.0)
+    assert np.isnan(found).all()
+
+
 def test_motion_of_families_that_progress_stops():
     linear = np.array([[[-1.0, 0.0], [1.0, -2.0]], [[-1.0, 0.5], [1.0, -2.0]]])
     family = sf.Field.from_terms(np.zeros((2, 2, 2, 2)), linear=linear)

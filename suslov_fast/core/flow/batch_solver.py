@@ -27,6 +27,8 @@ BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
+# Rows of trajectories that results have as columns, with the types of these.
+COLUMNS = {"steps": np.int64}
 
 integrator_of = functools.lru_cache(64)(Integrator)
 
@@ -35,7 +37,7 @@ class Settings(NamedTuple):
     """Settings of all trajectories: keywords of `flow`, under their names."""
 
     rtol: float
-    atol: float | tuple | None = None  # one number for all components, or one for each
+    atol: Any = None  # if it is given, one number for all components, or a tuple of one for each
     max_step: float | None = None
     stiff: bool | None = None  # True if all steps are implicit, None to choose
 
@@ -193,8 +195,8 @@ class BatchSolver:
 
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
     states   (count, B, D), the output; after the end of a solution it stays unchanged
-    t, steps, state   of each trajectory: modulus of the time at which it ended, the number of its
-             steps, and its `LaneState`
+    t, state of each trajectory: modulus of the time at which it ended, and its `LaneState`
+    columns  the rows `COLUMNS` of each trajectory at its end, by name
     lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: as given
              at the start, and at the end if they were given, or if there was an alarm
     doubtful (B,), True for an alarm that does not act
@@ -211,7 +213,8 @@ class BatchSolver:
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings)
-        self.t, self.steps = np.zeros(B), np.zeros(B, np.int64)
+        self.t = np.zeros(B)
+        self.columns = {name: np.zeros(B, kind) for name, kind in COLUMNS.items()}
         self.state = np.zeros(B, np.int8)
         self.records, self.doubtful = [], np.zeros(B, bool)
         self.is_stopped, self.event_times = False, None
@@ -298,7 +301,9 @@ class BatchSolver:
                     flat[which] = own
             mode = 1 - mode  # for trajectories that turned to the other integrator
         state, t = flat[:, rows.state], flat[:, rows.t]
-        self.t[block], self.steps[block], self.state[block] = t, flat[:, rows.steps], state
+        self.t[block], self.state[block] = t, state
+        for name, column in self.columns.items():
+            column[block] = flat[:, getattr(rows, name)]
         self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
         if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
             self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]

@@ -11,6 +11,7 @@ from array import array
 import numpy as np
 
 from .batch_solver import (
+    COLUMNS,
     NO_EVENT_TIMES,
     NO_TIMES,
     WIDTH,
@@ -47,7 +48,8 @@ class _PreparedRunner(StepRunner):
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
         self.x, self.watches = rows[:, : f.D], rows[:, places.watches]
-        self.state, self.steps = rows[:, places.state], rows[:, places.steps]
+        self.state = rows[:, places.state]
+        self.columns = {name: rows[:, getattr(places, name)] for name in COLUMNS}
         first = both.copy()  # what calls begin with
         self.first_table, self.source = first[count:].reshape(shape), None
         self.now, self.first = both.data, first.data  # Python copies them sooner than NumPy
@@ -106,10 +108,10 @@ def solve_small_batch(f, table, x0, request):
 
     A single trajectory goes to the end, with both.
 
-    `table`, (n,) or (B, n), is the table of f. Return (states, steps, records, begun):
+    `table`, (n,) or (B, n), is the table of f. Return (states, columns, records, begun):
 
     states    (count, B, D) at the times, NaN where they are not reached
-    steps     (B,) numbers of steps, and `records` (arrays of the actions of events), if all
+    columns   of `COLUMNS` by name, and `records` (arrays of the actions of events), if all
               trajectories have reached the last time without an alarm; else None
     begun     None in that case, else (rows, table, records), from which `BatchSolver.run` continues
     """
@@ -141,7 +143,8 @@ def solve_small_batch(f, table, x0, request):
         own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
-        found = states, runner.steps.astype(np.int64), records, None
+        columns = {name: a.astype(COLUMNS[name]) for name, a in runner.columns.items()}
+        found = states, columns, records, None
         if starts is not None:
             add_starts(f, starts, states, records)
     if count > _KEPT:

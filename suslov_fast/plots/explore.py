@@ -18,13 +18,13 @@ from ..motions.flow import flow
 from ..orbits.iterate import iterate
 from ..status import Status
 
-_MOST = 20  # initial values with a slider
+_MOST = 20  # the most initial values with a slider
 _WIDTH = 290  # of sliders, in pixels
 _DARK, _BLUE, _RED = "#404040", "#2c6da4", "#c0392b"
 
 
 class Quantity(NamedTuple):
-    """The target of a slider: a component of a parameter, an option, or an initial value."""
+    """What a slider changes: a component of a parameter, an option, or an initial value."""
 
     name: str
     value: float
@@ -33,13 +33,13 @@ class Quantity(NamedTuple):
 
 
 def _around(name: str, value: float, least: float = 0.0) -> Quantity:
-    """Return a quantity from this part of its value to twice it; one that is 0, from -1 to 1."""
+    """Return a quantity between `least` and 2 times its value, or between -1 and 1 if it is 0."""
     low, high = sorted((least * value, 2.0 * value)) if value else (-1.0, 1.0)
     return Quantity(name, value, low, high)
 
 
 class Page:
-    """The page of a system: a call adds its sliders and figures to a document of Bokeh.
+    """The page of a system: a function that adds its sliders and figures to a Bokeh document.
 
     `options` are `eps` and `steps` of the map, or `time` of the motion.
     """
@@ -58,7 +58,7 @@ class Page:
             self.quantities.append(Quantity(f"{name}(0)", value, -reach, reach))
 
     def _of_parameter(self, name: str, values: FloatArray) -> list[Quantity]:
-        """Return the components of a parameter: of a family, from the least to the largest."""
+        """Return the components of a parameter; they have the range of their values in a family."""
         axes = self.system._axes.get(name, 0)
         members = values.reshape(-1, *values.shape[values.ndim - axes :])
         least, found = 0.05 * (name in self.system._positive), []
@@ -177,20 +177,21 @@ def explore(
     time: float | None = None,
     port: int = 0,
 ) -> None:
-    """Show a trajectory with sliders for parameters, step size and initial state in the browser.
+    """Show a trajectory in the browser, with sliders for parameters, step size and initial state.
 
-    The page has the plane of two components, which are chosen there, and both over time. A map and
-    a body have the orbit, and a field the solution of its equations, unless `time`, `eps`
-    or `steps` says otherwise. In a notebook the page is the output of the cell; elsewhere the call
-    opens the browser, and lasts until Ctrl-C.
+    The page shows two components, which you choose there: in their plane, and over time. For a map
+    or a body the trajectory is an orbit of the map, and for a field it is the solution of the
+    equations. A body with `time` shows its motion, and a field with `eps` or `steps` an orbit of
+    Kahan's map. In a notebook the page is the output of the cell; elsewhere the call opens the
+    browser and lasts until Ctrl-C.
 
     Parameters
     ----------
     system : Map, Field, Suslov3D, SuslovND
-        The system. A parameter of a family has a slider from its least to its largest value, other
-        ones from 0 to twice their value.
+        The system. The slider of a parameter goes from 0 to twice its value, or in a family from
+        the least to the largest value.
     x0 : array_like(float, shape=(D,)), optional
-        Initial state, by default (1, 1/2, 1/3, ...). The first 20 components have sliders.
+        The initial state, by default (1, 1/2, 1/3, ...). The first 20 components have sliders.
     eps : float, optional
         Step size of Kahan's map, by default 0.2 for a body.
     steps : int, optional
@@ -198,12 +199,13 @@ def explore(
     time : float, optional
         Last time of the motion, by default 20 for a field.
     port : int
-        Port of this machine that serves the page, by default a free one.
+        The port of this machine that serves the page, by default a free one.
 
     Raises
     ------
     ValueError, TypeError
-        As :func:`iterate` or :func:`flow` of the first trajectory, before anything is served.
+        The errors of :func:`iterate` or :func:`flow` for the first trajectory, before the page
+        opens.
     ImportError
         If Bokeh is not installed, the extra ``explore``.
 
@@ -240,7 +242,7 @@ def explore(
 
 
 def serve(page: Page, port: int) -> None:
-    """Serve a page to this machine: below the cell of a notebook, or until Ctrl-C."""
+    """Serve a page to this machine: in a notebook below its cell, elsewhere until Ctrl-C."""
     from bokeh.server.server import Server
 
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None

@@ -11,8 +11,8 @@ from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..orbits.iterate import iterate
 
-# Orbits are drawn while abs(l), which is 0 at steady states, exceeds this part of its value in the
-# middle of the orbit.
+# Orbits are drawn where abs(l) exceeds this part of its value in the middle of the orbit; at steady
+# states l is 0.
 _AT_THE_LINE = 0.07
 
 
@@ -53,9 +53,9 @@ class Plane:
     def orbits(self, R: float, most: int = 500) -> list[FloatArray]:
         """Return states (N, 2) of orbits on the level R.
 
-        On a closed level without steady states it is one orbit, for one turn. Otherwise there is an
-        orbit on each side of the line of steady states, from near the line to near the line, or
-        `most` steps from its middle at each end.
+        A level without steady states has one orbit, for one turn. Otherwise there is one orbit on
+        each side of the line of steady states. It goes from near the line to near the line, with
+        at most `most` steps before and after its middle.
         """
         body, eps, k, A = self.body, self.eps, self.k, R * abs(self.g)
         middle = self.on_level(R, np.array([0.0, np.pi]))
@@ -71,7 +71,10 @@ class Plane:
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
     def steady_line(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return the steady state of least energy, and the direction of the repelling half-line."""
+        """Return the steady state of least energy, and the direction of the repelling half-line.
+
+        Return None if the line of steady states does not exist.
+        """
         if not self.g:
             return None
         least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
@@ -98,23 +101,22 @@ def plot_phase(
     body : Suslov3D
         A single body, with I13 or I23 other than 0, or a rotor.
     eps : float, optional
-        Positive step size. The criticality must be below 1 in the whole figure; by default it is
-        about 0.2 in the corners.
+        Positive step size, with which the criticality is below 1 in the whole figure. By default
+        the criticality is about 0.2 in the corners.
     extent : float
         Half-width of the square of angular velocities shown.
     levels : int
         Number of levels, at least 1.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw on, such as a panel of a figure with one legend for all:
-        ``figure.legend(*ax.get_legend_handles_labels())``; by default axes of a new figure, with
-        a legend below them.
+        Axes to draw on; by default axes of a new figure, with a legend below them. For panels of a
+        figure, ``figure.legend(*ax.get_legend_handles_labels())`` is one legend for all.
 
     Returns
     -------
     matplotlib.axes.Axes
-        Each level has a colour, for a thin curve and for the dots of orbits of the map on it; an
-        arrow shows the direction of motion. The attracting steady states are a solid line, the
-        repelling ones a dashed line.
+        Each level is a thin curve, with orbits of the map as dots of the same colour; an arrow
+        shows the direction of motion. Attracting steady states are a solid line, and repelling
+        steady states a dashed line.
 
     Raises
     ------
@@ -181,7 +183,7 @@ def _steady_states(axes: Any, k: float, least: Any, direction: Any, reach: float
 
 
 def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:
-    """Draw the direction of motion at the middle state of the orbit, or the nearest one in view."""
+    """Draw the direction of motion at the middle of the orbit, or at the nearest state in view."""
     inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
     if inside.size:
         state = orbit[inside[np.argmin(abs(inside - len(orbit) // 2))]]

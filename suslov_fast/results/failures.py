@@ -16,12 +16,12 @@ ON_SINGULAR = "warn", "raise", "ignore"
 
 
 class SingularStepError(SuslovError, ArithmeticError):
-    """Some trajectories of a batch failed before their last step, and ``on_singular="raise"``.
+    """An error of :func:`iterate` with ``on_singular="raise"``: some trajectories failed.
 
     Attributes
     ----------
     trajectories : Trajectories
-        The whole batch of :func:`iterate`, with the trajectories that did not fail.
+        The whole batch, also the trajectories that did not fail.
 
     Examples
     --------
@@ -49,8 +49,7 @@ class SingularStepError(SuslovError, ArithmeticError):
 def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: int = 0) -> None:
     """Warn that trajectories of a run failed at step `since` or later, or raise an error.
 
-    The run has the statuses, and `batch_run` made it.
-    Passed poles are never more than a warning.
+    `batch_run` has computed the run. Passed poles are a warning, even if failures are errors.
     """
     status, failed_at = run.status, run.failed_at
     if not (status.item() if status.size == 1 else status.any()):

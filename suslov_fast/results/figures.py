@@ -24,16 +24,16 @@ except ImportError:
 __all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
-_MANY = 100_000  # states: above, they are not joined by default, and pixels in PDF files
-_ALONE = 64  # orbits with a line of their own
-_IN_LEGEND = 8  # orbits, or components, with an entry of their own
+_MANY = 100_000  # the most states that are joined by default, and that are vectors in PDF files
+_ALONE = 64  # the most orbits that have a line each
+_IN_LEGEND = 8  # the most orbits in a legend
 _STYLES = "-", "--", ":", "-."  # of lines, for values of a second parameter
-_SIZES = {200: 6, 2000: 4}  # of dots, by the number of states up to which they are so large
+_SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them
 _TIME = -1  # in place of the index of a component
 
 
 def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
-    """Return the user's axes, or axes of a new figure, for so many components."""
+    """Return the user's axes after a check, or axes of a new figure, for `count` components."""
     if ax is not None:
         if not hasattr(ax, "zaxis" if count == 3 else "plot"):
             how = "figure.add_subplot(projection='3d')" if count == 3 else "figure.add_subplot()"
@@ -113,17 +113,15 @@ def _components(run: Any, components: Sequence[Any]) -> list[int]:
         components = ("time", 0)
     shown = ", ".join(names if len(names) < 20 else [*names[:3], "...", *names[-2:]])
     expected = f"two or three integers from 0 to {len(names) - 2}, or names among {shown}"
-    if len(components) not in (2, 3):
+    unknown = [k for k in components if isinstance(k, str) and k not in names]
+    if len(components) not in (2, 3) or unknown:
         raise wrong("components", expected, short(components))
-    found = []
-    for k in components:
-        if isinstance(k, str) and k not in names:
-            raise wrong("components", expected, short(components))
-        is_name = isinstance(k, str)
-        found.append(
-            names.index(k) if is_name else integer("components", k, 0, expected, len(names) - 2)
-        )
-    return [_TIME if k == len(names) - 1 else k for k in found]
+    last = len(names) - 2
+    places = (
+        names.index(k) if isinstance(k, str) else integer("components", k, 0, expected, last)
+        for k in components
+    )
+    return [_TIME if k > last else k for k in places]
 
 
 def _drawn(run: Any, chosen: list[int]) -> FloatArray:
@@ -156,7 +154,7 @@ def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:
 
 
 def _second(run: Any, shown: str) -> tuple[str, Any]:
-    """Return a parameter that varies beside the one that is shown, and its values; or "", ()."""
+    """Return a second parameter that varies, and its values; or "" and (). Colours show `shown`."""
     for name in varying_numbers(run):
         values, text, _ = _colours(run, name)
         if shown not in ("", text) and np.ptp(values):
@@ -165,12 +163,12 @@ def _second(run: Any, shown: str) -> tuple[str, Any]:
 
 
 def _are_near(states: FloatArray, chosen: list[int]) -> bool:
-    """Return whether the median step is below 1/20 of the extent of all states (N, B, c)."""
+    """Return True if the median step is below 1/20 of the extent of all states (N, B, c)."""
     lengths = np.linalg.norm(np.diff(states, axis=0), axis=-1)
     extent = np.nanmax(states, axis=(0, 1)) - np.nanmin(states, axis=(0, 1)) if states.size else 0
     return _TIME in chosen or bool(lengths.size and 20.0 * np.nanmedian(lengths) < np.max(extent))
 
 
 def _symbol(label: str) -> str:
-    r"""Return `$\Omega_{1}$` for "Omega1"; labels that are no letter with an index stay text."""
+    r"""Return `$\Omega_{1}$` for "Omega1"; other labels than a letter with an index stay text."""
     return f"${formula}$" if (formula := latex(str(label))) else str(label).replace("$", r"\$")

@@ -41,20 +41,16 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
         about["events"] = [event.to_dict() for event in events.given]
     class_named(described["body"])  # raises an error for a class of the user
     names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
-    arrays = {name: value_of(result, name) for name in names}
-    arrays = {
-        name: array
-        for name, array in arrays.items()
-        if name == "eps" or isinstance(array, np.ndarray)
-    }
-    about["entries"] = [*arrays]  # some are optional, so that a lost one would not be missed
+    values = {name: value_of(result, name) for name in names}
+    arrays = {k: a for k, a in values.items() if k == "eps" or isinstance(a, np.ndarray)}
+    about["entries"] = [*arrays]  # because some columns are optional, and one may get lost
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         with open(part, "xb") as file:
             np.savez(file, **arrays)
         os.replace(part, target)
-    except OSError as error:  # name the file of the caller, not the one beside it
+    except OSError as error:  # the error names the file of the caller, not the temporary file
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
         part.unlink(missing_ok=True)
@@ -75,7 +71,7 @@ def load(path: PathLike) -> Any:
                 return own._restored(_read(entries, kind, about), about)
         except MemoryError:
             raise
-        except Exception as error:  # from NumPy, json or zipfile, which seeks where bytes say
+        except Exception as error:  # from NumPy, json or zipfile, which raise many kinds
             raise ValueError(f"{name} is no complete file of this run.save: {error}") from error
 
 

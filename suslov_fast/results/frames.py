@@ -11,7 +11,7 @@ from .schema import ARGUMENTS, dims_of, in_datasets, value_of
 
 
 def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
-    """Return a run or a motion as a dataset; `batch` are the names of the axes of the batch."""
+    """Return a run or a motion as a dataset; `batch` are names for the axes of the batch."""
     from .. import __version__
 
     xarray, body, count = extra("xarray", "xarray"), run.body, run.status.ndim
@@ -58,7 +58,7 @@ def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
 
 
 def _arguments_of(result: Any) -> dict[str, Any]:
-    """Return the attributes of a dataset for the arguments of a run."""
+    """Return the arguments of a run as attributes of a dataset."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
     return {
         # NetCDF has no truth values, and JSON no tuples.

@@ -35,7 +35,7 @@ class Result:
     _by_number: ClassVar[str] = "run.states[k], or run.member(k) for one trajectory"
 
     def __post_init__(self) -> None:
-        """Make arrays read-only: views of them, because a caller may go on writing to their own."""
+        """Replace arrays by read-only views, because a caller may go on to write to the arrays."""
         arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
         vars(self).update({k: read_only(array.view()) for k, array in arrays.items()})
 
@@ -44,26 +44,22 @@ class Result:
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     def __setstate__(self, attributes: dict[str, Any]) -> None:
-        """Set the attributes of an unpickled result; nothing else uses its arrays."""
+        """Set the attributes of an unpickled result."""
         vars(self).update(vars(self._of(attributes)))
 
     @classmethod
-    def _of(cls, attributes: dict[str, Any], own: Any = None) -> Self:
-        """Return a result with these attributes; nothing else uses its arrays.
-
-        `own` are its arrays that are not read-only yet, by default all.
-        """
-        for value in attributes.values() if own is None else own:
+    def _of(cls, attributes: dict[str, Any]) -> Self:
+        """Return a result with these attributes, and make its arrays read-only."""
+        for value in attributes.values():
             if type(value) is np.ndarray:
-                # `write`, by position twice as fast
-                value.setflags(False)  # type: ignore[call-arg]
+                value.flags.writeable = False
         result = object.__new__(cls)  # faster than a call of the class
         object.__setattr__(result, "__dict__", attributes)
         return result
 
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Self:
-        """Return the result in a file, from its arrays and its description of them."""
+        """Return the result in a file, from its attributes and the description in the file."""
         return cls._of(attributes)
 
     def __eq__(self: Any, other: object) -> bool:
@@ -120,11 +116,11 @@ class Result:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """True where a trajectory did not fail, shape (...); a passed pole is not a failure."""
+        """True where a trajectory did not fail, shape (...). Passing a pole is not a failure."""
         return read_only(np.asarray(self.status >= 0))
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
-        """Return the attributes of a result of one trajectory of the batch."""
+        """Return the attributes of the result of one trajectory, from its index in the batch."""
         attributes = self.__getstate__()
         for column in OF_KIND[type(self).__name__]:
             before, is_of_batch, _ = column.axes.partition("batch")
@@ -133,21 +129,21 @@ class Result:
             if is_of_batch and isinstance(array, np.ndarray):
                 attributes[column.name] = np.array(array[(*first, *index)])
         body, eps = self.body, attributes.get("eps")
-        attributes["body"] = body[_place_in(body.shape, index)] if body.shape else body
+        attributes["body"] = body[place_in(body.shape, index)] if body.shape else body
         if isinstance(eps, np.ndarray):
-            attributes["eps"] = float(eps[_place_in(eps.shape, index)])
+            attributes["eps"] = float(eps[place_in(eps.shape, index)])
         return attributes
 
     @public
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return a table with a row for each state or point, by trajectories; needs pandas.
+        """Return a pandas table with a row for each state or event, trajectory by trajectory.
 
         Returns
         -------
         pandas.DataFrame
-            Columns: the number of the trajectory in the order of ``status.ravel()`` if there are
-            several; "n" along a map; "time", and what else tells points apart; parameters that
-            vary; the components of the state.
+            Columns are "trajectory", the number in ``status.ravel()``, if there are several; "n"
+            for a map; "which" for events; "time"; parameters that vary; and the components of the
+            state.
 
         Examples
         --------
@@ -169,7 +165,7 @@ class Result:
         path : str or path-like
             A name that ends in .npz. The file appears under it only when it is complete.
         overwrite : bool
-            Whether to replace an existing file.
+            True replaces an existing file.
 
         Raises
         ------
@@ -222,25 +218,25 @@ class States(Result):
     ) -> Any:
         """Draw the states over two components, over time, or in space (extra `plots`).
 
-        A single orbit at one or two times, which are no more than dots, is drawn with a warning. A
-        space-time picture of a chain of many variables is ``ax.imshow(run.states, aspect="auto")``.
+        For a chain of many variables ``ax.imshow(run.states, aspect="auto")`` draws a picture over
+        space and time. A single motion with one or two times gives no more than dots, and a
+        warning.
 
         Parameters
         ----------
         *names : int, str or list of these
-            The components to draw, by default the first two: two or three indices or labels, or
-            "time", as in ``run.plot("time", "x1")``; three are drawn in space. ``run.plot("x1")``
-            draws one over time, ``run.plot("time", ["x1", "x3"])`` several, ``run.plot("time")``
-            all.
+            The components to draw: two or three indices or labels, or "time"; by default the first
+            two components. Three are drawn in space. ``run.plot("x1")`` draws one component over
+            time, ``run.plot("time", ["x1", "x3"])`` several, and ``run.plot("time")`` all.
         lines : bool, optional
-            Whether to join consecutive states; by default if they are at most 100,000, and lie
-            close together.
+            True joins consecutive states by lines, False draws dots. By default states are joined
+            if they are at most 100,000 and lie close together.
         color : str or array_like(float, shape=(...)), optional
-            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
-            default the parameter of a family, or else the colours of Matplotlib one after another,
-            with a legend of up to 8 orbits; several components over time have a colour each. A
-            second parameter that varies is told by the style of lines, or beside the colour bar.
-            ``color=run.energy()[0]`` shows levels.
+            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib.
+            ``color=run.energy()[0]`` shows levels. By default colours show the parameter of a
+            family; other orbits have different colours, and up to 8 are in a legend. Several
+            components over time have a colour each. A second parameter that varies has line styles,
+            or is named beside the colour bar.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default axes of a new figure.
         label : str, optional
@@ -284,8 +280,8 @@ class States(Result):
 
         Raises
         ------
-        TypeError, IndexError
-            If k has not one integer for each axis, or one is out of range.
+        TypeError, ValueError
+            If k does not have one integer for each axis, or an integer is out of range.
 
         Examples
         --------
@@ -301,10 +297,11 @@ class States(Result):
         if len(index) != len(batch):
             expected = f"an integer for each axis of the batch {batch}"
             raise wrong("k", expected, short(k), TypeError)
-        numbers = [integer("k", each, -n, f"from {-n} to {n - 1}", n - 1)
-                   for each, n in zip(index, batch, strict=True)]  # fmt: skip
-        places = tuple(number % n for number, n in zip(numbers, batch, strict=True))
-        return self._of(self._members(places))
+        places = (
+            integer("k", number, -n, f"from {-n} to {n - 1}", n - 1) % n
+            for number, n in zip(index, batch, strict=True)
+        )
+        return self._of(self._members(tuple(places)))
 
     @public
     def to_xarray(self) -> xarray.Dataset:
@@ -313,10 +310,10 @@ class States(Result):
         Returns
         -------
         xarray.Dataset
-            Dimensions: "n" for a run of a map, "time" for a motion, those of the batch, and
-            "component"; ``to_dataframe()`` has a row for each component of each state. An axis of
-            the batch along which one parameter or "eps" alone varies has its name and its values:
-            ``data.sel(eps=0.2)``. Others are "trajectory", or "batch_0", "batch_1", ...
+            Its dimensions are "n" for a run of a map or "time" for a motion, the axes of the batch,
+            and "component". If a single parameter or "eps" varies along an axis of the batch, the
+            axis has its name and its values, as in ``data.sel(eps=0.2)``. Other axes are
+            "trajectory", or "batch_0", "batch_1", ...
 
         Examples
         --------
@@ -334,7 +331,7 @@ class States(Result):
 
 @public
 def load(path: str | os.PathLike[str]) -> Any:
-    """Return the result in a file of `save`, of whichever class it is.
+    """Return the result that `save` has written to a file.
 
     Parameters
     ----------
@@ -344,14 +341,14 @@ def load(path: str | os.PathLike[str]) -> Any:
     Returns
     -------
     Trajectories, Events or Motion
-        An instance of the class that was saved, equal to the saved one.
+        A result of the same class, equal to the saved one.
 
     Raises
     ------
     FileNotFoundError
         If there is no file of this name.
     ValueError
-        If the file is damaged, or holds something else.
+        If the file is damaged, or contains something else.
 
     Examples
     --------
@@ -368,15 +365,15 @@ def load(path: str | os.PathLike[str]) -> Any:
     return load(path)
 
 
-def _place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the index, into an array that broadcasts with the batch, of a trajectory."""
+def place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the index of a trajectory in an array of a shape that broadcasts with the batch."""
     own = index[len(index) - len(shape) :]
     return tuple(0 if n == 1 else k for k, n in zip(own, shape, strict=True))
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:
-    """Return an array after it was made read-only."""
-    array.setflags(write=False)
+    """Make an array read-only, and return it."""
+    array.flags.writeable = False
     return array
 
 
@@ -391,7 +388,7 @@ def in_short(result: Any) -> str:
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Return whether two attributes are equal, where NaN equals NaN."""
+    """Return True if two attributes are equal; NaN equals NaN."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=True)
     return type(a) is type(b) and bool(a == b)

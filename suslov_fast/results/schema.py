@@ -1,8 +1,6 @@
-"""Columns of results: one table of each kind, from which datasets and files are made.
+"""Columns of results: a table for each class, from which datasets and files are made.
 
-A column of runs is a line of `RUN`, a field of `Trajectories`, which `iterate` sets, and an
-attribute of `BatchRun`, all of the same name. `FORMAT` changes whenever files of the last release
-lack a column.
+`FORMAT` increases when files get another column than in the last release.
 """
 
 from __future__ import annotations
@@ -11,21 +9,17 @@ from typing import Any, NamedTuple
 
 from ..core.flow.batch_solver import Settings
 
-# Version of files.
-FORMAT = 17
-# Files have names that begin with it, datasets do not.
-_PRIVATE = "_"
+FORMAT = 17  # version of files
 
 
 class Column(NamedTuple):
     """An array of a result."""
 
-    # Of the attribute; in datasets and stores, states have the name of their map, and "a.b" is b.
-    name: str
+    name: str  # of the attribute; "a.b" is the attribute b of the attribute a
     type: str
-    axes: str  # names, of which "batch" stands for all axes of the batch
+    axes: str  # names of axes, where "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
-    when: str = ""  # the condition under which results have it
+    when: str = ""  # an attribute or option; results without it have no such column
 
     @property
     def short(self) -> str:
@@ -34,8 +28,8 @@ class Column(NamedTuple):
 
     @property
     def is_public(self) -> bool:
-        """True if datasets and stores have the column."""
-        return not self.name.startswith(_PRIVATE)
+        """True if datasets and stores have the column; files have all columns."""
+        return not self.name.startswith("_")
 
 
 RUN = (
@@ -76,7 +70,7 @@ MOTION = (
     Column("events.count", "int64", "batch kind", "number of events", "events"),
 )
 OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
-# The arguments of the functions that made a result: texts, numbers or None.
+# Arguments of the call that a result keeps: texts, numbers or None.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
     "Events": ("_by",),
@@ -85,18 +79,18 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 
 
 def in_datasets(kind: str, *conditions: str) -> list[Column]:
-    """Return the columns that datasets have of results under these conditions."""
+    """Return the columns in datasets of results of a class, where `conditions` hold."""
     columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
     return [c for c in columns if c.is_public and not c.axes.startswith("event")]
 
 
 def value_of(result: Any, name: str) -> Any:
-    """Return the value of a column, an attribute or one of an attribute; None if there is none."""
+    """Return the array of the column with this name; None if the result has none."""
     for part in name.split("."):
         result = getattr(result, part, None)
     return result
 
 
 def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the dimensions of a column in a dataset with these dimensions of the batch."""
+    """Return the dimensions of a column in a dataset; `batch` are the dimensions of the batch."""
     return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())

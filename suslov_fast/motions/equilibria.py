@@ -2,11 +2,12 @@
 
 SciPy's methods follow if Newton's method is not enough.
 
-Linear integrals c . x of f keep their values: each replaces an equation that follows from the
-others. Steps of least norm solve the linear equations. Rows are scaled to 1, so that neither the
-units of rates nor a curve of equilibria matter; unless the matrix then is singular, unknowns are in
-units of the given states. Steps are accepted while each is much shorter than the step before, as
-near a regular equilibrium; at a multiple root each step is half as long.
+Linear integrals c . x of f keep their values: the equation of each integral replaces an equation of
+f that follows from the others. A Newton step is the solution of least norm of the linear equations.
+Rows of their matrix are scaled to 1, so that units of rates do not matter. Unknowns are in units of
+the given states, unless the matrix is singular in these units. Newton's method goes on while each
+step is much shorter than the step before, as near a regular equilibrium; at a multiple root each
+step is half as long.
 """
 
 from __future__ import annotations
@@ -25,18 +26,21 @@ from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.names import labels
 from ..keywords import lacking, public
+from ..results.result import place_in
 from ..status import Status
 
-_MOST, _MOST_DAMPED = 30, 60  # steps of Newton's method, and of its parts
-_SHORTER, _FARTHEST = 0.25, 2.0  # a step beside the one before, and beside the state, at most
-_ROUNDING, _SMALL = 1e-14, 1e-8  # last steps beside the state: the end, and with nothing to gain
-_LEAST = 1e-6  # sizes of components beside the largest one, at least
-_RANK = 1e-12  # singular values of a scaled matrix beside the largest one, below which they are 0
-_WHOLE = 1e-8  # and above which it is not singular, in units of the given states
-_PROBE = 1e-6  # how far from an equilibrium, beside the state, Newton's method must lead back
-_COUNTED = 10_000  # starts, up to which the text of the result counts states
-_NEUTRAL = 2.0**-48  # rounding of eigenvalues, divided by the largest entry of f'
-_ZERO = 1e-15  # f at a multiple root, beside the terms of f' dx at the given state
+_MOST, _MOST_DAMPED = 30, 60  # Newton steps, and fractions of Newton steps, at most
+_SHORTER = 0.25  # a step divided by the step before, at most
+_FARTHEST = 2.0  # a step divided by the state, at most
+# The last step divided by the state: it is rounding, or the next step would be.
+_ROUNDING, _SMALL = 1e-14, 1e-8
+_LEAST = 1e-6  # the smallest size of a component, divided by the largest size
+_RANK = 1e-12  # singular values of a scaled matrix that count as 0, divided by the largest one
+_WHOLE = 1e-8  # the smallest of them in a regular matrix, in units of the given states
+_PROBE = 1e-6  # the relative distance from which Newton's method leads back to an equilibrium
+_COUNTED = 10_000  # the most starts for which the text of the result counts different states
+_NEUTRAL = 2.0**-48  # rounding errors of eigenvalues, divided by the largest entry of f'
+_ZERO = 1e-15  # f at a multiple root, divided by the terms of f' dx at the given state
 
 
 class Equilibria(NamedTuple):
@@ -45,21 +49,22 @@ class Equilibria(NamedTuple):
     Attributes
     ----------
     states : ndarray(float, shape=(..., D))
-        The equilibria, NaN where none is found.
+        The equilibria; NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
-        Eigenvalues of f', by decreasing real part, one per unit of time; k is D without the
-        variables of a constant rate. Of a `Map` they are its multipliers, by decreasing modulus. In
-        conjugate pairs Im > 0 comes first.
+        Eigenvalues of f', by decreasing real part; k is D without the variables that have a
+        constant rate. For a `Map` they are its multipliers, by decreasing modulus. In conjugate
+        pairs Im > 0 comes first.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
     stable : ndarray(bool, shape=(...))
         True where the status is `OK` and the equilibrium attracts: all eigenvalues have negative
-        real parts, except the zeros that belong to linear integrals. For a `Map` the moduli of the
-        multipliers are below 1.
+        real parts, except the zeros that belong to linear integrals. For a `Map` all multipliers
+        have moduli below 1.
     kind : ndarray(str, shape=(...))
-        "attracting", "repelling", "saddle", or "neutral" if the eigenvalues decide nothing or the
-        status is `DEGENERATE`; of two eigenvalues also "attracting node" or "focus", "repelling
-        node" or "focus", and "centre"; "" where none is found.
+        "attracting", "repelling" or "saddle"; "neutral" if the eigenvalues decide nothing, or the
+        status is `DEGENERATE`; "" where no equilibrium is found. With two eigenvalues it is
+        "attracting node", "attracting focus", "repelling node", "repelling focus", "saddle" or
+        "centre".
     """
 
     states: FloatArray
@@ -74,8 +79,8 @@ class Equilibria(NamedTuple):
     def distinct(self, rtol: float = 1e-6) -> tuple[Equilibria, NDArray[np.int64]]:
         """Return each equilibrium once, and how many starts led to it.
 
-        Two states are one if all components differ by less than `rtol` times the largest modulus
-        of the component, or 1e-14 of the largest modulus of all, which is rounding.
+        Two states count as one if each component differs by at most `rtol` times its largest
+        modulus, or by at most 1e-14 times the largest modulus of all components.
 
         Examples
         --------
@@ -119,11 +124,14 @@ class Equilibria(NamedTuple):
 def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     """Find equilibria near given states, or fixed points f(x) = x of a :class:`Map`.
 
-    Newton's method solves f(x) = 0 from all states at once, with the exact f'. Linear integrals of
-    f, such as the totals that a reaction conserves, keep the values that they have in `near`.
-    Members of a family may go to different equilibria: to follow one, pass the last one found as
-    `near` of the next. A body without a rotor has a line of equilibria; the result is the nearest
-    one. The fixed points of Kahan's map are the same for every step size, because
+    Newton's method solves f(x) = 0 from all states at once, with the exact f'. If it does not
+    converge at once, it continues with shorter steps, and then ``scipy.optimize.root`` with its
+    methods "hybr" and "lm" tries; these equilibria may be far from `near`. Linear integrals of f,
+    such as the totals that a reaction conserves, keep the values that they have in `near`.
+
+    Members of a family may lead to different equilibria. To follow one equilibrium, pass the last
+    result as `near` of the next call. A body without a rotor has a line of equilibria; the result
+    is the nearest one. Kahan's map has the same fixed points for every step size, because
     (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x). Orbits of period 2 of a map are fixed points of
     ``Map(lambda x: f(f(x)), names)``.
 
@@ -138,14 +146,12 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     -------
     Equilibria
         A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status`, `stable` and
-        `kind` (...); ``distinct()`` has each state once. Variables with a constant rate in all
-        members, such as time, keep the value that they have in `near`, and count neither in the
-        condition nor in the eigenvalues. If
-        Newton's method does not converge at once, shorter steps begin, and then
-        ``scipy.optimize.root``, by its methods "hybr" and "lm"; what they find may be far. States
-        are NaN, with a negative status, where no equilibrium is found. The status is
-        `DEGENERATE` where f' is singular in floats: at a multiple root, where states have 7 digits,
-        and on a family of equilibria, where the result is a member near the given state.
+        `kind` (...); its method ``distinct`` lists each state once. If a variable has a constant
+        rate in all members, such as time, it keeps the value that it has in `near`, and has neither
+        an equation nor an eigenvalue. Where no equilibrium is found, states are NaN and the status
+        is negative. The status is `DEGENERATE` where f' is singular up to rounding. That is so at a
+        multiple root, where states have 7 digits, and on a family of equilibria, of which the
+        result is a member near the given state.
 
     Raises
     ------
@@ -155,8 +161,8 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     Warns
     -----
     UserWarning
-        Once for all states without an equilibrium, once for those that are degenerate, and once if
-        the equations depend on a variable of a constant rate.
+        Once for all states without an equilibrium, once for all multiple roots, once for all states
+        on families, and once if the equations depend on a variable with a constant rate.
 
     See Also
     --------
@@ -213,7 +219,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
             is_found = np.where(has_line, has_value, is_found)
             is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
-        slopes = field.jacobian(x)[..., equations.own, :][..., equations.own]
+        slopes = field.jacobian(x)[..., equations.moving, :][..., equations.moving]
         values = _eigenvalues(slopes, is_map)
         others = _eigenvalues(equations.without_totals(slopes, is_map), is_map)
         growth = abs(others) - 1.0 if is_map else others.real
@@ -224,12 +230,13 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         [Status.OK, Status.DEGENERATE, Status.NONFINITE],
         Status.NOT_FOUND,
     ).astype(np.int8)
-    members = np.broadcast_to(np.arange(int(np.prod(field.shape))).reshape(field.shape), batch)
 
     def tell(which: Any, what: str) -> None:
         if which.any():
             index = first_index(which)
-            where = f" (first: {spell(index)}{_named(field, members[index])})" if batch else ""
+            place = place_in(field.shape, index)
+            member = field._of_member(place[0] if len(place) == 1 else place)
+            where = f" (first: {spell(index)}{member})" if batch else ""
             warn(f"equilibria: {which.sum()} of {which.size} starts {what}{where}")
 
     failed = (status < 0) & ~np.isnan(given).any(axis=-1)
@@ -242,7 +249,10 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
 
 
 def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], Any]:
-    """Return words for equilibria, and True where they attract, from rates of growth (..., k)."""
+    """Return the kinds of equilibria, and True where they attract, from rates of growth (..., k).
+
+    Rates below `rounding` in modulus decide nothing; `turns` is True for complex eigenvalues.
+    """
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
     attracts, is_planar = (growth < -rounding).all(axis=-1), growth.shape[-1] == 2
     one_way = np.where(grows, "repelling", "attracting")
@@ -253,6 +263,7 @@ def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], An
 
 
 def _warn_of_clocks(field: Any) -> None:
+    """Warn if the equations depend on a variable with a constant rate."""
     clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
     if clocks:
         name = field._labels[min(clocks)]
@@ -261,39 +272,33 @@ def _warn_of_clocks(field: Any) -> None:
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the states nearest to x on a line of steady states through 0 along `direction`.
+    """Return the states nearest to x on the line of steady states through 0 along `direction`.
 
-    Newton's method would halve states there, because f is homogeneous.
+    Newton's method would converge slowly there, because f is homogeneous: its steps halve x.
     """
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
     return np.where(square > 0, along * direction, x)  # without a direction all are steady
 
 
-def _named(field: Any, member: Any) -> str:
-    """Return the name of member number `member` of a family of fields, for messages."""
-    index = tuple(map(int, np.unravel_index(member, field.shape))) if field.shape else ()
-    return str(field._of_member(index if len(index) > 1 else index[0])) if index else ""
-
-
 class _Equations:
-    """The equations of a field for its k variables that do not have constant rates.
+    """The equations of a field for its k variables without a constant rate.
 
-    own      True for these variables (D,)
-    start    their given values (..., k)
-    totals   (..., k, k): integrals c . x as rows c, in place of equations that follow from others
-    is_total True for these rows (..., k); the other rows of `totals` are 0
-    sizes    of the components (..., k), none far smaller than the largest
-    units    sizes of the components (..., k), however small
+    moving    True for these variables (D,)
+    start     their given values (..., k)
+    totals    (..., k, k): rows c of integrals c . x, in place of equations that follow from others
+    is_total  True for these rows (..., k); the other rows of `totals` are 0
+    sizes     sizes of components (..., k), at least _LEAST times the largest one
+    units     sizes of components (..., k), however small they are
     """
 
-    def __init__(self, field: Any, x: FloatArray, totals: Any = None, own: Any = None) -> None:
+    def __init__(self, field: Any, x: FloatArray, totals: Any = None, moving: Any = None) -> None:
         self.field, self.x = field, x
         lists = field._listed_right_hand_sides
         steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
-        moving = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
-        self.own = moving if own is None else own
-        self.start = x[..., self.own]
+        all_moving = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
+        self.moving = all_moving if moving is None else moving
+        self.start = x[..., self.moving]
         self.totals = self._all_totals() if totals is None else totals
         self.is_total: Any = self.totals.any(axis=-1)
         moduli = abs(self.start)
@@ -302,11 +307,11 @@ class _Equations:
         self.units = np.where(moduli == 0.0, self.sizes, moduli)
 
     def _all_totals(self) -> FloatArray:
-        """Return matrices (..., k, k) of linear integrals as rows; one if members share it."""
-        k, shape = int(self.own.sum()), self.field.shape
+        """Return matrices (..., k, k) with integrals as rows; a single one if members share it."""
+        k, shape = int(self.moving.sum()), self.field.shape
         found, known = np.zeros((int(np.prod(shape)), k, k)), {}
         for members, f, table in self.field._listed_right_hand_sides:
-            for member, C in zip(members, coefficients(f, table)[:, self.own], strict=True):
+            for member, C in zip(members, coefficients(f, table)[:, self.moving], strict=True):
                 key = C.round(12).tobytes()
                 if key not in known:
                     known[key] = _totals(C)
@@ -317,29 +322,28 @@ class _Equations:
         """Return the equations of one state, by its index in the batch."""
         field, totals = self.field, self.totals
         if field.shape:
-            place = index[len(index) - len(field.shape) :]
-            place = tuple(0 if n == 1 else i for i, n in zip(place, field.shape, strict=True))
+            place = place_in(field.shape, index)
             field, totals = field[place], totals[place] if totals.ndim > 2 else totals
-        return _Equations(field, self.x[index], totals, self.own)
+        return _Equations(field, self.x[index], totals, self.moving)
 
     def whole(self, y: FloatArray) -> FloatArray:
-        """Return states (..., D) with the variables y; the others keep their given values."""
+        """Return states (..., D) with variables y; other components keep their given values."""
         x = self.x.copy()
-        x[..., self.own] = y
+        x[..., self.moving] = y
         return x
 
     def value(self, y: FloatArray) -> FloatArray:
         """Return the residual (..., k) of the variables y (..., k), which is 0 at equilibria."""
         away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
-        return np.where(self.is_total, away, self.field(self.whole(y))[..., self.own])
+        return np.where(self.is_total, away, self.field(self.whole(y))[..., self.moving])
 
     def slopes(self, y: FloatArray) -> FloatArray:
-        """Return the derivative (..., k, k) of the residual `value` by the variables y."""
-        slopes = self.field.jacobian(self.whole(y))[..., self.own, :][..., self.own]
+        """Return the derivative (..., k, k) of the residual with respect to the variables y."""
+        slopes = self.field.jacobian(self.whole(y))[..., self.moving, :][..., self.moving]
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray, is_map: bool) -> FloatArray:
-        """Return `slopes`, f'; eigenvalues 0 due to integrals become negative, for stability."""
+        """Return f', `slopes`, in which eigenvalues 0 that integrals cause become negative."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
@@ -348,20 +352,20 @@ class _Equations:
 
     @cached_property
     def terms(self) -> FloatArray:
-        """Sizes of f for `is_zero`: sums |f'| u (..., k) at given states, u: component sizes."""
+        """Sizes of the terms of f (..., k): |f'| u at the given states, with u = `units`."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
         return np.where(np.isfinite(terms), terms, 0.0)  # where f' is infinite f must be 0
 
     def is_zero(self, y: FloatArray) -> Any:
-        """Return True where f is 0 up to rounding, as near multiple roots."""
+        """Return True where f is 0 up to rounding errors, which is so near multiple roots."""
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
         """Return Newton's step (..., k), the scaled f, a matrix, and a ratio of singular values.
 
-        The matrix (..., k, k) times f is the step. The ratio is the smallest singular value
-        divided by the largest, in units of the components.
+        The step is the matrix (..., k, k) times f. The ratio is the smallest singular value of f',
+        in units of the components, divided by the largest one.
         """
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)
@@ -384,9 +388,9 @@ class _Equations:
         return step, f / sizes, inverse, least
 
     def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
-        """Return the states to which Newton's method converges from y, and True where it does.
+        """Return the states to which Newton's method leads from y, and True where it converges.
 
-        The length of a step is relative to `sizes` (..., k) of components.
+        Lengths of steps are relative to `sizes` of components (..., k).
         """
         sizes, y = self.sizes if sizes is None else sizes, y.copy()
         before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
@@ -408,7 +412,7 @@ class _Equations:
         return y, is_found
 
     def damped(self, y: FloatArray) -> FloatArray:
-        """Return y after fractions of Newton steps, each of which makes the next step shorter."""
+        """Return y after fractions of Newton steps; each one makes the next Newton step shorter."""
         part = np.ones(y.shape[:-1])
         for _ in range(_MOST_DAMPED):
             step, _, inverse, _ = self.step(y)
@@ -430,16 +434,16 @@ class _Equations:
         for method in ("hybr", "lm"):
             options = {"factor": 1}  # the first step is no longer than the state
             last = root(self.value, self.start, jac=self.slopes, method=method, options=options).x
-            found, is_found = self.newton(last)
+            y, is_found = self.newton(last)
             if is_found:
-                return found, True
+                return y, True
         return last, bool(self.is_zero(last))
 
     def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return two masks: Newton's method converges from beside y, and y is a member of a family.
+        """Return two masks: Newton's method converges from beside y, and y belongs to a family.
 
-        A component far smaller than others may be a true value or rounding: so smaller
-        displacements are tried, too.
+        A component far below the others may be a true value or rounding. So a smaller displacement
+        of such components is tried, too.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))
@@ -452,7 +456,7 @@ class _Equations:
 
 
 def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]:
-    """Return variables y (..., k), and masks: is an equilibrium, is degenerate, is in a family."""
+    """Return variables y (..., k) and masks: y is an equilibrium, is degenerate, is in a family."""
     y, is_found = equations.newton(equations.start)
     if not is_found.all():
         start = np.where(is_found[..., np.newaxis], np.nan, equations.start)
@@ -465,7 +469,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
     for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
     leads, is_family = equations.beside(y)
-    if (is_multiple := is_found & ~leads).any():  # whose small components may have no digits yet
+    if (is_multiple := is_found & ~leads).any():  # small components may have no digits yet
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
         y = np.where(is_multiple[..., np.newaxis], closer, y)
         is_found = is_found & (leads | equations.is_zero(y))
@@ -473,9 +477,10 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return integrals c . x of f as rows c (k, k), in place of equations that follow from others.
+    """Return a matrix (k, k) with the rows c of integrals c . x of f, and rows 0.
 
-    `C` (k, terms) are the coefficients of the terms of f.
+    A row c is in the place of an equation that follows from the others. `C` (k, terms) are the
+    coefficients of the terms of f.
     """
     k = len(C)
     totals = np.zeros((k, k))
@@ -495,13 +500,12 @@ def _totals(C: FloatArray) -> FloatArray:
     return totals
 
 
-def _length(step: FloatArray, scale: FloatArray) -> FloatArray:
-    length: FloatArray = abs(step / scale).max(axis=-1, initial=0.0)
-    return length
+def _length(step: FloatArray, scale: FloatArray) -> Any:
+    return abs(step / scale).max(axis=-1, initial=0.0)
 
 
-def _eigenvalues(slopes: FloatArray, of_map: bool = False) -> Any:
-    """Return eigenvalues by real part, or multipliers by modulus if slopes are f' - 1, `of_map`."""
+def _eigenvalues(slopes: FloatArray, of_map: bool) -> Any:
+    """Return eigenvalues of f', `slopes`, by real part; of a map with f' - 1, multipliers."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

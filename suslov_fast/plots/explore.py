@@ -60,20 +60,20 @@ class Page:
     def _of_parameter(self, name: str, values: FloatArray) -> list[Quantity]:
         """Return the components of a parameter; they have the range of their values in a family."""
         axes = self.system._axes.get(name, 0)
-        members = values.reshape(-1, *values.shape[values.ndim - axes :])
-        least, found = 0.05 * (name in self.system._positive), []
-        for k, column in enumerate(members.reshape(len(members), -1).T.tolist(), 1):
-            own, low, high = f"{name}{k}" if axes else name, min(column), max(column)
-            is_family, one = low < high, _around(own, low, least)
-            found.append(Quantity(own, column[0], low, high) if is_family else one)
-        return found
+        components = values.reshape(-1, math.prod(values.shape[values.ndim - axes :])).T.tolist()
+        least, quantities = 0.05 * (name in self.system._positive), []
+        for k, column in enumerate(components, 1):
+            label, low, high = f"{name}{k}" if axes else name, min(column), max(column)
+            family = Quantity(label, column[0], low, high)
+            quantities.append(family if low < high else _around(label, low, least))
+        return quantities
 
     def run(self, values: list[float]) -> Any:
         """Return the trajectory for values of `quantities`."""
         left, parameters = iter(values), {}
         for name, parts in self.parameters.items():
-            found = [next(left) for _ in parts]
-            parameters[name] = found if self.system._axes.get(name) else found[0]
+            components = [next(left) for _ in parts]
+            parameters[name] = components if self.system._axes.get(name) else components[0]
         options = {name: next(left) for name in self.options}
         system, x0 = self.system, [*left, *self.x0[_MOST:]]
         if isinstance(system, AnyBody):
@@ -86,14 +86,14 @@ class Page:
 
     def shown(self, values: list[float], pair: list[str]) -> tuple[dict[str, Any], str, str]:
         """Return the times and two components of the trajectory, the system, and a message."""
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
                 run = self.run(values)
             except Exception as error:
                 return dict.fromkeys("txy", ()), "", str(error)
         columns = run.time, *(run.states[:, self.names.index(name)] for name in pair)
-        text = " ".join(str(each.message) for each in told) or Status(int(run.status)).message
+        text = " ".join(str(each.message) for each in caught) or Status(int(run.status)).message
         return dict(zip("txy", columns, strict=True)), str(run.body), text
 
     def _sliders(self) -> list[Any]:

@@ -55,9 +55,9 @@ def plot_run(
     if lists := [each for each in components if isinstance(each, (list, tuple))]:
         before = [*components[: components.index(lists[0])]]
         for k, name in enumerate(lists[0]):  # each in a colour of its own
-            own = f"C{k % 10}" if color is None else color
+            shade = f"C{k % 10}" if color is None else color
             text = label or _symbol(str(name))
-            ax = plot_run(run, (*before, name), lines, own, ax, text, given)
+            ax = plot_run(run, (*before, name), lines, shade, ax, text, given)
         ax.set_ylabel("")
         return ax
     chosen, B = _components(run, components), math.prod(run.status.shape)
@@ -79,18 +79,17 @@ def plot_run(
         groups = groups % 10 if numbers is None else np.floor(63.99 * norm(numbers).filled(np.nan))
     for k, group in enumerate(np.unique(groups[groups >= 0])):
         members = groups == group
-        own, shade = label if k == 0 else None, fixed
-        if numbers is not None:
-            shade = COLOURS(norm(numbers[members][0]))
+        shade = fixed if numbers is None else COLOURS(norm(numbers[members][0]))
+        text = label if k == 0 else None
         if label is None and fixed is None and 1 < B <= _IN_LEGEND:
-            own = f"trajectory {k}" if numbers is None else f"{name} = {numbers[k]:g}"
+            text = f"trajectory {k}" if numbers is None else f"{name} = {numbers[k]:g}"
             if second:
-                own += f", {second} = {values[k]:g}"
+                text += f", {second} = {values[k]:g}"
                 which = int(np.unique(values).searchsorted(values[k])) % len(_STYLES)
                 style |= {"linestyle": _STYLES[which]} if lines else {}
         points = joined[members].reshape(-1, len(chosen))[:-1]
-        own_style = {"rasterized": states.size > _MANY} | style | given
-        axes.plot(*points.T, label=own, color=shade, **own_style)
+        of_line = {"rasterized": states.size > _MANY} | style | given
+        axes.plot(*points.T, label=text, color=shade, **of_line)
     if numbers is not None and B > _IN_LEGEND:
         mappable = plt.cm.ScalarMappable(norm, COLOURS)
         text = f"{name}, each for {len(np.unique(values))} {second}" if second else name

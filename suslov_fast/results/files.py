@@ -67,8 +67,8 @@ def load(path: PathLike) -> Any:
                     version = about.get("version")
                     raise ValueError(f"format {number}, not {FORMAT}, of suslov_fast {version}")
                 kind = checks.one_of("kind", about["kind"], OF_KIND)
-                own = getattr(import_module("suslov_fast"), kind)
-                return own._restored(_read(entries, kind, about), about)
+                class_ = getattr(import_module("suslov_fast"), kind)
+                return class_._restored(_read(entries, kind, about), about)
         except MemoryError:
             raise
         except Exception as error:  # from NumPy, json or zipfile, which raise many kinds

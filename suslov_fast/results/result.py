@@ -367,8 +367,8 @@ def load(path: str | os.PathLike[str]) -> Any:
 
 def place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
     """Return the index of a trajectory in an array of a shape that broadcasts with the batch."""
-    own = index[len(index) - len(shape) :]
-    return tuple(0 if n == 1 else k for k, n in zip(own, shape, strict=True))
+    last = index[len(index) - len(shape) :]
+    return tuple(0 if n == 1 else k for k, n in zip(last, shape, strict=True))
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

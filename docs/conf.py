@@ -12,6 +12,7 @@ from latex2mathml.converter import convert
 import suslov_fast
 
 sys.path.insert(0, str(Path(__file__).parent))
+import as_notebook
 from files import tables
 
 project = "suslov_fast"
@@ -83,6 +84,9 @@ def finish(app, page, template, context, doctree):
         body = END_OF_FORMULA.sub(r"\1\3\2", FIGURE.sub("", body))
         body = NUMBER_OR_OPTION.sub(r'<span class="whole">\1</span>', body)
         body = CODE.sub(word_of_code, body)
+        if (name := page.rpartition("/")[2]) in as_notebook.PAGES:
+            link = f'<p><a href="{name}.ipynb" download>This page as a notebook</a></p>'
+            body = body.replace("</p>", f"</p>\n{link}", 1)  # below the first paragraph
         context["body"] = SIGNATURE.sub(lambda found: found[0].replace("\xa0", " "), body)
 
 
@@ -174,6 +178,14 @@ def with_files(app, docname, source):
         source[0] = source[0].replace("## Rules\n", f"### Files\n\n{tables()}\n\n## Rules\n")
 
 
+def write_notebooks(app, exception):
+    """Write a notebook beside each page that links to one."""
+    if exception is None and app.builder.format == "html":
+        for page in as_notebook.PAGES.values():
+            target = Path(app.outdir) / page.relative_to(as_notebook.DOCS).with_suffix(".ipynb")
+            as_notebook.write(page, target)
+
+
 def setup(app):
     """Register MathML as the format of formulas, and links to figures and signatures."""
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
@@ -181,6 +193,7 @@ def setup(app):
     app.connect("autodoc-process-signature", signature)
     app.connect("source-read", straight_quotes)
     app.connect("source-read", with_files)
+    app.connect("build-finished", write_notebooks)
 
 
 html_math_renderer = "mathml"

@@ -65,7 +65,7 @@ print(len(special.measures), special.measures[0].basis)  # 1 identity
 
 
 def kharlamova():
-    """Return the body in U = c . gamma with c orthogonal to the forbidden axis.
+    """Return the body in U = c . gamma with c orthogonal to the constrained axis.
 
     U is the potential of gravity, with the centre of mass along c. The map has three polynomial
     integrals, c1 I1 w1 + c2 I2 w2 and two of degree 2. Its degrees nevertheless grow exponentially.
@@ -135,7 +135,7 @@ print(planar_entropy(map_on_level(0, 1, 2)).entropy)  # 0.0
 
 
 def lagrange():
-    """Return the body in a linear potential with c along the forbidden axis, and I1 = I2.
+    """Return the body in a linear potential with c along the constrained axis, and I1 = I2.
 
     The map has three integrals and a measure, and its degrees grow quadratically.
     """

@@ -1,8 +1,9 @@
 """Steps as ``njit`` functions, for your own compiled loops and for Python.
 
-:func:`system` returns the constants of a step: of the motion of a field over a time, or of a map.
-:func:`step_system` takes a step of a state that is an array, and :func:`work` returns the memory of
-a thread for it. In three dimensions :func:`step` takes a step of two numbers.
+:func:`system` returns the constants of a step, which is a step of a map, or the motion of a field
+over a time. :func:`step_system` takes the step of a state that is an array; it works in memory that
+:func:`work` allocates, once for each thread. For bodies in three dimensions :func:`step` takes a
+step of a state that is two numbers.
 
 States that do not exist are NaN. Arrays of types other than float64 do not compile (TypeError).
 """
@@ -94,7 +95,7 @@ def _single(body: Any, eps: Reals) -> float:
 
 @for_users
 def step(system: BodySystem, omega1: float, omega2: float) -> tuple[float, float]:
-    """Return the next state; NaN where there is none."""
+    """Return the next state of a body in three dimensions, two numbers; NaN if there is none."""
     s = system
     return one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, omega1, omega2)
 
@@ -114,33 +115,36 @@ def system(
     events: Event | Sequence[Event] = (),
     derivatives: str | Sequence[str] = (),
 ) -> System:
-    """Return the constants of one body or field and one step size, or of a map, for compiled loops.
+    """Return the constants of a step for compiled loops: of a single body, field or map.
 
-    With `time` a step is the motion of a field over this time, as :func:`suslov_fast.flow` computes
-    it, with the same bits. At a terminal event the state is that of the event.
+    With `eps` a step is a step of Kahan's map. With `time` a step is the motion of a field over
+    this time, with the same bits as by :func:`suslov_fast.flow`; if a terminal event ends the
+    motion, the next state is the state at the event.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, Field or Map
-        A single one.
+        A single body, field or map, not a batch.
     eps : float
-        Step size in time, positive or negative; left out for a `Map`.
+        Step size in time, positive or negative; left out for a `Map`, and with `time`.
     method : str
         As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
     time : float
-        In place of eps: the time of the motion, positive or negative.
+        Time of the motion, positive or negative, in place of `eps`.
     rtol, atol, max_step, stiff, events
-        As in :func:`suslov_fast.flow`, for motions. ``stiff=False`` compiles half as much.
+        As in :func:`suslov_fast.flow`, only with `time`. With ``stiff=False`` half as much code is
+        compiled.
     derivatives : str or sequence of str
-        As in :func:`suslov_fast.flow`: "x0" is the state at the start of each step. Arrays of
-        `step_system` then have D components, and (D, C) derivatives in C order, columns by "x0"
-        first; of `x` it reads the components.
+        As in :func:`suslov_fast.flow`, where "x0" is the state at the start of each step. The
+        arrays `x` and `out` of `step_system` then have D + D C entries: first the D components,
+        then the derivatives (D, C) in C order, with the columns for "x0" first. `step_system` does
+        not read the derivatives in `x`.
 
     Returns
     -------
     NamedTuple of arrays and numbers
-        Pass it to compiled functions as an argument. Numba does not cache a function in which the
-        system of a field is a global, because it contains an address of this process.
+        Pass it to compiled functions as an argument. It contains addresses of this process, so
+        Numba does not cache a function in which the system of a field is a global variable.
 
     Examples
     --------
@@ -180,23 +184,23 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
         received = f"a batch of shape {shape}: make a system for each"
         raise wrong("system", "a single field, with events of the same times for all", received)
     names = checked_derivatives(field, derivatives)
-    parameters = tuple(name for name in names if name != "x0")
-    f, given = of_one(field, parameters, bool(names), actions_of(field, acting))
+    by = tuple(name for name in names if name != "x0")
+    f, given = of_one(field, by, bool(names), actions_of(field, acting))
     if names:
-        f = variational(f, field.dimension * ("x0" in names) + len(parameters))
+        f = variational(f, field.dimension * ("x0" in names) + len(by))
         if isinstance(settings.atol, tuple):
             settings = settings._replace(atol=settings.atol * (1 + f.columns))
     event_times = event_times_of(acting, sign, ()) if acting else None
-    own = given if f.is_dense else given[: len(field._inputs)]
-    by = [field._coordinates.index(name) for name in parameters]
-    return motion_system_of(f, settings, event_times, given, own, time, by)
+    parameters = given if f.is_dense else given[: len(field._inputs)]
+    places = [field._coordinates.index(name) for name in by]
+    return motion_system_of(f, settings, event_times, given, parameters, time, places)
 
 
 @for_users
 def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSystem:
     """Return the motion with other parameters (n,), in the order of ``system.parameters``.
 
-    It reads this array at each step, so that a loop may write to it; nothing is compiled.
+    Each step reads this array, so a loop may write new values to it. Nothing is compiled.
     """
     if len(parameters) != len(system.parameters):
         raise ValueError("with_parameters: pass as many as system.parameters has")
@@ -205,7 +209,7 @@ def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSyste
 
 @for_users
 def with_time(system: MotionSystem, time: float) -> MotionSystem:
-    """Return the motion over another time of the same sign; nothing is compiled."""
+    """Return the motion over another time, of the same sign; nothing is compiled."""
     if system.time * time < 0.0:
         raise ValueError("with_time: make another system for the other direction of time")
     return with_item(system, TIME, float(time))
@@ -213,13 +217,13 @@ def with_time(system: MotionSystem, time: float) -> MotionSystem:
 
 @for_users
 def end(system: MotionSystem, work: tuple[Any, ...]) -> float:
-    """Return the time at which the last motion ended, such as that of a terminal event."""
+    """Return the time at which the last motion ended: `time`, or of a terminal event."""
     return _end(uncounted(system), uncounted(work)[1])
 
 
 @for_users
 def work(system: System) -> tuple[Any, ...]:
-    """Return the memory that :func:`step_system` needs in one thread; steps allocate no more."""
+    """Return the memory in which :func:`step_system` works: one for each thread of a loop."""
     return system.dimension, _memory(system)
 
 
@@ -230,13 +234,12 @@ def step_system(
     out: FloatArray,
     work: tuple[Any, ...],
 ) -> int:
-    """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
+    """Write the next state of x (D,) to `out` (D,), which may be x; return its Status.
 
-    Where there is no next state, the status is negative and `out` is NaN. After a step from
-    det A < 0 the status is positive, PASSED_POLE, except in three dimensions: test ``status < 0``,
-    not its truth. Arrays of
-    another length raise a ValueError; arrays of other types than float64 raise a TypeError when the
-    loop is compiled.
+    If there is no next state, the status is negative and `out` is NaN. A step from a state where
+    det A < 0 has the positive status PASSED_POLE, except in three dimensions. So test
+    ``status < 0``, not whether it is 0. Arrays of another length raise a ValueError. Arrays of
+    types other than float64 raise a TypeError when the loop is compiled.
     """
     _check(x, out)
     D, (dimension, memory) = system.dimension, uncounted(work)

@@ -58,43 +58,43 @@ def ensemble(
 ) -> xarray.Dataset:
     """Compute a batch that is larger than memory, into a Zarr store (extra `large`).
 
-    The last axis of the batch is cut into chunks. Each chunk is computed by :func:`flow`, or by
-    :func:`iterate`, and then written. If the process ends early, the same call goes on with the
-    missing chunks. The results have the bits of one call for the whole batch.
+    The last axis of the batch is divided into chunks. :func:`flow` or :func:`iterate` computes each
+    chunk, which is then written. If the process ends early, the same call continues with the
+    missing chunks. Results have the same bits as of one call for the whole batch.
 
     Parameters
     ----------
     system : Field, Map or a body
-        A single one, or a batch.
+        A single system, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
-        Initial states, or a function of the number of a chunk that returns its states (..., n, D),
-        with the same n for all chunks. A store is known by ``x0(0)`` alone.
+        Initial states; or a function x0(k) that returns the initial states (..., n, D) of chunk k,
+        with the same n for all chunks. Only ``x0(0)`` is compared when a call continues a store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a store of Zarr.
     time, eps, steps : optional
         The times of :func:`flow`, or the step size and the number of steps of :func:`iterate`.
     chunks : int, optional
-        The largest number of chunks. By default their states take 8 MB each. A function x0 requires
-        it, and is called for 0, 1, ..., chunks - 1.
+        The largest number of chunks. By default the states of a chunk take 8 MB. If x0 is a
+        function, `chunks` is required, and x0 is called for 0, 1, ..., chunks - 1.
     client : distributed.Client, optional
         A Dask client. Its workers compute the chunks and write them to the store. By default
         chunks are computed here, one after the other.
     progress : bool or callable, optional
-        As in :func:`iterate`; it counts trajectories.
+        As in :func:`iterate`; it counts trajectories in place of steps.
     **options
         Other arguments of :func:`flow` or :func:`iterate`. Derivatives are not stored.
 
     Returns
     -------
     xarray.Dataset
-        The store, as ``xarray.open_zarr(store)`` opens it: the variables of `to_xarray` of a run,
-        with the dimension "trajectory" for the last axis of the batch. Trajectories that are not
-        computed yet have the status -128.
+        The store, as ``xarray.open_zarr(store)`` opens it. It has the variables that `to_xarray`
+        of a run returns; the last axis of the batch is the dimension "trajectory". Trajectories
+        that are not computed yet have the status -128.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is wrong, or the store holds something else, before any work.
+        If an argument is wrong, or the store contains something else; before any work.
 
     Warns
     -----
@@ -103,7 +103,7 @@ def ensemble(
 
     See Also
     --------
-    flow, iterate : The same in memory.
+    flow, iterate : Compute a batch in memory.
 
     Examples
     --------

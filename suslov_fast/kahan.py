@@ -1,6 +1,6 @@
-"""Kahan's map of a system: its derivative, its matrix, and what it conserves.
+"""Kahan's map of a system: its derivative, its matrix, and the quantities that it conserves.
 
-:func:`suslov_fast.iterate` and :func:`suslov_fast.step` take the steps of the map.
+:func:`suslov_fast.iterate` and :func:`suslov_fast.step` take steps of the map.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from .maps.evaluation import evaluate
 from .maps.problem import Problem, check
 
 __all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]
-# Tolerance of fixed points: the modulus of a component of f over the sum of those of its terms.
+# Tolerance of fixed points: of the modulus of a component of f, over the sum of the moduli of its
+# terms; and of the length of a step of Newton's method, over the modulus of x.
 _FIXED = 1e-8
 
 
@@ -30,12 +31,12 @@ def __dir__() -> list[str]:
 def _map_of(system: Any, method: str) -> Any:
     """Return the record of Kahan's map of a system; TypeError for a `Map`."""
     map = map_of(system, method)
-    _ = map.body._has_eps or system._field  # which raises
+    _ = map.body._has_eps or system._field  # raises for a `Map`
     return map
 
 
 def _value(name: str, system: Any, x: Any, eps: Any, method: str = "auto") -> Any:
-    """Return the value of a formula of the map."""
+    """Return the value of the formula `name` of the map."""
     map = _map_of(system, method)
     return evaluate(map.formulas[name], map, system, x, eps)
 
@@ -44,26 +45,27 @@ def _value(name: str, system: Any, x: Any, eps: Any, method: str = "auto") -> An
 def jacobian(
     system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
-    """Return the derivative of the map: row i, column j holds d(x_next)_i / dx_j.
+    """Return the derivative of a step of the map: d(x_next)_i / dx_j is in row i and column j.
 
-    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
-    methods of order 4, 6 and 8 the product over all sub-steps.
+    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), where A is the :func:`matrix`; for the
+    methods of order 4, 6 and 8 it is the product of the derivatives of all sub-steps.
 
     Parameters
     ----------
     system : Field, Suslov3D or SuslovND
         A single field or body, or a batch.
     x : array_like(float, shape=(..., D))
-        States x of a field, or angular velocities of a body. NaN gives NaN.
+        States x of a field, or angular velocities of a body; NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size in time; a negative one steps back.
+        Step size in time; a step with a negative step size goes back.
     method : str
         As in :func:`suslov_fast.iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state on a pole of the map.
+        NaN for a state on a pole of the map, with one :class:`suslov_fast.IntegrationWarning` for
+        all these states.
 
     Examples
     --------
@@ -81,8 +83,8 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Return the matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the right-hand side. The
-    map has a pole where det A = 0. For a body without a rotor A x_next = x: the matrices before
-    equation (5) and of equation (16) of Dragovic and Gajic, arXiv:0807.2966.
+    map has a pole where det A = 0. For a body without a rotor A x_next = x, with the matrices
+    before equation (5) and in equation (16) of Dragovic and Gajic, arXiv:0807.2966.
 
     Parameters
     ----------
@@ -107,25 +109,27 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
 
 @public
 def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
-    """Return the modified energy, which the map conserves, and which tends to the energy.
+    """Return the modified energy, which the map conserves; for small eps it is near the energy.
 
-    For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
-    and the :func:`matrix` A, and the map conserves it exactly. For a body it is
-    E**2 / (E + eps**2 f.Jf / 8), with the energy E: exactly conserved where
-    ``body.first_integral`` is known (in three dimensions it is 2 I1 I2 F), for other bodies up to
-    an error of order eps**4. Methods of higher order do not conserve it, because they combine steps
-    of several sizes.
+    For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the right-hand side
+    f and the :func:`matrix` A. The map conserves it exactly.
+
+    For a body with the energy E it is E**2 / (E + eps**2 f.Jf / 8). The map conserves it exactly if
+    ``body.first_integral`` is known (in three dimensions it is 2 I1 I2 F), and for other bodies up
+    to an error of order eps**4.
+
+    Methods of higher order do not conserve it, because they combine steps of several sizes.
 
     Parameters
     ----------
     system, x, eps
-        As in :func:`jacobian`; a field must come from ``Field.from_hamiltonian``.
+        As in :func:`jacobian`; a field must be made by ``Field.from_hamiltonian``.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        Unit: energy. NaN, with one :class:`suslov_fast.IntegrationWarning`, for a state
-        of a field on a pole of the map.
+        In units of the energy. NaN for a state of a field on a pole of the map, with one
+        :class:`suslov_fast.IntegrationWarning` for all these states.
 
     Notes
     -----
@@ -145,27 +149,29 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
 
 @public
 def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
-    """Return the density of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
+    """Return the density rho of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
-    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k. In n
-    dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three coordinates with
-    one coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
+    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k.
+
+    In n dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three coordinates
+    with one coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
     (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder w_E0 of k dimensions adds the factor
-    ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. Where I = 0, rho =
-    1. Methods of higher order do not have these measures.
+    ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. If I = 0, rho = 1.
+
+    Methods of higher order do not have these measures.
 
     Parameters
     ----------
     system, x, eps
-        As in :func:`jacobian`; eps = 0 is the continuous motion.
+        As in :func:`jacobian`; eps = 0 is for the continuous motion.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
-        1 / (omega * inertia**3); it has the sign of l, and is infinite where l = 0.
-        For n = 4 with three coordinates the unit is 1 / omega**2.
+        For a field without a unit, and infinite at poles. For a body in three dimensions in units
+        of 1 / (omega * inertia**3), with the sign of l, and infinite where l = 0. For n = 4 with
+        three coordinates in units of 1 / omega**2.
 
     Raises
     ------
@@ -186,19 +192,19 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
 def multipliers(
     system: BodyOrField, x: ArrayLike, /, eps: Reals, *, method: Method = "auto"
 ) -> FloatArray:
-    """Multipliers of fixed points (equilibria): the eigenvalues of the derivative of the map.
+    """Return the multipliers of fixed points: the eigenvalues of the derivative of the map.
 
     A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
-    (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
-    products of these over all sub-steps. For a body in n dimensions mu = c s at omega = c I, for s
-    in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'; for orders 4, 6 and 8 they are
+    the products of these numbers over all sub-steps. For a body in n dimensions mu = c s at
+    omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
     system
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: zeros of a field, steady states of a body.
+        Fixed points of the map: equilibria of a field, or steady states of a body.
     eps, method
         As in :func:`jacobian`.
 
@@ -206,14 +212,14 @@ def multipliers(
     -------
     ndarray(float or complex, shape=(..., D))
         Sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Complex for a field or
-        a body with a rotor; floats for other bodies, where 1 belongs to the line of steady states.
-        Infinite at a pole.
+        a body with a rotor. Floats for other bodies, and the multiplier along their line of steady
+        states is 1. Infinite at a pole.
 
     Raises
     ------
     ValueError
         If x is not a fixed point: a component of f(x) exceeds 1e-8 of the sum of the moduli of its
-        terms, and a step of Newton's method moves x by more than 1e-8 of ``max abs(x)``. At other
+        terms, and a step of Newton's method moves x by more than 1e-8 of ``max abs(x)``. For other
         states use :func:`jacobian`.
 
     Examples
@@ -238,7 +244,7 @@ def multipliers(
 
 
 def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
-    """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
+    """Return f' (..., D, D) at fixed points; raise ValueError if f is not 0 to rounding there."""
     x, terms = checked.omega, Terms(*checked.body._terms)
     (i, j, k), values = terms
     y = with_one(x)
@@ -248,7 +254,7 @@ def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     derivative = slopes_at(terms, x)
     moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
     if moves.any():
-        moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]
+        moves &= ~_has_short_step(f, sizes, derivative, x)[..., np.newaxis]
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
         text = f"{checked.name} is not a fixed point"
@@ -262,11 +268,11 @@ def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     return derivative
 
 
-def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
-    """Return (...) True if f' d = f has a small solution d, a step of a solver of f = 0."""
+def _has_short_step(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
+    """Return True for states at which the step d of Newton's method, f' d = f, is short."""
     known = np.isfinite(slopes).all(axis=(-2, -1)) & np.isfinite(f).all(axis=-1)
-    slopes, f = np.where(known[..., np.newaxis, np.newaxis], slopes, 0.0), f[..., np.newaxis]
-    f = np.where(known[..., np.newaxis, np.newaxis], f, 0.0)
+    is_known = known[..., np.newaxis, np.newaxis]
+    slopes, f = np.where(is_known, slopes, 0.0), np.where(is_known, f[..., np.newaxis], 0.0)
     d = np.linalg.pinv(slopes, rcond=1e-13) @ f
     residual, x = abs(slopes @ d - f)[..., 0], np.broadcast_to(x, sizes.shape)
     is_small = abs(d[..., 0]).max(axis=-1) <= _FIXED * abs(x).max(axis=-1)

@@ -35,31 +35,33 @@ _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 class Field(Traced):
     """The equations ``x' = f(x)``, or with a mass matrix ``M(x) x' = f(x)``; or a family of them.
 
-    :func:`flow` computes solutions of any field. A field whose f is a polynomial of degree 2 or
-    less also has Kahan's map, (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for
-    each x_j x_k and (x_j + x_next_j) / 2 for each x_j, which :func:`iterate` iterates.
+    :func:`flow` computes solutions of any field. If f is a polynomial of degree 2 or less, the
+    field also has Kahan's map, which :func:`iterate` iterates: (x_next - x) / eps is equal to f in
+    which (x_j x_next_k + x_next_j x_k) / 2 replaces each product x_j x_k, and
+    (x_j + x_next_j) / 2 replaces each x_j.
 
-    f is kept as a list of operations, from which its exact derivative follows. It is a formula of
-    ``+ - * / **``, of NumPy's functions of numbers, of where, of comparisons joined by ``& | ~``,
-    of interp with a table of numbers, and of SciPy's expit and erf.
+    f is called with symbols, and stored as a list of operations, from which its exact derivative
+    follows. It may contain ``+ - * / **``, NumPy's functions of numbers, ``np.where``, comparisons
+    joined by ``& | ~``, ``np.interp`` with a table of numbers, and SciPy's ``expit`` and ``erf``.
 
     Parameters
     ----------
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
-        derivatives. Time is a variable with the rate 1: ``lambda s: (..., 1.0)`` and names
-        ``"x v t"``. f is called with symbols, twice.
+        derivatives. If f depends on time, time is a variable with the rate 1:
+        ``lambda s: (..., 1.0)`` and names ``"x v t"``. f is called twice, with equal results.
     names : str, sequence of str or int
         The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
     mass : callable or array_like(float, shape=(D, D)), optional
         The matrix M of equations ``M(x) x' = f(x)``: numbers, or a function of the state, and of
-        parameters by name, that returns it. M is eliminated as formulas, without row exchanges:
-        where it depends on x, for D up to some 12, if it is not sparse. Where a pivot becomes 0
-        solutions end. If f itself takes `mass`, it is a parameter.
+        parameters by name, that returns it. The equations are solved for x' as formulas, with
+        pivots that are chosen once, so solutions end where a pivot becomes 0. A full matrix that
+        depends on x may have a dimension of up to about 12. If f has an argument `mass`, this
+        value is a parameter of f instead.
     **parameters : float or array_like(float, shape=(...))
-        Named parameters of f, and of `mass`. Arrays broadcast, and make a family of fields, of
-        which each parameter is one number. Names of variables, t and names in datasets are
-        refused.
+        Values of the named parameters of f and of `mass`. Arrays broadcast, and make a family: a
+        field for each set of values. A parameter cannot have the name of a variable, of time, or
+        of a variable in datasets of results.
 
     Attributes
     ----------
@@ -68,16 +70,16 @@ class Field(Traced):
     parameters : dict
         Named parameters, which are coordinates of datasets. ``==`` ignores their names.
     terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
-        Of a field of degree 2: i, j, k and v of the terms v x_j x_k of x_i', j <= k, sorted. The
-        index D stands for a factor 1.
+        Only of a field of degree 2: i, j, k and v of all terms, sorted. x_i' is the sum of its
+        terms v x_j x_k, where j <= k and the index D stands for a factor 1.
 
     Raises
     ------
     TypeError, ValueError
         If f does not take the state as one argument, lacks a parameter, returns another number of
-        derivatives, calls a function without a rule, asks for the value of a symbol as Python's
-        ``if`` does, or returns something else when it is called again; if M is singular, or has
-        another shape.
+        derivatives, calls a function that cannot be used, asks for the value of a symbol as
+        Python's ``if`` does, or returns something else when it is called again; also if M is
+        singular, or has a wrong shape.
 
     See Also
     --------
@@ -159,26 +161,26 @@ class Field(Traced):
         Parameters
         ----------
         H : callable
-            Takes the state x, an array of D variables, and parameters by name, and returns a
-            number, a formula as in f of a field.
+            Takes the state x, an array of D variables, and parameters by name, and returns the
+            energy. It may contain the functions that f of a :class:`Field` may contain.
         names : str, sequence of str or int
-            As of a field.
+            As for a :class:`Field`.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default D is even, and K is the
             canonical matrix of x = (q1, ..., qm, p1, ..., pm): first all coordinates, then all
             momenta.
         **parameters : float or array_like(float, shape=(...))
-            As of a field.
+            As for a :class:`Field`.
 
         Returns
         -------
         Field
-            Its method `energy` is H.
+            Its method `energy` evaluates H.
 
         Raises
         ------
         TypeError, ValueError
-            As for a field; also if K is not antisymmetric, or D odd without K.
+            As for a :class:`Field`; also if K is not antisymmetric, or if D is odd without K.
 
         Examples
         --------
@@ -203,13 +205,13 @@ class Field(Traced):
         Parameters
         ----------
         text : str
-            An equation ``x' = formula`` for each variable, in the order of the state, on lines of
-            their own or between semicolons. Formulas are those of Python, with the functions of
-            NumPy by their names. ``a = 2`` gives the value of a parameter.
+            An equation ``x' = formula`` for each variable, in the order of the state. Lines or
+            semicolons separate equations. Formulas are written as in Python, with NumPy's
+            functions by their names. ``a = 2`` gives the value of a parameter.
         *names
-            None, because the variables are the names on the left.
+            Not accepted, because the variables are the names on the left.
         **parameters : float or array_like(float, shape=(...))
-            Values of further parameters; arrays make a family.
+            Values of parameters that the text gives no value; arrays make a family.
 
         Returns
         -------
@@ -265,8 +267,8 @@ class Field(Traced):
         Parameters
         ----------
         quadratic : array_like(shape=(..., D, D, D))
-            q, of which only the part symmetric in j and k counts. Coefficients are 0 or between
-            1e-60 and 1e60 in modulus, in any units.
+            q; only its part that is symmetric in j and k matters. Each coefficient must be 0, or
+            have a modulus from 1e-60 to 1e60.
         linear : array_like(shape=(..., D, D)), optional
             l, by default 0.
         constant : array_like(shape=(..., D)), optional
@@ -277,12 +279,12 @@ class Field(Traced):
         Returns
         -------
         Field
-            A single field, or a family of the batch shape of the arrays.
+            A single field, or a family if the arrays have more axes.
 
         Raises
         ------
         TypeError, ValueError
-            If shapes do not match, or a coefficient is not a number in its range.
+            If shapes do not match, or a coefficient is not a number in this range.
 
         Examples
         --------
@@ -325,7 +327,7 @@ class Field(Traced):
 
     @public
     def energy(self, x: Any) -> FloatArray:
-        """Return the Hamiltonian H(x) of a field that :meth:`from_hamiltonian` made.
+        """Return the energy H(x) of a field that :meth:`from_hamiltonian` made.
 
         Parameters
         ----------

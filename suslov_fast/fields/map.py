@@ -27,19 +27,19 @@ class Map(Traced):
     """A map of one's own, ``x -> f(x)``, or a family of maps.
 
     :func:`iterate` and :func:`lyapunov_exponents` iterate it, ``map(x)`` is one step, and
-    :func:`equilibria` finds fixed points. A step has no length in time: there is no eps, and
-    ``run.time`` counts steps. The laboratory ``integrability`` takes a rational map. f may
-    contain the functions that a :class:`Field` accepts, such as ``np.mod`` and ``np.where``.
+    :func:`equilibria` finds its fixed points. A step has no length in time: there is no eps, and
+    ``run.time`` counts steps. The module ``integrability`` accepts a rational map. f may contain
+    the functions that f of a :class:`Field` may contain, such as ``np.mod`` and ``np.where``.
 
     Parameters
     ----------
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
-        components of the next state. f is called with symbols, twice.
+        components of the next state. f is called with symbols, twice, with equal results.
     names : str, sequence of str or int
         The names of the variables, ``"x y"``, or their number, for x1, ..., xD.
     **parameters : float or array_like(float, shape=(...))
-        Named parameters of f. Arrays broadcast, and make a family of maps.
+        Values of the named parameters of f. Arrays broadcast, and make a family of maps.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Map(Traced):
 
     See Also
     --------
-    Field : Equations x' = f(x), which also have Kahan's map if f is of degree 2.
+    Field : Equations x' = f(x), with Kahan's map if f is of degree 2.
 
     Examples
     --------

@@ -55,7 +55,7 @@ class Traced(Body):
         Parameters
         ----------
         **parameters : float or array_like(float, shape=(...))
-            New values; the other parameters stay as they are.
+            New values; the other parameters keep their values.
 
         Returns
         -------
@@ -161,8 +161,8 @@ class Traced(Body):
         Returns
         -------
         ndarray(float, shape=(..., D, D))
-            The derivative of component i with respect to variable j at [..., i, j]. Where f
-            chooses, as ``np.where`` does, it is that of the branch.
+            The derivative of component i with respect to variable j at [..., i, j]. If f has
+            branches, as of ``np.where``, it is the derivative of the branch at x.
 
         Examples
         --------

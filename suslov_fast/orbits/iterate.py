@@ -1,4 +1,4 @@
-"""One step and many steps of the map of a body or a field: `step`, `iterate`."""
+"""`step` and `iterate`: one step, and many steps, of the map of a body or field."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def step(
     method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
-    """Return the next state: one step of the map of a field or a body, or of a `Map`.
+    """Return the next state: one step of Kahan's map of a field or body, or of a `Map`.
 
-    Kahan's method makes ``x' = f(x)`` linear in the next state: squares x_i**2 become x_i next_i,
-    products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
-    method is symmetric: a step with -eps undoes one with eps.
+    In Kahan's method (next - x) / eps is equal to f, made linear in the next state: squares x_i**2
+    become x_i next_i, products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes
+    (x_i + next_i) / 2. The method is symmetric: a step with -eps undoes a step with eps.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def step(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        The next states. NaN for a state that contains NaN; NaN, with one
-        :class:`IntegrationWarning`, for a state on a pole of the map.
+        The next states: NaN for a state that contains NaN, and for a state on a pole of the map,
+        which also causes an :class:`IntegrationWarning`.
 
     See Also
     --------
@@ -93,50 +93,51 @@ def iterate(
 ) -> Trajectories:
     """Iterate a map from a batch of initial states: a `Map`, or Kahan's map of an ODE x' = f(x).
 
-    A :class:`Map` x -> f(x) has no eps: ``iterate(map, x0, steps=1000)``. Of a :class:`Field` f is
-    not iterated, but discretized with the step size eps.
+    A :class:`Map` x -> f(x) has no step size: ``iterate(map, x0, steps=1000)``. For a
+    :class:`Field` or a body, each step is a step of Kahan's method, of size `eps`.
 
-    The shapes of the field, of `eps` and of the initial states without their last axis broadcast
-    to the batch shape ``...``. A trajectory is bit-identical whatever else is in the batch, and for
-    any `threads` and `save_every`.
+    The shapes of the system, of `eps` and of the initial states without their last axis broadcast
+    to the batch shape ``...``. A trajectory has the same bits whatever else is in the batch, and
+    for any `threads` and `save_every`.
 
     Parameters
     ----------
     system : Map, Field, Suslov3D or SuslovND
         A single map, field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
-        Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
-        dimensions, its n - 1 components Omega_in in n. A state that contains NaN fails at step 0.
+        Initial states: of a body in three dimensions angular velocities (Omega1, Omega2), in n
+        dimensions the n - 1 components Omega_in. A state that contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
-        Step size in time, left out for a `Map`: 0 or between 1e-50 and 1e50 in modulus. A negative
-        one runs backwards in time, by the inverse map.
+        Step size in time, 0 or from 1e-50 to 1e50 in modulus; not for a `Map`. A negative step
+        size runs backwards in time, with the inverse map.
     steps : int
         Number of steps, 0 or more. For a `Map` it may be the third argument.
     save_every : int or None
-        Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
+        k, to save the states 0, k, 2k, ... up to `steps`; or None, to save only the last state.
     method : str
         "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 7,
-        13 and 21 of its steps: more digits for the same work, but quantities that the map conserves
-        vary. For bodies in n dimensions "gauss" eliminates the matrix A at every step; "auto" uses
-        that A is diagonal plus rank two, and eliminates only where digits would be lost.
+        13 and 21 of its steps: they have more digits for the same work, but do not conserve what
+        Kahan's map conserves. For bodies in n dimensions "gauss" eliminates the matrix A at every
+        step; "auto" uses that A is diagonal plus rank two, and eliminates only where digits would
+        be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or rotation matrices at state 0, to compute the orientation R of a body as well, from
-        the body to space: R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map.
+        True, or the rotation matrices at state 0, to compute also the rotation matrix R from the
+        body to space: R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map.
     threads : int, optional
-        Number of threads; by default Numba's.
+        Number of threads; by default all threads of Numba.
     on_singular : {"warn", "raise", "ignore"}
-        Failed trajectories cause a :class:`IntegrationWarning`, a :class:`SingularStepError`
-        that holds the run, or neither. Without "ignore", passed poles cause a
-        :class:`IntegrationWarning`.
+        Failed trajectories cause an :class:`IntegrationWarning`, or a :class:`SingularStepError`
+        with the run as its attribute `trajectories`, or neither. Passed poles cause an
+        :class:`IntegrationWarning`, except with "ignore".
     progress : bool or callable, optional
-        True shows a bar (needs tqdm). A function is called as ``progress(done, steps)``; if it
-        returns False, the run ends at state `done`.
+        True shows a progress bar, which needs tqdm. A function is called as
+        ``progress(done, steps)``; if it returns False, the run ends at state `done`.
 
     Returns
     -------
     Trajectories
-        The saved states and the status of each trajectory. After a state on a pole, which has no
-        next one, states are NaN; for bodies :meth:`Suslov3D.exact` continues beyond.
+        The saved states and the status of each trajectory. A state on a pole has no next state:
+        later states are NaN. For bodies :meth:`Suslov3D.exact` continues after a pole.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def iterate(
     See Also
     --------
     flow : Solutions of equations to a tolerance.
-    Suslov3D.exact : Any state of an orbit of a body, by the closed form.
+    Suslov3D.exact : Any state of the orbit of a body, from a closed form.
 
     Examples
     --------

@@ -26,8 +26,8 @@ class Trajectories(States):
     Attributes
     ----------
     states : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first one that does not exist. ``np.asarray(run)`` is the
-        same array, and ``run["x1"]`` a component.
+        The saved states; NaN from the first state that does not exist. ``np.asarray(run)`` is the
+        same array, and ``run["x1"]`` is a component of it.
     n, time : ndarray
         Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
@@ -49,10 +49,9 @@ class Trajectories(States):
 
     Notes
     -----
-    ``run.states[k]`` are the states saved as number k, and ``run.member(k)`` is the run of
-    trajectory k alone. Two runs are equal if
-    all attributes are equal; NaN equals NaN. Arrays are read-only, so that a run stays what was
-    computed: change a copy, ``run.states.copy()``.
+    ``run.states[k]`` are the states that were saved as number k, and ``run.member(k)`` is the run
+    of trajectory k alone. Two runs are equal if all attributes are equal; NaN equals NaN. Arrays
+    are read-only: to change states, take a copy, ``run.states.copy()``.
 
     Examples
     --------
@@ -90,7 +89,7 @@ class Trajectories(States):
 
     @property
     def time(self) -> FloatArray:
-        """Times n eps of the saved states, shape (n_saved,), or (n_saved, ...) if eps varies."""
+        """Times n eps of the saved states: (n_saved,), or (n_saved, ...) if eps is an array."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
         return read_only(n * np.asarray(self.eps))
 

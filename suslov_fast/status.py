@@ -134,11 +134,11 @@ def report_poles(
     steps: Any,
     status: NDArray[np.int8],
     failed_at: NDArray[np.int64],
-    told_by_signs: Any = False,
+    by_sign: Any,
 ) -> None:
     """Warn if trajectories of a problem passed a pole by this `StepMethod`.
 
-    `told_by_signs` is true where a change of sign revealed the pole.
+    `by_sign` is True for poles that were found by the change of sign of a component.
     """
     passed = status == Status.PASSED_POLE
     if not passed.any():
@@ -148,7 +148,7 @@ def report_poles(
     if problem.body._may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
         why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
-    if (passed & told_by_signs).any():
+    if (passed & by_sign).any():
         why += " (a component that cannot change its sign did)"
     if steps.goes_back:
         why += ", or a mode decays so fast that a substep backwards in time looks "

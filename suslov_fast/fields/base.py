@@ -118,10 +118,6 @@ class Body(Members, metaclass=Answering):
         """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
-    def _without_value(self, x: Any, which: Any) -> str:
-        """Return why the equations have no value at the first of some states (...), or nothing."""
-        return ""
-
     if TYPE_CHECKING:
 
         @property

@@ -1,7 +1,7 @@
-"""Fields of degree 2 as lists of terms, which Kahan's map takes.
+"""Fields of degree 2 as lists of terms, from which steps of Kahan's map are made.
 
-With x_D = 1, component i of a field is the sum of v x_j x_k over its terms (i, j, k), j <= k, and a
-Hamiltonian that of v x_i x_j x_k over terms with i <= j <= k.
+With x_D = 1, component i of a field is the sum of v x_j x_k over its terms (i, j, k), where j <= k,
+and a Hamiltonian is the sum of v x_i x_j x_k over its terms, where i <= j <= k.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from .exact_numbers import text_of
 
 
 class Terms(NamedTuple):
-    """Terms at different places; no term is 0 for all members of a family.
+    """Terms with different indices; no term is 0 for all members of a family.
 
-    They are sorted by their indices, except that terms with a factor 1 are last: kernels add up in
-    this order.
+    They are sorted by their indices, except that terms with a factor 1 are last: kernels add them
+    up in this order.
     """
 
     indices: NDArray[np.int64]  # (3, T)
@@ -33,7 +33,7 @@ class Terms(NamedTuple):
         return Terms(self.indices.copy(), np.ascontiguousarray(self.values.astype(np.float64)))
 
     def read(self, exactly: Callable[[Any], Fraction]) -> Terms:
-        """Return the terms of a single polynomial with ``exactly(v)`` in place of a value v."""
+        """Return the terms of a single polynomial with ``exactly(v)`` in place of each value v."""
         return Terms(self.indices, np.vectorize(exactly, "O")(self.values))
 
     def members(self) -> zip[tuple[tuple[int, ...], Any]]:
@@ -42,7 +42,7 @@ class Terms(NamedTuple):
 
 
 def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
-    """Return the sum of terms at any places: of a field (degree 2), or of a Hamiltonian (3)."""
+    """Return the terms of a field (degree 2) or of a Hamiltonian (3), which may come repeatedly."""
     indices = np.array(indices, np.int64).reshape(3, -1)
     indices[3 - degree :].sort(axis=0)
     order = np.lexsort((*indices[::-1], indices[2] == D))
@@ -66,7 +66,7 @@ def with_one(x: FloatArray) -> FloatArray:
 
 
 def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
-    """Return the sums (..., count) of those numbers (..., T) that have the same place."""
+    """Return sums (..., count): number t of (..., T) is added to the sum number places[t]."""
     order = np.argsort(places, kind="stable")
     there, first = np.unique(places[order], return_index=True)
     sums = np.zeros((*numbers.shape[:-1], count))
@@ -76,16 +76,15 @@ def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
 
 
 def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
-    """Return the derivatives (..., D, D) of the terms of a field at states (..., D)."""
+    """Return f' (..., D, D) at states (..., D), for the terms of f; callers silence NumPy."""
     D, y = x.shape[-1], with_one(x)
     (i, j, k), values = terms.floats
-    # v x_j x_k has the derivative v x_k by x_j, and v x_j by x_k.
+    # v x_j x_k has the derivatives v x_k with respect to x_j, and v x_j with respect to x_k.
     places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])
-    with np.errstate(all="ignore"):
-        products = np.concatenate([values, values], axis=-1) * y[..., others]
-        sums = sums_at(places, products, D * (D + 1))
-        slopes: FloatArray = sums.reshape(*sums.shape[:-1], D, D + 1)[..., :D]
-        return slopes + 0.0 * x[..., np.newaxis, :]
+    products = np.concatenate([values, values], axis=-1) * y[..., others]
+    sums = sums_at(places, products, D * (D + 1))
+    slopes: FloatArray = sums.reshape(*sums.shape[:-1], D, D + 1)[..., :D]
+    return slopes + 0.0 * x[..., np.newaxis, :]
 
 
 def texts_of(terms: Terms, names: Sequence[str]) -> Iterator[str]:

@@ -8,6 +8,5 @@ from .map_records import (
     eps_and_steps as eps_and_steps,
     eps_of as eps_of,
     map_of as map_of,
-    methods_of as methods_of,
     named as named,
 )

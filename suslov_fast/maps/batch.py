@@ -1,7 +1,7 @@
 """Runs in chunks: one call of a kernel each, for some trajectories and some steps.
 
 Between chunks, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, time is divided
-first: whenever it is called all trajectories have taken the same steps, so the run can end there.
+first: at each call all trajectories have taken the same number of steps, so the run can end there.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,7 +19,6 @@ from ..core.maps.kernel import field_steps
 from ..core.maps.step_system import FieldSystem, steps_of_one
 from ..core.numba.decorators import Kernel
 from ..core.numba.span import AXES, Output, Span
-from ..core.numba.status_codes import OK, PASSED_POLE
 from ..core.suslov import orientations
 from ..core.suslov.map_3d import BodySystem
 from ..core.suslov.map_nd import NDSystem
@@ -84,14 +83,14 @@ class StepMethod(NamedTuple):
     arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
     # Returns the constants of `compiled.step_system` for (body, eps).
     system: Callable[[Any, float], BodySystem | NDSystem | FieldSystem]
-    carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
+    carried: int = 0  # how many numbers, besides the last state, a trajectory continues from
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
-    # Yields groups of trajectories, as indices, and the arguments of each, for all arguments.
+    # Divides the arguments of a batch; yields the indices of a group, and its arguments.
     divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
-    # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
-    # negative if a change of sign told it.
+    # True if carry[0] is the number of the first state beyond a pole, 0 if there is none. It is
+    # negative if a component changed its sign, and positive if det A < 0.
     notes_poles: bool = False
     # True if a part of a step goes backwards, so that modes that decay fast look like poles.
     goes_back: bool = False
@@ -100,8 +99,8 @@ class StepMethod(NamedTuple):
 class BatchRun:
     """A run of B trajectories from the states of a problem; they have taken `n` steps."""
 
-    def __init__(self, problem: Problem, method: str | None = None) -> None:
-        self.steps = problem.map.methods[method or problem.method]
+    def __init__(self, problem: Problem) -> None:
+        self.steps = problem.map.methods[problem.method]
         self.problem, batch = problem, problem.batch
         self.omega0 = flat_arrays(problem.omega, batch)
         size, D = self.omega0.shape
@@ -115,42 +114,30 @@ class BatchRun:
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
-        # States after n steps, statuses and numbers of the first missing states.
+        # States after n steps, statuses, and numbers of the first missing states.
         self.final, self.status = np.empty((*batch, D)), np.zeros(batch, np.int8)
         self.failed_at = np.full(batch, -1)
 
     @property
     def first_pole(self) -> NDArray[np.int64]:
         """The number of the first state beyond a pole, for each trajectory; -1 if there is none."""
-        if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # of most runs
+        if not (self.steps.notes_poles and np.count_nonzero(self.carry[0])):  # as in most runs
             return np.full(self.problem.batch, -1)
-        first, status = self.noted()
-        passed = (first > 0) & (status == PASSED_POLE)
-        return np.where(passed, first, -1).reshape(self.problem.batch)
+        first = abs(self.carry[0]).astype(np.int64)
+        return np.where(first > 0, first, -1).reshape(self.problem.batch)
 
     @property
-    def told_by_signs(self) -> Any:
-        """True where the sign of a component, which changed, showed the pole, not det A < 0."""
-        if not self.steps.notes_poles:
-            return False
-        return self.carry[0].reshape(self.problem.batch) < 0
-
-    def noted(self) -> tuple[NDArray[np.int64], Any]:
-        """Return numbers (B,) of the first states beyond poles, 0 for none, and their status."""
-        if not self.steps.notes_poles:
-            return np.zeros(len(self.omega0), np.int64), OK
-        return abs(self.carry[0]).astype(np.int64), PASSED_POLE
+    def by_sign(self) -> Any:
+        """True for trajectories whose pole was found by a change of sign, not by det A < 0."""
+        return self.steps.notes_poles and self.carry[0].reshape(self.problem.batch) < 0
 
     def to(
-        self,
-        stop: int,
-        every: int = 0,
-        report: Report | None = None,
+        self, stop: int, every: int = 0, report: Report | None = None
     ) -> tuple[FloatArray, FloatArray | None]:
         """Take the steps to state `stop`; return saved states (rows, ..., D), and orientations.
 
-        Saved are the states with numbers that are multiples of `every`, or the last state alone if
-        `every` is 0. `report` takes the number of steps; if it returns False, the run ends there.
+        The states 0, `every`, 2 `every`, ... are saved, or only the last state if `every` is 0.
+        `report` is called with the number of steps; if it returns False, the run ends there.
         Orientations are None without an attitude.
         """
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
@@ -172,13 +159,13 @@ class BatchRun:
         return self.final[np.newaxis], turns
 
     def of_one(self, count: int = 1, every: int = 0, saved: Any = None) -> FloatArray | None:
-        """Return state number `count` of a single state of a field or map, as `steps_of_one`."""
+        """Return the state after `count` steps, for a single state of a field or map; else None."""
         if self.steps.kernel is not field_steps or self.problem.batch:
             return None
         return steps_of_one(self.arguments, self.omega0[0], count, every, saved)
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
-        """Continue to state `stop`, or until `report` ends it; states n * `every` go to `saved`."""
+        """Continue to state `stop`, or until `report` ends the run; save states n * `every`."""
         if report is None:
             if self.n or (after := self.of_one(stop, every, saved)) is None:
                 self._all_to(stop, every, saved)
@@ -194,7 +181,7 @@ class BatchRun:
                 break
 
     def _length(self, every: int) -> int:
-        """Return the number of steps between reports of progress; states n * `every` are saved."""
+        """Return how many steps to take between two reports of progress."""
         (_, D), threads = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
         lanes, fewest = self.steps.lanes, 1
         work = 0.0  # time of one step of the whole batch on all threads
@@ -206,7 +193,7 @@ class BatchRun:
         return max(int(CHUNK_WORK / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
-        """Continue the groups of trajectories to state `stop`; states n * `every` go to `saved`."""
+        """Continue all groups of trajectories to state `stop`; save states n * `every`."""
         size, D = self.omega0.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at = self.failed_at.reshape(size)
@@ -216,18 +203,16 @@ class BatchRun:
                 self._take(arguments, self.omega0, output, stop, every)
                 continue
             copies = (np.take(a, where, axis) for a, axis in zip(output, AXES, strict=True))
-            own = Output(*copies)
-            self._take(arguments, self.omega0[where], own, stop, every)
-            for array, axis, copy in zip(output, AXES, own, strict=True):
+            part = Output(*copies)
+            self._take(arguments, self.omega0[where], part, stop, every)
+            for array, axis, copy in zip(output, AXES, part, strict=True):
                 array[(ALL, where) if axis else where] = copy
         self.n = stop
 
     def _take(
         self, arguments: Arguments, omega0: FloatArray, output: Output, stop: int, every: int
     ) -> None:
-        """Continue a group of trajectories to state `stop`; save states n * `every`.
-
-        `arguments` are kernel arguments, and `omega0` are the initial states of the group.
+        """Continue a group, with its kernel arguments and initial states, to state `stop`.
 
         The batch is divided first, so that the data of a chunk stay in the caches. Time is divided
         only if few trajectories take long. Chunks grow while they are short, because the estimated
@@ -269,7 +254,7 @@ class BatchRun:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Continue to state `stop`; states n * `every` go to `saved`, orientations to `turns`."""
+        """Continue to state `stop`; write states n * `every` to `saved`, their turns to `turns`."""
         (size, D), turned, row = self.omega0.shape, self.turned, 0
         length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1))
         path = np.empty((length + 1, size, D))

@@ -1,8 +1,8 @@
 """Derivatives of Kahan's map at states, and the growth of tangent vectors along orbits.
 
-A small field has an expression program for a state with columns (`kahan_step.ExtendedStep`), which
-the kernel of steps runs. For larger fields NumPy multiplies the columns by the derivative of a
-step, A(x; eps)**-1 A(x_next; -eps).
+A small field has an expression program for a step of a state and its tangent vectors
+(`kahan_step.ExtendedStep`), which the kernel of steps runs. For larger fields NumPy multiplies the
+vectors by the derivative of a step, A(x; eps)**-1 A(x_next; -eps). Callers silence NumPy.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,6 @@ from ..checks import FloatArray
 from ..core.maps.kernel import field_steps, scheme_of
 from ..core.maps.stages import Scheme
 from ..core.numba.span import Output, Span
-from ..core.numba.status_codes import PASSED_POLE
 from ..fields.terms import Terms, slopes_at
 from .batch import Report
 from .kernel_arguments import ALL, by_scheme, by_zeros, flat_arrays
@@ -34,7 +33,7 @@ def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
 def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
     """Return the derivatives A(x; eps)**-1 A(after; -eps) (B, D, D) of a step from x to `after`.
 
-    They are NaN if undefined. A second solution gives digits to small entries, too.
+    They are NaN if undefined. One step of iterative refinement gives small entries their digits.
     """
     A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
@@ -46,18 +45,16 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
 
 
 def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: Any, n: int) -> Any:
-    """Take a step from x (B, D), states n; return states n + 1, and its derivatives (B, D, D)."""
-    (own, stages), values, eps = kernel_arguments
-    if (f := own.of) is not None:
+    """Take step n from x (B, D); return the next states, and the derivatives (B, D, D) there."""
+    (step, stages), values, eps = kernel_arguments
+    if (f := step.of) is not None:  # of a map of the user
         slopes = f.jacobian(x.T, f.table_of(values.T))
         return _take(kernel_arguments, x, carry_and_statuses, n, n + 1), np.moveaxis(slopes, 2, 0)
-    scheme, product = scheme_of(own.indices, own.D), np.eye(own.D)
+    scheme, product = scheme_of(step.indices, step.D), np.eye(step.D)
     for fraction in stages.fractions:
-        of_stage = scheme, values, fraction * eps
-        after = _take(of_stage, x, carry_and_statuses, n, n + 1)
-        with np.errstate(all="ignore"):
-            own_part = _derivative((own.indices, values), fraction * eps, x, after)
-            product, x = own_part @ product, after
+        after = _take((scheme, values, fraction * eps), x, carry_and_statuses, n, n + 1)
+        product = _derivative((step.indices, values), fraction * eps, x, after) @ product
+        x = after
     return x, product
 
 
@@ -70,18 +67,18 @@ def _take(arguments: Any, x: FloatArray, notes: Any, start: int, stop: int) -> F
 
 
 def _no_notes(B: int) -> Any:
+    """Return carry, status and failed_at of trajectories that begin."""
     return np.zeros((1, B)), np.zeros(B, np.int8), np.full(B, -1)
 
 
 def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
     """Yield groups of trajectories with the same operations: indices, and kernel arguments."""
-    own = problem.map.methods[problem.method]
-    is_field = own.divide is not None or own.kernel is not field_steps
+    method = problem.map.methods[problem.method]
     of_problem = problem.body, problem.eps, problem.batch
-    if is_field:
+    if method.kernel is field_steps and method.divide is None:
+        yield ALL, method.arguments(*of_problem)
+    else:  # steps of a field; of a body, of its field
         yield from by_zeros(by_scheme(*of_problem, problem.map.stages))
-    else:
-        yield ALL, own.arguments(*of_problem)
 
 
 def jacobian(problem: Problem) -> FloatArray:
@@ -101,12 +98,12 @@ class TangentGrowth(NamedTuple):
     sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
-    by_signs: NDArray[np.bool_]  # (B,), true where a change of sign told the pole
-    steps: int  # of the sums: fewer than asked for if `report` ended the run, or 0
+    by_sign: NDArray[np.bool_]  # (B,), True if a change of sign showed a pole
+    steps: int  # over which the sums are; fewer than asked for if `report` ended the run
 
 
 class _Part:
-    """Trajectories with the same step operations; tangent vectors, and logarithms of growth."""
+    """Trajectories with the same operations, their tangent vectors, and logarithms of growth."""
 
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
@@ -119,10 +116,6 @@ class _Part:
         columns = np.tile(np.eye(self.D).ravel(), (B, 1))
         self.x = np.concatenate([x, columns, np.zeros((B, self.D))], axis=1)
 
-    def begin(self) -> None:
-        """Set the sums of logarithms of growth to 0."""
-        self.x[:, -self.D :] = 0.0
-
     def take(self, stop: int) -> None:
         """Take the steps up to state `stop`."""
         if self.by_numpy:
@@ -134,14 +127,12 @@ class _Part:
 
     def _step(self, n: int) -> None:
         D = self.D
-        own = self.x[:, :D], self.x[:, D:-D].reshape(-1, D, D), self.x[:, -D:]
-        x, columns, sums = own
+        x, columns, sums = self.x[:, :D], self.x[:, D:-D].reshape(-1, D, D), self.x[:, -D:]
         after, product = _with_derivative(self.arguments, x, self.notes, n)
         V = product @ columns.swapaxes(1, 2)
         V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(D)
         Q, R = np.linalg.qr(V)
-        with np.errstate(divide="ignore"):
-            sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
+        sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
         x[:], columns[:] = after, Q.swapaxes(1, 2)
 
 
@@ -160,34 +151,25 @@ def growth(
         for where, (scheme, values, eps) in groups_of_alike(problem)
     ]
     sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
-    by_signs, done = np.zeros(B, bool), 0
+    by_sign = np.zeros(B, bool)
     length, n = max(CHUNK_WORK // max(400 * B * D, 1), 1), 0
     for last in (transient, transient + steps):
         for part in parts:
-            part.begin()
+            part.x[:, -D:] = 0.0
         goes_on = True
         while n < last and goes_on:
             n = min(n + length, last)
             for part in parts:
                 part.take(n)
             goes_on = report is None or report(n)
-        done = n - transient if last > transient else 0
         if not goes_on:
             break
     for part in parts:
         sums[part.where] = part.x[:, -D:]
         carry, status[part.where], failed_at[part.where] = part.notes
-        by_signs[part.where] = carry[0] < 0.0
-        is_pole = (carry[0] != 0.0) & (part.notes[1] == 0)
-        status[part.where] = np.where(is_pole, PASSED_POLE, part.notes[1])
-        failed_at[part.where] = np.where(is_pole, abs(carry[0]), part.notes[2])
-    done = max(done, 0)
+        by_sign[part.where] = carry[0] < 0.0
+    if not any(method.notes_poles for method in problem.map.methods.values()):
+        status = np.minimum(status, 0)  # runs of this map do not look for poles, either
+    done = max(n - transient, 0)
     sums[(status < 0) | (done == 0)] = np.nan
-    return TangentGrowth(sums, _of_poles(problem, status), failed_at, by_signs, done)
-
-
-def _of_poles(problem: Problem, status: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return `status`, with 0 for `PASSED_POLE` if runs of this map do not look for poles."""
-    if any(steps.notes_poles for steps in problem.map.methods.values()):
-        return status
-    return np.minimum(status, 0)
+    return TangentGrowth(sums, status, failed_at, by_sign, done)

@@ -15,7 +15,7 @@ PART = 2**16
 
 
 class Formula(NamedTuple):
-    """The computation of a function of a state, for the map of a class of systems."""
+    """How to compute a function of a state, for the map of a class of systems."""
 
     compute: Any  # takes a checked problem, returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a system without the function
@@ -37,7 +37,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
-    """Return compute(problem), of a large batch part by part, so that Ctrl-C works in between."""
+    """Return compute(problem); large batches in parts, between which Python handles Ctrl-C."""
     batch, D = problem.batch, problem.body.dimension
     work, length = math.prod(batch) * D**2, max(batch, default=1)
     if work <= PART or length == 1:
@@ -58,10 +58,10 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
 
 
 def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
-    """Return values, NaN where the state is NaN; warn once of the other missing values.
+    """Return values, NaN for states with NaN; warn once of all values missing for other states.
 
-    If `poles`, infinite values are results; otherwise they are missing. Formulas return no finite
-    value for a state that is not finite, so a finite sum shows that nothing is missing.
+    Infinite values are missing, except with `poles`. Formulas return no finite value for a state
+    that is not finite, so a finite sum shows that no value is missing.
     """
     with np.errstate(all="ignore"):
         total = values.sum()

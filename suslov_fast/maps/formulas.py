@@ -13,7 +13,6 @@ from .evaluation import Formula
 from .problem import Problem
 
 
-# -------------------------------------------------------------------- of Kahan's map of any field
 def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if not body._field._is_hamiltonian:
@@ -25,18 +24,18 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    """Return H + grad H . (x_next - x) / 3, which Kahan's map keeps; terms of H are v x_i x_j x_k.
+    """Return H + grad H . (x_next - x) / 3, which Kahan's map conserves, for a cubic H.
 
-    It is the symmetric form H(x, x, x_next), the mean over the three places of x_next.
+    It is the symmetric form H(x, x, x_next): in a term v x_i x_j x_k of H one factor is of x_next,
+    and the value is the mean over the three factors that this may be.
     """
     (i, j, k), values = problem.body._field._energy_terms
-    with np.errstate(all="ignore"):
-        x, after = with_one(problem.omega), with_one(states_after(problem))
-        y = x[..., i], x[..., j], x[..., k]
-        z = after[..., i], after[..., j], after[..., k]
-        means = (y[0] * y[1] * z[2] + y[0] * z[1] * y[2] + z[0] * y[1] * y[2]) / 3.0
-        found: FloatArray = (values * means).sum(axis=-1)
-    return found
+    x, after = with_one(problem.omega), with_one(states_after(problem))
+    y = x[..., i], x[..., j], x[..., k]
+    z = after[..., i], after[..., j], after[..., k]
+    means = (y[0] * y[1] * z[2] + y[0] * z[1] * y[2] + z[0] * y[1] * y[2]) / 3.0
+    energies: FloatArray = (values * means).sum(axis=-1)
+    return energies
 
 
 def _matrix(problem: Problem) -> FloatArray:
@@ -44,9 +43,8 @@ def _matrix(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the values (...) of 1 / det A(x), the density of the measure that the map keeps."""
-    with np.errstate(all="ignore"):
-        return np.asarray(1.0 / np.linalg.det(_matrix(problem)))
+    """Return 1 / det A(x) (...), the density of the measure that the map conserves."""
+    return np.asarray(1.0 / np.linalg.det(_matrix(problem)))
 
 
 def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""Arguments of kernels: one row for all trajectories, or one for each."""
+"""Arguments of kernels: one row for all trajectories, or a row for each."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from ..core.suslov.map_nd import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return an array, broadcast to the batch, as rows (B, ...) that have its last `axes` axes."""
+    """Return an array, broadcast to the batch, as rows (B, ...), which have its last `axes` axes."""
     split = array.ndim - axes
     inner = array.shape[split:]
     if array.shape[:split] != batch:
@@ -29,7 +29,7 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
-    """Return a parameter with `axes` axes as (1, ...) if the batch shares it, else as (B, ...)."""
+    """Return a parameter as (1, ...) if the batch shares it, else as (B, ...), with `axes` axes."""
     if type(value) is float:
         return np.array([value])
     array = np.asarray(value)
@@ -43,10 +43,7 @@ Arguments = tuple[NDArray[Any], ...]
 
 
 def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the arguments of kernels that take the constants of a body, and eps last.
-
-    An argument has one row if all trajectories share it, else one row for each.
-    """
+    """Return the kernel arguments of bodies: their constants, and eps last."""
     if not body.shape:
         return *body._batch_of_one, flat_parameter(eps, batch)
     axes = max(body._axes.get(name, 0) for name in body._arrays)  # of all constants
@@ -55,7 +52,7 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return indices and values of the terms of a body's field, and eps, as kernel arguments."""
+    """Return the indices and values of the terms of a field, or of a body's field, and eps."""
     indices, values = body._terms
     if not body.shape:  # for speed in small calls
         return indices, values[np.newaxis], flat_parameter(eps, batch)
@@ -72,10 +69,11 @@ def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOL
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories by the zeros of their fields; yield their indices and arguments.
+    """Group trajectories by the zeros of their fields; yield the indices and arguments of a group.
 
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
-    groups, bits would depend on the fields of others. `arguments` are from `by_scheme`.
+    groups, the bits of a trajectory would depend on the fields of other trajectories. `arguments`
+    are from `by_scheme`.
     """
     (step, stages), values, eps = arguments
     if len(values) == 1 or (nonzero := values != 0.0).all():
@@ -84,9 +82,9 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
         [where] = np.nonzero(which.ravel() == k)
-        indices, own = (np.ascontiguousarray(a[:, pattern]) for a in (step.indices, values[where]))
-        of_eps = eps[where] if len(eps) > 1 else eps
-        yield where, (scheme_of(indices, step.D, stages), own, of_eps)
+        scheme = scheme_of(np.ascontiguousarray(step.indices[:, pattern]), step.D, stages)
+        of_group = np.ascontiguousarray(values[where][:, pattern])
+        yield where, (scheme, of_group, eps[where] if len(eps) > 1 else eps)
 
 
 def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
@@ -116,12 +114,12 @@ def nd_system(body: Any, eps: float) -> NDSystem:
 
 
 def gauss_system(body: Any, eps: float) -> GaussSystem:
-    """Return the constants of a single body in n dimensions, for steps by elimination."""
+    """Return the constants of a single body in n dimensions for steps by elimination."""
     return GaussSystem(*nd_system(body, eps))
 
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
-    """Return the constants of a single body with a field, for `compiled`."""
+    """Return the constants of a single field, for `compiled`."""
     indices, [values], _ = by_field(body, eps, ())
     halves = np.outer(stages.fractions, 0.5 * eps * values)
     return system_of(indices, halves, body.dimension)

@@ -1,4 +1,4 @@
-"""Calls of kernels, serial or parallel."""
+"""Calls of kernels, on one thread or in parallel."""
 
 import math
 import threading
@@ -39,9 +39,9 @@ def available() -> int:
 def call_kernel(
     kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float = math.inf
 ) -> None:
-    """Call a kernel; in parallel if `work`, in steps of single trajectories, is large enough.
+    """Call a kernel; in parallel if `work`, a number of steps of trajectories, is large enough.
 
-    `seconds` is about how long the call would take in Python.
+    `seconds` is about how long the call would take in Python, before the kernel is compiled.
     """
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     if seconds < math.inf and kernel.by_numpy(*arguments):

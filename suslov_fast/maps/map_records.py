@@ -19,20 +19,15 @@ from .formulas import eigenvalues
 from .problem import Problem
 
 Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
-
-
-Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
-
 _HOW = ": to iterate a function x -> f(x) pass Map(f, names), for x' = f(x) Field(f, names)"
 
 
 @dataclass(frozen=True, eq=False)
 class Discretization:
-    """A map: one discretization of the equations of motion of a class of bodies or fields.
+    """The record of a map: all that runs, files, plots and functions of a state need to know of it.
 
-    Runs, files, plots and functions of a state get everything that depends on the map from this
-    record. Several records may be for the same class: the argument `method` of runs and functions
-    chooses one of them.
+    A map is a discretization of the equations of motion of a class of bodies or fields, or a `Map`.
+    A class may have several maps: the argument `method` of public functions chooses one of them.
 
     Attributes
     ----------
@@ -43,16 +38,15 @@ class Discretization:
     body : type
         The class of the bodies.
     methods : mapping of str to StepMethod
-        Ways to compute the steps, by the values of the argument `method`, the default first.
+        Ways to compute the steps, by the value of the argument `method`; the default is first.
     formulas : mapping of str to Formula
-        How to compute the functions of `kahan`, and the methods of `body` that take a state,
+        How to compute the functions of `kahan`, and the methods of the class that accept a state,
         by their names.
     stages : Stages
-        Stages of a composition: a step consists of Kahan steps by these fractions of eps. WHOLE for
-        Kahan's map itself.
+        A step consists of steps of Kahan's map with these fractions of eps; WHOLE for Kahan's map.
     attitude : {"axial", "in_rows"} or None
-        How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
-        if they do not.
+        How a state determines the angular velocity: by Omega1 and Omega2, or by (Omega_1n, ...,
+        Omega_n-1,n); None if a state does not rotate a body.
     eigenvalues : callable
         ``eigenvalues(problem, slopes)`` returns the eigenvalues (..., D) of f', the `slopes`
         (..., D, D), at steady states. The `multipliers` follow from them.
@@ -65,21 +59,18 @@ class Discretization:
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE
     attitude: Literal["axial", "in_rows"] | None = None
-    eigenvalues: Eigenvalues = eigenvalues
+    eigenvalues: Callable[[Problem, FloatArray], NDArray[Any]] = eigenvalues
 
     def __reduce__(self) -> Any:
         return named, (self.name,)
 
 
-# ------------------------------------------------------------------------------------------ records
 MAPS: dict[str, Discretization] = {}  # by name
 
 
-# ------------------------------------------------------------------------------------------- lookup
 def map_of(body: Any, method: str = "auto") -> Discretization:
-    """Return the `Discretization` that `method` names for a body, or raise an error."""
-    kind: Any = type(body)
-    by_method = methods_of(kind)
+    """Return the map of a body or field that has the argument `method`, or raise an error."""
+    by_method = methods_of(type(body))
     if type(method) is str and method in by_method:
         if isinstance(body, Field):
             _ = body._terms  # raises for a field that is not of degree 2
@@ -93,7 +84,7 @@ def map_of(body: Any, method: str = "auto") -> Discretization:
 
 
 def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, int]:
-    """Return eps and steps of a call of `name`; a `Map` has eps 1, and may have the steps first."""
+    """Return eps and steps of a call of `name`; for a `Map` eps is 1, and steps may be first."""
     if isinstance(system, Map) and steps is None and isinstance(eps, (int, np.integer)):
         eps, steps = None, eps
     eps = eps_of(name, system, eps, "x0, steps=N")
@@ -104,7 +95,7 @@ def eps_and_steps(name: str, system: Any, eps: Any, steps: Any) -> tuple[Any, in
 
 
 def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
-    """Check and return eps, 1.0 for a `Map`; errors show the call of a map, name(map, others)."""
+    """Check and return eps, 1.0 for a `Map`; an error shows its call, ``name(map, others)``."""
     if isinstance(system, Map):
         if eps is not None:
             raise TypeError(f"{name}: a Map has no step size eps: call {name}(map, {others})")
@@ -116,7 +107,7 @@ def eps_of(name: str, system: Any, eps: Any, others: str = "x") -> Any:
 
 @lru_cache(maxsize=64)  # for speed in small calls
 def methods_of(kind: Any) -> dict[str, Discretization]:
-    """Return {name of a method: `Discretization`} for a class of bodies."""
+    """Return the maps of a class of bodies by the values of the argument `method`."""
     records = [record for record in MAPS.values() if issubclass(kind, record.body)]
     return {method: record for record in records for method in record.methods}
 

@@ -1,4 +1,4 @@
-"""Steps of the package: kernels with their arguments and costs, also of higher order."""
+"""Steps of all maps, also of higher order: kernels with their arguments and costs."""
 
 from functools import partial
 from typing import Any
@@ -31,21 +31,22 @@ def _cost_in_3d(D: int, arguments: Any) -> float:
     return 2.0 if arguments[4].any() else 1.0
 
 
-def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return the time of a step relative to 3D: O(n), and a part of the O(n**3) of elimination."""
-    return 16.0 * D + D**3 / 30.0
-
-
 # The map of bodies in three dimensions.
 STEPS_3D = StepMethod(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
-# Kahan's map of the field of any body.
+# Kahan's map of a field, or of the field of a body.
 FIELD = StepMethod(
     kernel.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
 )
-# A map of one's own, x -> f(x).
+# A map of the user, x -> f(x).
 OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
-STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step
-    steps_nd.nd_steps, by_constants, nd_system, 1, _cost_in_nd, 32, notes_poles=True
+STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, with few eliminations
+    kernel=steps_nd.nd_steps,
+    arguments=by_constants,
+    system=nd_system,
+    carried=1,
+    cost=lambda D, arguments: 16.0 * D + D**3 / 30.0,
+    lanes=32,
+    notes_poles=True,
 )
 GAUSS = STEPS_ND._replace(  # the same map by elimination
     kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
@@ -53,11 +54,11 @@ GAUSS = STEPS_ND._replace(  # the same map by elimination
 
 
 # ---------------------------------------------------------------------- steps of order 4, 6 and 8
-# Kahan's map is symmetric: its inverse is the map with -eps. So a composition of steps by fractions
-# of eps that read the same from both ends, and whose sum is 1, has an even order. Order 4 has the
-# fractions of M. Suzuki, Phys. Lett. A 146 (1990), with three equal ones on each side; orders 6 and
-# 8 those of M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005). A list ends with the
-# middle fraction.
+# Kahan's map is symmetric: its inverse is the map with -eps. So steps with fractions of eps have an
+# even order together if the fractions read the same from both ends and their sum is 1. The
+# fractions of order 4 are from M. Suzuki, Phys. Lett. A 146 (1990), with three equal fractions on
+# each side; of orders 6 and 8 from M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005).
+# A list ends with the middle fraction.
 _SUZUKI = 1 / (6 - 6 ** (1 / 3))
 _TO_THE_MIDDLE = {
     4: [_SUZUKI, _SUZUKI, _SUZUKI, 1 - 6 * _SUZUKI],
@@ -88,7 +89,7 @@ COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDD
 
 
 def field_in(stages: Stages) -> StepMethod:
-    """Return the `StepMethod` of fields, for steps of these stages."""
+    """Return the `StepMethod` of fields for steps with these stages."""
     return FIELD._replace(
         arguments=partial(by_scheme, stages=stages),
         system=partial(field_system, stages=stages),

@@ -1,4 +1,4 @@
-"""Problems: the checked arguments of public functions, and parts of large batches."""
+"""Problems: the checked arguments of functions of maps, and parts of large batches."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from .kernel_calls import thread_count
 
 
 class Problem(NamedTuple):
-    """A checked problem: states of a body and a step size, for a map."""
+    """The checked arguments of a function of a map: a body or field, states, and step sizes."""
 
     map: Any  # the record of the map, see `maps.Discretization`
     body: Any
@@ -18,7 +18,7 @@ class Problem(NamedTuple):
     eps: float | FloatArray  # 0 if there is no step size
     batch: tuple[int, ...]  # the shape to which all parts broadcast
     threads: int | None = None
-    name: str = "omega"  # what messages call the states
+    name: str = "omega"  # of the states, in messages
     method: str = "auto"
     orientation: FloatArray | None = None  # (..., n, n)
 
@@ -27,7 +27,7 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 
 def part_of(problem: Problem, where: Where) -> Problem:
-    """Return the problem of a part of the batch, as views; `where` has a slice of each axis."""
+    """Return the problem of a part of the batch, as views; `where` has a slice for each axis."""
     body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
@@ -42,7 +42,7 @@ def part_of(problem: Problem, where: Where) -> Problem:
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return slices of an array of this shape, which broadcasts to a batch, for a part `where`."""
+    """Return the slices for a part of the batch, of an array of this shape, which broadcasts."""
     last = where[len(where) - len(shape) :]
     return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
 
@@ -62,8 +62,8 @@ def check(
     """Check the arguments of a public function, states of a body and eps; return a `Problem`.
 
     States may be NaN. They have the components of the body, unless `components` are other names.
-    Messages call them `name`, or x in place of omega if the map does. `attitude` is False, True for
-    the identity, or rotations. The default method is the first method of the map.
+    Messages call them `name`, with x in place of omega for fields. `attitude` is False, or True for
+    the identity, or rotations. The default of `method` is the first method of the map.
     """
     labels, turns = components or body._labels, None
     if body._variable == "x":

@@ -171,7 +171,7 @@ def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) ->
         problem.map.methods[problem.method],
         found.status.reshape(problem.batch),
         found.failed_at.reshape(problem.batch),
-        told_by_signs=found.by_signs.reshape(problem.batch),
+        by_sign=found.by_sign.reshape(problem.batch),
     )
     if found.steps == 0:  # `progress` ended the run in its transient
         return exponents

@@ -65,8 +65,8 @@ def step(
     array([1. , 0.5])
     """
     map = map_of(system, method)
-    problem = check(map, system, x, eps_of("step", system, eps), threads)
-    batch_run = BatchRun(problem, method)
+    problem = check(map, system, x, eps_of("step", system, eps), threads, method=method)
+    batch_run = BatchRun(problem)
     if (after := batch_run.of_one()) is not None:
         return after
     batch_run.to(1)
@@ -165,11 +165,13 @@ def iterate(
     """
     map = map_of(system, method)
     eps, steps = eps_and_steps("iterate", system, eps, steps)
-    steps, save_every = checked_counts(steps, save_every)
-    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude)
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    steps = integer("steps", steps, 0, "the number of steps, an integer of 0 or more")
+    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude, method=method)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
-    batch_run = BatchRun(problem, method)
+    batch_run = BatchRun(problem)
     one_of("on_singular", on_singular, ON_SINGULAR)
     with reporter(progress, steps) as report:
         saved, turns = batch_run.to(steps, save_every or 0, report=report)
@@ -191,11 +193,3 @@ def iterate(
     )
     report_failures(run, batch_run, on_singular)
     return run
-
-
-def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
-    """Return `steps` and `save_every`, checked."""
-    if save_every is not None:
-        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    expected = "the number of steps, an integer of 0 or more"
-    return integer("steps", steps, 0, expected), save_every

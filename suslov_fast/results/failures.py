@@ -55,7 +55,7 @@ def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: in
     if not (status.item() if status.size == 1 else status.any()):
         return
     if on_singular != "ignore":
-        report_poles(batch_run.problem, batch_run.steps, status, failed_at, batch_run.told_by_signs)
+        report_poles(batch_run.problem, batch_run.steps, status, failed_at, batch_run.by_sign)
     if status.min() >= 0:
         return
     texts = []
@@ -72,10 +72,7 @@ def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: in
         why = "eps is too long"
         why += ", or the motion escapes" if batch_run.problem.body._may_escape else ""
         texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
-    at_once = (status == Status.NONFINITE) & (failed_at == 1)
-    if texts and since <= 1 and at_once.any():
-        texts.append(batch_run.problem.body._without_value(batch_run.problem.omega, at_once))
-    message = "; ".join(filter(None, texts))
+    message = "; ".join(texts)
     if message and on_singular == "raise":
         raise SingularStepError(message, run)
     if message and on_singular == "warn":

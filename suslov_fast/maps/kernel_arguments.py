@@ -17,7 +17,7 @@ from ..core.suslov.map_nd import FAR_FROM_0, GaussSystem, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return an array, broadcast to the batch, as rows (B, ...), which have its last `axes` axes."""
+    """Return an array, broadcast to the batch, as (B, ...): it keeps its last `axes` axes."""
     split = array.ndim - axes
     inner = array.shape[split:]
     if array.shape[:split] != batch:

@@ -69,15 +69,6 @@ class Suslov(BodyOfEquations):
         """The parameters by name."""
         return Parameters({n: each for n, each in self._parts.items() if n != "rotation"})
 
-    @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        """The parameters by name, as arrays of floats."""
-        return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        return tuple((name, a.shape, *a.ravel().tolist()) for name, a in self._arrays.items())
-
     def _rotated(self: Kind, rotation: Any) -> Kind:
         """Return the body with the rotation from the basis of its tensor."""
         return self._with_parts({**self._parts, "rotation": rotation})

@@ -1,4 +1,4 @@
-"""Base class of all bodies: immutable parameters, batches, equality, text and dictionaries."""
+"""The base class of bodies, fields and maps: parameters, batches, equality, text, dictionaries."""
 
 import inspect
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", bound="Body")
 
 
 class Parameters(dict[str, Any]):
-    """Parameters by name: a copy, in which a new value would not reach the body."""
+    """Parameters by name: a copy, so setting a value, which would not reach the body, raises."""
 
     def __setitem__(self, name: str, value: Any) -> None:
         how = f"make it again with {name}={checks.short(value)}"
@@ -31,21 +31,23 @@ class Parameters(dict[str, Any]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(Members, metaclass=Answering):
-    """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters.
+    """A body, field or map, or a batch; in a body, the fields of the dataclass are its parameters.
 
     Attributes
     ----------
     _axes : dict of str to int
-        The number of axes of each parameter that is a vector (1) or a matrix (2): otherwise its
-        components count as members of a batch.
+        The number of axes of each parameter that is a vector (1) or a matrix (2) for one member.
     _positive : dict of str to int
-        Parameters that must be positive, and the power of ten up to which they may be.
+        The parameters that must be positive, and the exponent of their range (`checks.within`).
     _constants : tuple
         The arguments of formulas and kernels of the map, by default the parameters.
     _coordinates : tuple of str
-        Parameters that are coordinates of datasets, and that ``==`` ignores.
+        The parameters that are coordinates of datasets, and that ``==`` ignores.
     _steady_line : ndarray(float, shape=(..., D)) or None
-        The direction of the line of steady states through 0; NaN for members, or None, without one.
+        The direction of the line of steady states through 0: NaN for members without such a line,
+        None if no member has one.
+    _shared : dict
+        What all members have in common, in addition to the parameters.
     _read, _texts : callable, tuple of str
         The function that makes a body from its dictionary, and the entries without numbers.
     """
@@ -62,6 +64,7 @@ class Body(Members, metaclass=Answering):
         _is_solved: ClassVar[Any] = False
     _labels: ClassVar[Any] = "Omega1", "Omega2"
     _coordinates: ClassVar[Any] = ()
+    _shared: ClassVar[Any] = {}
     _read: ClassVar[Any] = None
     _texts: ClassVar[tuple[str, ...]] = ()
     _may_escape: ClassVar[Any] = False  # the energy of a body is constant
@@ -85,7 +88,7 @@ class Body(Members, metaclass=Answering):
 
     @cached_property
     def _exact_parts(self) -> dict[str, Any]:
-        """The parameters that hold fractions, by name, as they were given; copies have none."""
+        """The parameters that contain fractions, by name, as they were given; copies have none."""
         return {}
 
     @cached_property
@@ -110,13 +113,13 @@ class Body(Members, metaclass=Answering):
         return self
 
     def _with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
-        """Return a copy of the body with these parameters, checked before."""
-        return self._of(parts)
+        """Return a copy of the body with these parameters, which were checked before."""
+        return self._of({**parts, **self._shared})
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
-        return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
+        return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}
 
     if TYPE_CHECKING:
 
@@ -129,7 +132,7 @@ class Body(Members, metaclass=Answering):
 
     @property
     def _terms(self) -> Any:
-        """The terms v x_j x_k of all f_i for kernels, in the order in which they add them up."""
+        """The terms v x_j x_k of all f_i, for kernels."""
         return self._field._terms
 
     @property
@@ -139,7 +142,7 @@ class Body(Members, metaclass=Answering):
 
     @property
     def _constants(self) -> tuple[Any, ...]:
-        """The parameters in the order in which formulas and kernels of the map take them."""
+        """The parameters, in the order in which formulas and kernels of the map take them."""
         return tuple(self._arrays.values())
 
     @cached_property
@@ -166,8 +169,7 @@ class Body(Members, metaclass=Answering):
     @property
     def _key(self) -> tuple[Any, ...]:
         """The values that == and hash compare."""
-        compared = {n: a for n, a in self._parts.items() if n not in self._coordinates}
-        return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
+        return tuple((name, a.shape, *a.ravel().tolist()) for name, a in self._arrays.items())
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if type(other) is type(self) else NotImplemented
@@ -176,7 +178,7 @@ class Body(Members, metaclass=Answering):
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, (self._parts,)
+        return self._of, ({**self._parts, **self._shared},)
 
     def __repr__(self) -> str:
         name, arrays = type(self).__name__, self._arrays.items()
@@ -193,11 +195,11 @@ class Body(Members, metaclass=Answering):
         return None if self.shape else equations(*self._rows_in_latex())
 
     def _latex(self, _: Any) -> str:
-        """Return the same for ``sympy.latex``."""
+        """Return the equations for ``sympy.latex``, which calls this method."""
         return (self._repr_latex_() or str(self)).removeprefix("$\\displaystyle ").strip("$")
 
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        """Return left sides in LaTeX, and texts, and the LaTeX of variables with other names."""
+        """Return rows of a left side, in LaTeX, and a text; and the LaTeX of names in the texts."""
         field, labels = self._field, [*map(symbol, self._labels)]
         rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, field._formulas, strict=True)]
         numbers = [(symbol(name), str(a)) for name, a in self._arrays.items() if not np.ndim(a)]
@@ -207,14 +209,14 @@ class Body(Members, metaclass=Answering):
     def to_dict(self) -> dict[str, Any]:
         """Return the class and the exact parameters as a dictionary for JSON.
 
-        A number that no float equals becomes a string "p/q". A field has its equations, or with a
-        Hamiltonian H, as texts, or its terms as lists of indices and of values.
+        A number that no float equals becomes a string "p/q". A field has its equations as texts, or
+        the text of its Hamiltonian H, or its terms as lists of indices and of values.
 
         Returns
         -------
         dict
-            The class under "body", and numbers, strings, lists and dictionaries, from which
-            :meth:`from_dict` makes an equal body.
+            The name of the class under "body"; other entries are numbers, strings, lists and
+            dictionaries. :meth:`from_dict` makes an equal body of them.
 
         Examples
         --------
@@ -232,12 +234,12 @@ class Body(Members, metaclass=Answering):
         Parameters
         ----------
         parameters : mapping
-            The dictionary, also if it was saved as JSON and read again.
+            The dictionary from :meth:`to_dict`, or after a round trip through JSON.
 
         Returns
         -------
         body
-            An equal one.
+            A body that is equal to the one that was described.
 
         Raises
         ------
@@ -257,7 +259,7 @@ class Body(Members, metaclass=Answering):
 
     @classmethod
     def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
-        """Return the body of checked parameters, after some of them are removed."""
+        """Return the body that a dictionary describes, from which it removes entries."""
         how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls
@@ -275,7 +277,7 @@ class Body(Members, metaclass=Answering):
 
 
 def summary(name: str, values: Any) -> str:
-    """Return a parameter in a few words: "I1=4.0", or "rho: 11 values from 20 to 30"."""
+    """Return a parameter and its value, or its range: "rho: 11 values from 20 to 30"."""
     if not np.ndim(values):
         return f"{name}={values}"
     if np.size(values) == 0:

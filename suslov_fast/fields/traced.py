@@ -23,30 +23,25 @@ from .right_hand_sides import by_code_if_often
 from .symbolic import Symbol, Symbols, Tracer
 from .trace import called_by_name
 
-# Parts other than named parameters. They hold spaces, because a parameter can have any name that
-# Python accepts.
-NAMES, EQUATIONS = "names of variables", "equations"
+# Names of parts other than the named parameters. They contain spaces, because a parameter can have
+# any name that Python accepts.
+NAMES, EQUATIONS = "names of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # of a field of terms
-_FLOATS = {float}
 # Cached properties that are the same for all parameters, if these are numbers.
 _OF_EQUATIONS = "shape", "_tables_of_time"
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Traced(Body):
-    """The base of `Field` and `Map`: their function f is kept as a list of operations.
-
-    In texts, `arrow` stands between a variable and its formula, and `left` is the LaTeX of the left
-    side, with %s for the variable.
-    """
+    """The base of `Field` and `Map`: their function f is stored as a list of operations."""
 
     _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
     _variable: ClassVar[str] = "x"
-    _arrow: ClassVar[str]
-    _left: ClassVar[str]
+    _arrow: ClassVar[str]  # between a variable and its formula, in texts
+    _left: ClassVar[str]  # the left side of an equation in LaTeX, with %s for the variable
 
     names: tuple[str, ...]
-    _equations: Equations | Any  # None where terms are the parts of a field
+    _equations: Equations | Any  # None if the parts of a field are its terms
 
     @public
     def with_parameters(self, /, **parameters: Any) -> Self:
@@ -97,30 +92,23 @@ class Traced(Body):
         )
 
     @property
-    def _shared(self) -> dict[str, Any]:
-        """The parts that all members share, except arrays."""
+    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
         return {NAMES: self.names, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:
-        if self.shape or not _FLOATS.issuperset(map(type, parts.values())):
-            return self._of({**parts, **self._shared})
-        other, own = object.__new__(type(self)), vars(self)  # sooner than `_of`
+        if self.shape or not {float}.issuperset(map(type, parts.values())):
+            return super()._with_parts(parts)
+        other = object.__new__(type(self))  # sooner than `_of`
         other._set(parts, self._coordinates, self.names, self._equations)
-        vars(other).update({name: own[name] for name in _OF_EQUATIONS if name in own})
+        same = vars(self).items()
+        vars(other).update({name: value for name, value in same if name in _OF_EQUATIONS})
         return other
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, **self._shared},)
 
     @property
     def _key(self) -> tuple[Any, ...]:
         arrays = [np.asarray(a, np.float64) for a in self._parts.values()]
         values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
         return self.dimension, self._equations and self._equations.key, values
-
-    @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -144,8 +132,7 @@ class Traced(Body):
         f, table = self._with_table
         if x.ndim == table.ndim == 1 and (one := by_code_if_often(f, "f", x, table)) is not None:
             return one
-        found = f.value(np.moveaxis(x, -1, 0), table)
-        return np.moveaxis(found, 0, -1)
+        return np.moveaxis(f.value(np.moveaxis(x, -1, 0), table), 0, -1)
 
     @public
     def jacobian(self, x: Any) -> FloatArray:
@@ -181,12 +168,12 @@ class Traced(Body):
             entries = by_code_if_often(f, "derivative", x, table)
             if entries is not None:
                 return f.matrix_of(entries)
-        found = f.jacobian(np.moveaxis(x, -1, 0), table)
-        return np.moveaxis(found, (0, 1), (-2, -1))
+        slopes = f.jacobian(np.moveaxis(x, -1, 0), table)
+        return np.moveaxis(slopes, (0, 1), (-2, -1))
 
     @property
     def _program(self) -> Equations:
-        """The equations, of terms with unnamed parameters."""
+        """The equations of f; the values of terms are unnamed parameters of theirs."""
         return self._equations
 
     @property
@@ -201,7 +188,7 @@ class Traced(Body):
 
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:
-        """The right-hand side, and its values that depend on parameters alone, of all members."""
+        """The right-hand side, and for all members its values that depend only on parameters."""
         f = self._program.with_products
         return f, f.table_of(self._inputs)
 
@@ -231,9 +218,9 @@ class Traced(Body):
         return [*self.parameters.items()]
 
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        names = [self._left % symbol(name) for name in self.names]
-        rows = [*zip(names, self._formulas, strict=True)]
-        return rows + [(symbol(name), str(value)) for name, value in self._numbers], {}
+        left = [self._left % symbol(name) for name in self.names]
+        numbers = [(symbol(name), str(value)) for name, value in self._numbers]
+        return [*zip(left, self._formulas, strict=True), *numbers], {}
 
     def __repr__(self) -> str:
         kind = type(self).__name__
@@ -253,8 +240,8 @@ class Traced(Body):
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        found = {"body": type(self).__name__, "names": [*self.names], **self._described()}
-        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
+        entries = {"body": type(self).__name__, "names": [*self.names], **self._described()}
+        return entries | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
 
     def _described(self) -> dict[str, Any]:
         """Return the entries of `to_dict` for f."""
@@ -275,7 +262,7 @@ class Traced(Body):
 def parts_of(
     tracer: Tracer, names: Sequence[str], rows: Sequence[Any], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the parts of a field or map with operands `rows` that are f, and these parameters."""
+    """Return the parts of a field or map: operands `rows` are f, `values` are the parameters."""
     equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
     return {**values, NAMES: names, EQUATIONS: equations}
 
@@ -283,15 +270,15 @@ def parts_of(
 def operands_of_texts(
     names: Sequence[str], rows: Sequence[Any], definitions: Any, parameters: Any
 ) -> tuple[Tracer, list[Any], dict[str, Any]]:
-    """Return the tracer and the operands of formulas in a dictionary, and checked parameters."""
-    checks.instance("parameters", parameters or {}, Mapping)
-    checks.instance("definitions", definitions or {}, Mapping)
-    given = named_parameters(parameters or {}, names)
+    """Return the tracer and the operands of the texts `rows`, and the checked parameters."""
+    definitions, parameters = definitions or {}, parameters or {}
+    checks.instance("parameters", parameters, Mapping)
+    checks.instance("definitions", definitions, Mapping)
+    given = named_parameters(parameters, names)
     tracer = Tracer(names, [*given])
     known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
-    texts = [*(definitions or {}).items(), *enumerate(rows)]
-    found = values_of(texts, known, called_by_name)
+    values = values_of([*definitions.items(), *enumerate(rows)], known, called_by_name)
     try:
-        return tracer, [tracer.result(found[k]) for k in range(len(rows))], given
+        return tracer, [tracer.result(values[k]) for k in range(len(rows))], given
     except TypeError as error:
         raise ValueError(f"equations: {error}") from None

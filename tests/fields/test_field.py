@@ -283,10 +283,11 @@ def test_what_is_printed():
 def test_parameters_that_have_names_of_arguments():
     """Only what really clashes is refused."""
 
-    def right_hand_side(x, omega, f, H, K, save_every, each):
-        return omega * f * x[0] + H * K, save_every * x[1] - each
+    def right_hand_side(x, omega, f, H, K, save_every, each, equations):
+        return omega * f * x[0] + H * K, save_every * x[1] - each * equations
 
-    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "save_every": [6.0, 7.0], "each": 8}
+    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "save_every": [6.0, 7.0]}
+    values |= {"each": 8, "equations": 1}
     field = Field(right_hand_side, 2, **values)
     assert field.parameters.keys() == values.keys()
     assert field.sel(omega=2).parameters["save_every"] == 7.0

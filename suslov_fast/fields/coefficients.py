@@ -1,4 +1,4 @@
-"""Coefficients of degree 2: of a list of operations, of arrays, and of files."""
+"""Coefficients of fields of degree 2: from lists of operations, from arrays, and from files."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .terms import Terms, collected
 _fractions = np.vectorize(Fraction, "O")
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
-# A polynomial: coefficients by sorted indices, of which (0, 0, 1) stands for x1 x1 x2. They are
-# fractions, or floats, or the floats (...) of the members of a family.
+# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2. Coefficients are
+# fractions, or floats, or arrays (...) of floats for the members of a family.
 Polynomial = dict[tuple[int, ...], Any]
 
 
@@ -37,11 +37,10 @@ def of_equations(
     parameters: Sequence[Any],
     exactly: Callable[[float], Fraction] | None = None,
 ) -> Terms:
-    """Return the terms of f (degree 2), or of H (degree 3, one result), by its list of operations.
+    """Return the terms of f (degree 2), or of H (degree 3, one result), from their operations.
 
-    `parameters` are numbers, or arrays (...) of the members of a family, which are computed in one
-    pass. Values are floats, or, for numbers and a function that makes a fraction of a float,
-    fractions.
+    `parameters` are numbers, or arrays (...) for the members of a family. Values are floats, or
+    fractions if `exactly` makes a fraction of a float; then `parameters` are numbers.
     """
     D, shape = len(equations.names), np.broadcast_shapes(*map(np.shape, parameters))
     ratios = equations.ratios
@@ -52,12 +51,12 @@ def of_equations(
         a = ratios.get(a, a) if isinstance(a, float) else a
         return exactly(a) if isinstance(a, float) else Fraction(a)
 
-    found = coefficients_by(number, equations, results, degree, parameters)
-    values: Any = np.empty((*shape, len(found)), np.float64 if exactly is None else object)
-    for k, c in enumerate(found.values()):
+    terms = coefficients_by(number, equations, results, degree, parameters)
+    values: Any = np.empty((*shape, len(terms)), np.float64 if exactly is None else object)
+    for k, c in enumerate(terms.values()):
         values[..., k] = c
     within("coefficients of f", values, OTHERS)
-    return collected(np.array([*found], np.int64).reshape(-1, 3).T, values, D, degree)
+    return collected(np.array([*terms], np.int64).reshape(-1, 3).T, values, D, degree)
 
 
 def coefficients_by(
@@ -67,9 +66,9 @@ def coefficients_by(
     degree: int,
     parameters: Sequence[Any],
 ) -> Polynomial:
-    """Return the coefficients of f (degree 2) or H (degree 3) by three indices, of any numbers.
+    """Return the coefficients of f (degree 2) or H (degree 3) by three indices.
 
-    The list of operations is carried out with ``number(a)`` for constants and parameters a.
+    They are numbers of the kind that ``number(a)`` returns for constants and parameters a.
     """
     D = len(equations.names)
     known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
@@ -83,39 +82,39 @@ def coefficients_by(
                 has_no_value = name == "fdiv" and not of[1]
                 why = "has the denominator 0" if has_no_value else "is no polynomial"
                 raise NotQuadratic(f"{equations.shown(place)} {why}")
-    found: Polynomial = {}
+    coefficients: Polynomial = {}
     for i, a in enumerate(results):
         terms = _constant(number(a)) if isinstance(a, float) else known[a]
         if (highest := max(map(len, terms), default=0)) > degree:
             raise NotQuadratic(f"a formula has the degree {highest}")
         row = (i,) if degree == 2 else ()
-        found |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
-    return found
+        coefficients |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
+    return coefficients
 
 
-def _is_there(c: Any) -> bool:
+def _is_nonzero(c: Any) -> bool:
+    """Return True for a number other than 0, and an array with such a number or without any."""
     return bool(c.any() or not c.size) if isinstance(c, np.ndarray) else bool(c)
 
 
 def _constant(c: Any) -> Polynomial:
-    return {(): c} if _is_there(c) else {}
+    return {(): c} if _is_nonzero(c) else {}
 
 
 def _sum(*parts: Polynomial) -> Polynomial:
-    """Return the sum; adding few terms to many takes hardly longer than a copy."""
-    sums = dict(parts[0])
+    """Return a sum; shorter parts are added to longer ones, because copies take time."""
+    total = dict(parts[0])
     for part in parts[1:]:
-        few, many = (part, sums) if len(part) <= len(sums) else (sums, dict(part))
-        for m, c in few.items():
-            many[m] = many[m] + c if m in many else c
-            if not _is_there(many[m]):
-                del many[m]
-        sums = many
-    return sums
+        fewer, total = (part, total) if len(part) <= len(total) else (total, dict(part))
+        for m, c in fewer.items():
+            total[m] = total[m] + c if m in total else c
+            if not _is_nonzero(total[m]):
+                del total[m]
+    return total
 
 
 def _sum_of_products(*operands: Polynomial) -> Polynomial:
-    """Return the sum of a start, if there is one, and of products of pairs."""
+    """Return the sum of the products of pairs; an odd operand, the first, is added."""
     odd = len(operands) % 2
     pairs = zip(operands[odd::2], operands[odd + 1 :: 2], strict=True)
     return _sum(*(operands[:odd] or [{}]), *(_product(a, b) for a, b in pairs))
@@ -138,6 +137,7 @@ def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
 
 
 def _power(a: Polynomial, exponent: Polynomial) -> Polynomial | None:
+    """Return a power with the exponent 0, 1, 2 or 3, else None."""
     number = exponent.get((), 0)
     if exponent.keys() - {()} or np.ndim(number) or number not in range(4):
         return None
@@ -153,13 +153,14 @@ _RULES: dict[str, Callable[..., Any]] = {
 def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
     """Return the value of a function of constants, None for other operands.
 
-    A choice by constants takes polynomials. Truth values are arrays.
+    If the condition of a `select` is constant, its other operands may be polynomials. Truth values
+    are arrays.
     """
     if name == "select" and not isinstance(operands[0], dict):
         condition, *(a, b) = operands
         zero = number(0.0)
         chosen = {m: np.where(condition, a.get(m, zero), b.get(m, zero))[()] for m in {**a, **b}}
-        return {m: c for m, c in chosen.items() if _is_there(c)}
+        return {m: c for m, c in chosen.items() if _is_nonzero(c)}
     if any(isinstance(a, dict) and a.keys() - {()} for a in operands):
         return None
     values = [np.float64(a.get((), 0.0)) if isinstance(a, dict) else a for a in operands]
@@ -170,7 +171,7 @@ def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> An
 
 # -------------------------------------------------------------------------------------- of arrays
 def entries(name: str, array: Any) -> Entries:
-    """Return the entries of a single array that are not 0, exactly: as floats or fractions."""
+    """Return the exact entries of a single array that are not 0, as floats or fractions."""
     where = np.nonzero(np.asarray(array != 0, bool))
     values = array[where]
     if {*map(type, values.tolist())} <= {float}:
@@ -181,7 +182,7 @@ def entries(name: str, array: Any) -> Entries:
 
 
 def _of_array(name: str, value: Any, axes: int, D: int) -> Entries:
-    """Return the entries of an array with `axes` axes of length D, or of a family of them."""
+    """Return the entries of an array with `axes` axes of length D, or of a family of arrays."""
     array = as_given(name, value)
     if D == 0 or array.shape[-axes:] != (D,) * axes:
         size = D if name != "quadratic" else "D"
@@ -201,7 +202,7 @@ def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
     for name, value, axes in (("linear", linear, 2), ("constant", constant, 1)):
         if value is not None:
             parts[name] = _of_array(name, value, axes, D)
-    # Indices of the factor 1 for those that linear terms and constants lack.
+    # Linear terms and constants have factors 1, with the index D.
     indices = [np.vstack([i, np.full((3 - len(i), i.shape[1]), D)]) for i, _ in parts.values()]
     batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
     values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]
@@ -211,7 +212,7 @@ def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
 
 
 def of_file(indices: Any, values: Any, D: int) -> Terms:
-    """Return the terms in a dictionary: i, j, k (3, T) and v (..., T)."""
+    """Return the terms of the entries of a dictionary: i, j, k (3, T) and v (..., T)."""
     places = _indices("indices", indices, (D, D + 1, D + 1))
     array = _values("values", values, places.shape[1])
     if array.ndim == 1:
@@ -226,7 +227,7 @@ def of_file(indices: Any, values: Any, D: int) -> Terms:
 
 
 def _indices(name: str, given: Any, ends: tuple[int, ...]) -> Any:
-    """Return integers (rows, T); the integers of each row are below its end."""
+    """Return checked indices (rows, T); in each row they are from 0 and less than its `ends`."""
     indices = np.asarray(given)
     if indices.size == 0:
         return np.zeros((len(ends), 0), np.int64)
@@ -238,7 +239,7 @@ def _indices(name: str, given: Any, ends: tuple[int, ...]) -> Any:
 
 
 def _values(name: str, given: Any, count: int) -> Any:
-    """Return values (..., count) as they are."""
+    """Return values (..., count) as they were given."""
     array = as_given(name, given)
     if array.ndim == 0 or array.shape[-1] != count:
         raise wrong(name, f"have the shape (..., {count}), one for each term", array.shape)
@@ -267,9 +268,9 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", array.shape)
         places, values = _of_array("K", array, 2, D)
     values = _fractions(values)
-    found = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
-    for (i, j), v in found.items():
-        if (w := found.get((j, i), Fraction(0))) != -v:
+    by_place = dict(zip(zip(*places.tolist(), strict=True), values, strict=True))
+    for (i, j), v in by_place.items():
+        if (w := by_place.get((j, i), Fraction(0))) != -v:
             received = f"one with {float(v)} at {i, j} and {float(w)} at {j, i}"
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
     matrix: Any = np.empty((3, len(values)), object)

@@ -1,6 +1,6 @@
-"""Equations as text: lists of operations are written, and read by a grammar without `eval`.
+"""Equations as text: writes lists of operations as formulas, and reads formulas without `eval`.
 
-Texts are bounded in size and depth, so that no file can keep its reader busy.
+The size and the depth of texts are limited, so that no file can keep its reader busy.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ import numpy as np
 from ..checks import short
 from ..core.expressions.function_records import FUNCTIONS, RECORDS, same
 
-_DEEPEST = 40  # operations inside each other in what is written; others become definitions
-_DEEPEST_READ = 100
+_DEEPEST = 40  # nested operations in a text that is written; deeper parts become definitions
+_DEEPEST_READ = 100  # nested operations in a text that is read
 _LONGEST = 2_000_000  # characters of an equation, such as a table of 50,000 knots
-_MOST_TEXT = 20_000_000  # of all
+_MOST_TEXT = 20_000_000  # characters of all equations
 _INSTRUCTIONS = {
     "fadd": "add", "fsub": "subtract", "fmul": "multiply", "fdiv": "divide", "fabs": "absolute",
     "select": "where", "olt": "less", "ogt": "greater", "oge": "greater_equal", "oeq": "equal",
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-_OF_DECIMALS, _OF_RATIOS = 14, 999  # characters, and a denominator
+_LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999  # of constants, which are ratios beyond the first
 _NONE: dict[float, Fraction] = {}
 # How tightly signs bind, as in Python.
 _CALL, _UNARY = 10, 8
@@ -43,7 +43,7 @@ _LEVELS = {
 
 # --------------------------------------------------------------------------------- writing
 def _node(values: Any, number: int) -> tuple[str, Sequence[Any], Sequence[Any]]:
-    """Return the function of a value, its operands, and the tables of a function."""
+    """Return the name of the function that computes a value, its operands, and its tables."""
     if number in values.written:
         name, operands, *tables = values.written[number]
         return name, operands, tables
@@ -54,11 +54,11 @@ def _node(values: Any, number: int) -> tuple[str, Sequence[Any], Sequence[Any]]:
 
 
 def _number(c: float, ratios: Mapping[float, Fraction] = _NONE) -> tuple[str, int]:
-    """Return the text of a constant, such as 0.1, or 8/3 where a quotient was written."""
+    """Return the text of a constant, such as 0.1 or 8/3, and how tightly its sign binds."""
     is_whole = c == np.floor(c) and abs(c) < 1e15 and not same(c, -0.0)
     text = str(int(c)) if is_whole else repr(c)
-    if len(text) > _OF_DECIMALS and math.isfinite(c):
-        ratio = ratios.get(c) or Fraction(c).limit_denominator(_OF_RATIOS)
+    if len(text) > _LONGEST_DECIMAL and math.isfinite(c):
+        ratio = ratios.get(c) or Fraction(c).limit_denominator(_MOST_DENOMINATOR)
         if float(ratio) == c and max(abs(ratio.numerator), ratio.denominator) < 2**53:
             return str(ratio), _LEVELS["divide"]
     return text, _UNARY if text.startswith("-") else _CALL
@@ -79,7 +79,7 @@ def _joined(name: str, parts: Sequence[tuple[str, int]], tables: Sequence[Any]) 
             written.append(f"({', '.join(texts)}{comma})" if is_list else texts[0])
         return f"{'abs' if name == 'absolute' else name}({', '.join(written)})", _CALL
     own = _LEVELS[name]
-    least = own + (own in (1, 9)), own + 1
+    least = own + (own in (1, 9)), own + 1  # comparisons and powers do not chain
     left, right = (
         text if level >= bound else f"({text})"
         for (text, level), bound in zip(parts, least, strict=True)
@@ -95,22 +95,17 @@ def brief(
     length: int = 60,
     ratios: Mapping[float, Fraction] = _NONE,
 ) -> str:
-    """Return the text of a value for readers; a long one is left out."""
-    if size_of(values, operand, length) > length:
-        return "..."
-    [text] = written(values, [operand], names, ratios, defines=False)[1]
-    return text
-
-
-def size_of(values: Any, operand: Any, most: int) -> int:
-    """Return a lower bound on the length of the text of a value, counted until it exceeds most."""
+    """Return the text of a value for readers, "..." if it names more than `length` values."""
     size, stack = 0, [operand]
-    while stack and size <= most:
+    while stack:
         a = stack.pop()
         size += 1
+        if size > length:
+            return "..."
         if not isinstance(a, float) and a in values.of:
             stack.extend(_node(values, a)[1])
-    return size
+    [text] = written(values, [operand], names, ratios, defines=False)[1]
+    return text
 
 
 def written(
@@ -120,7 +115,7 @@ def written(
     ratios: Mapping[float, Fraction] = _NONE,
     defines: bool = True,
 ) -> tuple[dict[str, str], list[str]]:
-    """Return definitions of values that occur twice or deep inside, and the texts of results."""
+    """Return definitions of values that occur twice or are nested deeply, and texts of results."""
     of, order = {}, []
     stack = [(a, False) for a in reversed(results)]
     while stack:
@@ -145,20 +140,20 @@ def written(
         texts[a] = _joined(name, parts, tables)
         depths[a] = 1 + max((depths.get(b, 0) for b in _numbers(operands)), default=0)
         if defines and ((uses[a] > 1 and operands) or depths[a] >= _DEEPEST):
-            own = next(each for each in free if each not in names)
-            definitions[own], texts[a], depths[a] = texts[a][0], (own, _CALL), 0
+            new = next(each for each in free if each not in names)
+            definitions[new], texts[a], depths[a] = texts[a][0], (new, _CALL), 0
     rows = [_number(a, ratios) if isinstance(a, float) else texts[a] for a in results]
     return definitions, [text for text, _ in rows]
 
 
 def _numbers(operands: Sequence[Any]) -> set[int]:
-    """Return the operands that are values, and no constants."""
+    """Return the operands that are values, not constants."""
     return {a for a in operands if not isinstance(a, float)}
 
 
 # --------------------------------------------------------------------------------- reading
 def _divided(a: Any, b: Any) -> Any:
-    """Return a quotient; of integers a fraction, as which it was typed."""
+    """Return a quotient, of integers as a fraction: so it was typed."""
     if isinstance(a, float) and isinstance(b, float) and a.is_integer() and b.is_integer() and b:
         return Fraction(int(a), int(b))
     return a / b
@@ -180,13 +175,12 @@ def values_of(
     names: Mapping[str, Any],
     calls: Callable[[str, Sequence[Any]], Any],
 ) -> dict[Any, Any]:
-    """Return the values of texts by their names; each may use the names before it.
+    """Return the values of named formulas, together with `names`, the symbols of variables.
 
-    `names` are the symbols of variables and parameters; calls(function, arguments) is the value of
-    a function by its name.
+    A formula may use all names before it. ``calls(function, arguments)`` returns the value of a
+    function that has this name.
     """
     known: dict[Any, Any] = dict(names)
-    found: dict[Any, Any] = {}
     length = 0
     for name, text in texts:
         length += len(text) if isinstance(text, str) else 0
@@ -194,15 +188,16 @@ def values_of(
             raise ValueError(f"equations: all have more than {_MOST_TEXT} characters")
         tree = _parsed(text)
         try:
-            known[name] = found[name] = _value(tree, known, calls, 0)
+            known[name] = _value(tree, known, calls, 0)
         except (ArithmeticError, TypeError, RecursionError) as error:
             raise ValueError(f"equations: {short(text)}: {error.args[-1]}") from None
-        if isinstance(found[name], tuple):
+        if isinstance(known[name], tuple):
             raise ValueError(f"equations: {short(text)} is no number")
-    return found
+    return known
 
 
 def _parsed(text: Any) -> Any:
+    """Return the syntax tree of a formula."""
     if not isinstance(text, str) or len(text) > _LONGEST or not _CHARACTERS.fullmatch(text):
         how = f"a text of at most {_LONGEST} characters, names, numbers and signs of Python"
         if ":" in str(text):
@@ -218,6 +213,7 @@ def _parsed(text: Any) -> Any:
 
 
 def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
+    """Return the value of a syntax tree; `depth` counts the operations around it."""
     if depth > _DEEPEST_READ:
         raise ValueError(f"equations: more than {_DEEPEST_READ} operations in each other")
     chain = []
@@ -227,13 +223,13 @@ def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
     value = _of_part(node, known, calls, depth + 1)
     for each in reversed(chain):
         right = _value(each.right, known, calls, depth + 1)
-        value = (
-            _OPERATORS[type(each.op)](value, right) if type(each.op) in _OPERATORS else _no(each)
-        )
+        operate = _OPERATORS.get(type(each.op)) or _no(each)
+        value = operate(value, right)
     return value
 
 
 def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
+    """Return the value of a syntax tree that does not begin with an operation of two numbers."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         return float(node.value)
     if isinstance(node, ast.Name):
@@ -262,4 +258,5 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
 
 
 def _no(node: Any) -> Any:
+    """Raise the error of a syntax tree that no formula has."""
     raise ValueError(f"equations: {short(ast.unparse(node))} has no meaning in an equation")

@@ -1,4 +1,4 @@
-"""Equations that all members of a family share: the list of operations of f, and its uses."""
+"""The equations that all members of a family share: the list of operations of f."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ LONGEST = 300  # characters of a text for readers
 
 
 class Equations:
-    """The equations that all members of a family share: lists of f and, if it is there, of H.
+    """The equations that all members of a family share: the operations of f and of H.
 
-    names, parameters  the variables, and the named parameters, in the order of values
-    values, results    `Expressions` of f and of H, in an order that these determine, and f
-    H, K               the operand of H, and the entries (i, j, value) of its matrix, or None
-    products           such `Expressions` and results of f, with products of dense matrices
-    ratios             the fractions that were typed, by the floats nearest to them
+    names, parameters  the variables, and the named parameters, which are the first values
+    values, results    `Expressions` of f and H, and the operands of f. Their order is determined by
+                       f and H, not by how f was written.
+    products           the same, with products of dense matrices as single operations
+    H, K               the operand of H, and the entries (i, j, value) of K; None without H
+    ratios             the fractions that were typed, by the nearest floats
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Equations:
 
     @cached_property
     def key(self) -> Any:
-        """The part of a field that == compares, without texts and names."""
+        """The equations as a text that does not depend on names, for ==."""
         sizes = len(self.names), len(self.parameters)
         values, results = self.products
         return repr((sizes, values.operations, results, self.H, self.K))
@@ -87,28 +88,28 @@ class Equations:
 
     @cached_property
     def texts(self) -> tuple[dict[str, str], list[str]]:
-        """Definitions, and the texts of f, or the text of H, from which f follows."""
+        """The definitions, and the texts of f; of a Hamiltonian field, the text of H."""
         results = self.results if self.H is None else [self.H]
         return written(self.values, results, self.all_names, self.ratios)
 
     def shown(self, operand: Any) -> str:
-        """Return the text of f_i or H for readers."""
+        """Return the text of an operand for readers."""
         return brief(self.values, operand, self.all_names, LONGEST, self.ratios)
 
     def energy(self, x: Any, parameters: Any) -> Any:
         """Return H (...) at states (D, ...)."""
         values, (H,) = in_order(self.values, [self.H])
-        known = dict(enumerate([*x, *parameters]))
+        numbers = dict(enumerate([*x, *parameters]))
         with np.errstate(all="ignore"):
-            evaluate(values.operations, known)
-        return H if isinstance(H, float) else known[H]
+            evaluate(values.operations, numbers)
+        return H if isinstance(H, float) else numbers[H]
 
 
 def of_hamiltonian(
     tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
 ) -> Equations:
-    """Return the equations x' = K grad H, by the derivative of the list of H."""
-    # A list in its own order, so that the gradient is the same after reading a text of H.
+    """Return the equations x' = K grad H, for the operand `energy` of H and the entries of K."""
+    # In an order that H determines, so that the gradient is the same for H that is read from text.
     values, [H] = in_order(tracer.values, [energy])
     [slopes] = gradients(values, [*values.operations], [H], len(names))
     rows: list[Any] = [None] * len(names)  # an operand may be 0, the number of the first variable
@@ -123,7 +124,7 @@ def of_hamiltonian(
 
 
 def check_equalities(values: Any, names: Sequence[str], rows: Sequence[Any]) -> None:
-    """Raise ValueError where f asks whether a clock equals a number: a step meets no such time."""
+    """Raise ValueError if f asks whether a clock equals a number: no step is at this time."""
     clocks = {i for i, rate in enumerate(rows) if isinstance(rate, float) and rate != 0.0}
     for name, _, operands in values.operations:
         for a, b in (operands, operands[::-1]) if name == "oeq" else ():

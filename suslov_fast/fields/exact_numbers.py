@@ -13,30 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import (
-    OF_SYMBOLS,
-    common_shape,
-    kind_of,
-    real_array,
-    refuse,
-    short,
-    spelled,
-    wrong,
-)
+from ..checks import OF_SYMBOLS, common_shape, kind_of, real_array, refuse, short, spelled, wrong
 from .names import check_parameter
 
-# Of a text "p/q" in a file, in characters; and of the exponent of 10 in a decimal.
+# The characters of a number in a text, and the exponent of 10 in a decimal.
 _LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
 
 
 def exact(name: str, value: Any) -> Fraction:
-    """Return a number of Python, NumPy or SymPy as a fraction; a float is exact as it is."""
+    """Return a number of Python, NumPy or SymPy as a fraction; a float is the binary fraction."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, complex):
         how = "split complex variables into real and imaginary parts"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
-    if getattr(value, "is_number", False) and not is_ratio:  # of SymPy, as sqrt(2)
-        with suppress(TypeError):  # of a complex one
+    if getattr(value, "is_number", False) and not is_ratio:  # of SymPy, such as sqrt(2)
+        with suppress(TypeError):  # if it is complex
             value = float(value)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"
@@ -52,27 +43,27 @@ def exact(name: str, value: Any) -> Fraction:
 
 
 def as_given(name: str, value: Any) -> Any:
-    """Return an array that keeps every number as it is; lists become arrays of objects."""
+    """Return an array of numbers as they were given; lists become arrays of objects."""
     refuse(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
 def numbers(name: str, value: Any, is_batch: bool) -> Any:
-    """Return an array of floats for a batch, of fractions for a single field."""
+    """Return an array of floats for a batch, or of fractions for a single system."""
     if is_batch:
         return real_array(name, value)
     return np.vectorize(partial(exact, name), "O")(as_given(name, value))
 
 
 def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
-    """Return checked parameters by name: numbers as they are, arrays as floats."""
+    """Return parameters with checked names and values, as `numbers_by_name` does."""
     for name in parameters:
         check_parameter(name, variables)
     return numbers_by_name(parameters)
 
 
 def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return checked values by name: numbers as they are, arrays as floats."""
+    """Return checked values by name: numbers as they were given, arrays as floats."""
     checked: dict[str, Any] = {}
     shapes = {}
     for name, value in parameters.items():
@@ -90,7 +81,7 @@ def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plain(value: Any) -> float | str:
-    """Return a number as a float if one equals it, else as the string "p/q"."""
+    """Return a number as an equal float, or as a string "p/q" if there is no such float."""
     number = exact("value", value) if value else 0  # most entries of tensors are 0
     return float(number) if float(number) == number else str(number)
 
@@ -104,7 +95,7 @@ def to_lists(value: Any) -> Any:
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return lists from `to_lists` with fractions in place of their strings "p/q"."""
+    """Return lists with fractions in place of the strings "p/q" that `to_lists` wrote."""
     if isinstance(value, dict):
         return {name: from_lists(name, each) for name, each in value.items()}
     if isinstance(value, list):
@@ -116,9 +107,9 @@ def from_lists(name: str, value: Any) -> Any:
 
 
 def from_text(text: str) -> Fraction:
-    """Return the number in a text, such as 1/3, 0.1 or 1e6; ValueError if there is none.
+    """Return the number in a text, such as 1/3, 0.1 or 1e6; raise ValueError if there is none.
 
-    Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
+    Exponents beyond 400 are refused, because it would take minutes to make the fraction 1e99999999.
     """
     if len(text) > _LONGEST_NUMBER:
         raise ValueError(text)
@@ -132,9 +123,9 @@ def from_text(text: str) -> Fraction:
 
 
 def text_of(terms: Mapping[tuple[int, ...], Any], names: Sequence[str]) -> str:
-    """Return a polynomial with these coefficients, by sorted indices, as text.
+    """Return the text of a polynomial with these coefficients, by sorted indices.
 
-    The indices (0, 0, 1) stand for the product of the first variable twice and the second.
+    The indices (0, 0, 1) stand for the square of the first variable, times the second.
     """
     text = ""
     for indices, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):

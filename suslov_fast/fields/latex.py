@@ -9,7 +9,7 @@ from typing import Any
 
 from .names import latex
 
-_LONGEST = 4000  # characters of equations that are shown so
+_LONGEST = 4000  # characters of equations that are shown in LaTeX
 _SIGNS: dict[type, str] = {
     ast.Add: " + ", ast.Sub: " - ", ast.Mult: r" \, ", ast.BitAnd: r" \land ", ast.BitOr: r" \lor ",
     ast.BitXor: r" \oplus ", ast.Mod: r" \bmod ", ast.Lt: " < ", ast.Gt: " > ", ast.LtE: r" \le ",
@@ -37,7 +37,7 @@ def symbol(name: str) -> str:
 def equations(
     rows: Sequence[tuple[str, str]], names: Mapping[str, str] | None = None
 ) -> str | None:
-    """Return equations of left sides, in LaTeX, and texts; None where these are no formulas."""
+    """Return equations of left sides, in LaTeX, and texts; None if a text is no formula."""
     if sum(len(text) for _, text in rows) > _LONGEST:
         return None
     try:
@@ -48,7 +48,7 @@ def equations(
 
 
 def formula(text: str, names: Mapping[str, str] | None = None) -> str:
-    """Return the LaTeX of the text of a formula, in which powers are written as ^ or as **."""
+    """Return the LaTeX of a formula that is a text, with powers as ^ or as **."""
     return _of(ast.parse(re.sub(r"\^(?=\d)", "**", text), mode="eval").body, names or {})[0]
 
 
@@ -67,15 +67,14 @@ def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
         return f"{_SIGNS[type(node.op)]}{_within(node.operand, names, 3)}", level
     if isinstance(node, ast.BinOp):
         kind = type(node.op)
-        if kind is ast.Div:
-            if isinstance(node.left, ast.UnaryOp) and isinstance(node.left.op, ast.USub):
-                quotient = ast.BinOp(node.left.operand, node.op, node.right)
-                return f"-{_of(quotient, names)[0]}", 3
+        is_negative = isinstance(node.left, ast.UnaryOp) and isinstance(node.left.op, ast.USub)
+        if kind is ast.Div and is_negative:
+            quotient = ast.BinOp(node.left.operand, node.op, node.right)
+            return f"-{_of(quotient, names)[0]}", 3
+        if kind in (ast.Div, ast.FloorDiv):
             top, bottom = (_of(each, names)[0] for each in (node.left, node.right))
-            return rf"\frac{{{top}}}{{{bottom}}}", 4
-        if kind is ast.FloorDiv:
-            top, bottom = (_of(each, names)[0] for each in (node.left, node.right))
-            return rf"\left\lfloor \frac{{{top}}}{{{bottom}}} \right\rfloor", _ATOM
+            text = rf"\frac{{{top}}}{{{bottom}}}"
+            return (text, 4) if kind is ast.Div else (rf"\left\lfloor {text} \right\rfloor", _ATOM)
         if kind is ast.Pow:
             return f"{_within(node.left, names, _ATOM)}^{{{_of(node.right, names)[0]}}}", 4
         level = _LEVELS[kind]
@@ -92,6 +91,7 @@ def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
 
 
 def _call(name: str, arguments: Sequence[str]) -> str:
+    """Return the LaTeX of a function of arguments in LaTeX."""
     if name == "sqrt":
         return rf"\sqrt{{{arguments[0]}}}"
     if name == "abs":
@@ -102,5 +102,6 @@ def _call(name: str, arguments: Sequence[str]) -> str:
 
 
 def _within(node: Any, names: Mapping[str, str], least: int) -> str:
+    """Return the LaTeX of an operand, in brackets if its sign binds less tightly than `least`."""
     text, level = _of(node, names)
     return text if level >= least else rf"\left({text}\right)"

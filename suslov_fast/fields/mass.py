@@ -1,10 +1,10 @@
 """Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
 
-The pivots are chosen once, by which entries are 0 and which are numbers: a symmetric matrix keeps
-those of its diagonal, M = L D L^T, others take any, M = L U. A formula that is 0 for all states is
-no pivot: rounding would leave a number in its place. A formula that changes its sign is 0 somewhere
-between, where M may be regular: a block of up to MOST rows without other pivots is solved by
-Cramer's rule, which divides by its determinant alone.
+The pivots are chosen once, by which entries are 0 and which are numbers: in a symmetric matrix from
+its diagonal, M = L D L^T, else anywhere, M = L U. A formula that is 0 for all states is no pivot:
+rounding errors would be left in its place. A formula that changes its sign is 0 at some states, and
+M may be regular there: if no other pivots are left, Cramer's rule solves the last equations, up to
+MOST. It divides only by their determinant.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from .symbolic import Symbol, Tracer
 from .trace import check_function, operands_of_function, taken, taking
 
 _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
-# States; a difference beside its terms that may be rounding; the part of states where it is, at
-# least, if it is 0: elimination amplifies rounding at some.
-_SAMPLES, _CANCELLED, _MOST = 32, 1e-11, 0.8
-MOST = 4  # rows of a block that Cramer's rule solves, because its minors are 2**n
+# A difference is 0 for all states if, at this part of so many random states, it is at most this
+# part of the sum of its terms: at other states elimination may amplify rounding errors.
+_MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
+MOST = 4  # equations that Cramer's rule solves: n of them have 2**n minors
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return f and M as functions of the state and of all parameters; each uses its own."""
-    of_mass, own = taken(mass, parameters), taken(f, parameters)
-    of_f = [name for name in parameters if name in own or name not in of_mass]
+    """Return f and M as functions of the state and of all parameters, of which each uses some."""
+    of_mass, used = taken(mass, parameters), taken(f, parameters)
+    of_f = [name for name in parameters if name in used or name not in of_mass]
     check_function("f", f, names, {name: parameters[name] for name in of_f})
     if callable(mass):
         check_function("mass", mass, names, {name: parameters[name] for name in of_mass})
@@ -39,7 +39,7 @@ def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tupl
 
 
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
-    """Return the operands of M^-1 f for the operands `right` that are f."""
+    """Return the operands of M^-1 f, for the operands `right` of f."""
     D = len(right)
     if callable(mass):
         _, entries = operands_of_function("mass", mass, (), {}, tracer)
@@ -50,11 +50,11 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
             raise wrong("mass", f"have the shape ({D}, {D})", np.shape(rows))
     b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
-        found = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
+        x = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:
         samples = _Samples(tracer)
-        found = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
-    return [tracer.result(a) for a in found]
+        x = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
+    return [*map(tracer.result, x)]
 
 
 def _as_symbol(tracer: Tracer, operand: Any) -> Any:
@@ -62,6 +62,7 @@ def _as_symbol(tracer: Tracer, operand: Any) -> Any:
 
 
 def _inverse(matrix: Any) -> list[list[float]]:
+    """Return the inverse of a matrix of numbers; raise an error if it is singular."""
     rows = abs(matrix).max(axis=1, keepdims=True)
     scaled = matrix / np.where(rows > 0, rows, 1.0)
     if np.linalg.cond(scaled) * _LEAST > 1:
@@ -78,18 +79,24 @@ def _is_zero(a: Any) -> bool:
     return isinstance(a, float) and a == 0.0
 
 
+def _product(a: Any, b: Any) -> Any:
+    """Return a b, without an operation if a is 0 or 1, or b is 0."""
+    if _is_zero(a) or _is_zero(b):
+        return 0.0
+    return b if _same(a, 1.0) else a * b
+
+
 def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
-    """Return the sum of products, without factors 0 and 1."""
+    """Return the sum of the products of pairs."""
     total: Any = 0.0
-    for a, b in products:
-        if not (_is_zero(a) or _is_zero(b)):
-            product = b if isinstance(a, float) and a == 1.0 else a * b
+    for product in (_product(a, b) for a, b in products):
+        if not _is_zero(product):
             total = product if _is_zero(total) else total + product
     return total
 
 
 class _Samples:
-    """Formulas at states that are chosen at random, where some are 0, or change their sign."""
+    """The values of formulas at random states, to test if one is 0 or changes its sign."""
 
     def __init__(self, tracer: Tracer) -> None:
         numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))
@@ -97,7 +104,7 @@ class _Samples:
         self._values = dict(enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, _SAMPLES)))
 
     def is_zero(self, a: Any) -> bool:
-        """Return whether a formula is a difference of equal terms at nearly all states."""
+        """Return True if a formula is 0, or a difference of equal terms at nearly all states."""
         if not isinstance(a, Symbol):
             return _is_zero(a)
         instruction, operands = self._expressions.of.get(a.operand, ("", ()))
@@ -110,7 +117,7 @@ class _Samples:
         return bool(len(is_small) and is_small.mean() >= _MOST)
 
     def changes_sign(self, a: Any) -> bool:
-        """Return whether a formula is above 0 at some states, and below 0 at others."""
+        """Return True if a formula is above 0 at some states, and below 0 at others."""
         values = self._at(a.operand if isinstance(a, Symbol) else a)
         return bool((values > 0.0).any() and (values < 0.0).any())
 
@@ -126,7 +133,7 @@ class _Samples:
 
 
 def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
-    """Return the solution of a x = b, numbers and symbols; `samples` exclude pivots."""
+    """Return the solution x of a x = b, for numbers and symbols; a and b are overwritten."""
     D = len(b)
     is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
     rows, columns = [*range(D)], [*range(D)]
@@ -144,7 +151,7 @@ def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
         below = [r for r in rows if not _is_zero(a[r][j])]
         inverse = 1.0 / a[i][j] if below and not _same(a[i][j], 1.0) else 1.0
         for r in below:
-            factor = _sum(iter([(inverse, a[r][j])]))
+            factor = _product(inverse, a[r][j])
             for c in after:
                 a[r][c] = _less(a[r][c], factor, a[i][c])
             b[r] = _less(b[r], factor, b[i])
@@ -153,14 +160,14 @@ def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
         rest = b[i]
         for c in after:
             rest = _less(rest, a[i][c], x[c])
-        x[j] = rest / a[i][j] if inverse is None else _sum(iter([(inverse, rest)]))
+        x[j] = rest / a[i][j] if inverse is None else _product(inverse, rest)
     return x
 
 
 def _by_cramer(
     a: list[list[Any]], b: list[Any], rows: list[int], columns: list[int], samples: _Samples
 ) -> list[Any]:
-    """Return the solution of the equations in some rows and columns, by minors of a."""
+    """Return the solution of the equations in these rows and columns, by Cramer's rule."""
     whole = [[*row, value] for row, value in zip(a, b, strict=True)]  # b is the last column
 
     @cache
@@ -184,13 +191,14 @@ def _by_cramer(
 
 def _less(a: Any, factor: Any, b: Any) -> Any:
     """Return a - factor b."""
-    product = _sum(iter([(factor, b)]))
+    product = _product(factor, b)
     if _is_zero(product):
         return a
     return -product if _is_zero(a) else a - product
 
 
 def _same(a: Any, b: Any) -> bool:
+    """Return True for equal numbers, and for one symbol twice."""
     if isinstance(a, Symbol) and isinstance(b, Symbol):
         return bool(a.operand == b.operand)
     return isinstance(a, float) and isinstance(b, float) and a == b
@@ -203,7 +211,7 @@ def _pivot(
     is_symmetric: bool,
     is_zero: Callable[[Any], bool],
 ) -> tuple[int, int]:
-    """Return the place of the next pivot: a number, else one that fills few places."""
+    """Return the place of the next pivot: of a number, else where few entries fill in."""
     places = [(i, j) for i in rows for j in columns if not is_zero(a[i][j])]
     if not places:
         raise _singular()

@@ -1,4 +1,4 @@
-"""Members of batches: bodies by index, and families by the value of a parameter."""
+"""Members of batches: selected by an index, or by the values of parameters."""
 
 from collections.abc import Iterator
 from typing import Any, ClassVar, TypeVar
@@ -57,9 +57,8 @@ class Members:
         Parameters
         ----------
         **values : float
-            A number selects the member with an equal value along the one axis on which its
-            parameter varies, and removes that axis. For ranges use a mask:
-            ``family[(2 < a) & (a < 3)]``.
+            Each parameter must vary along exactly one axis. The member with this value is selected,
+            and the axis is removed. For ranges use a mask: ``family[(2 < a) & (a < 3)]``.
 
         Returns
         -------
@@ -71,7 +70,7 @@ class Members:
         KeyError
             If no member has the value.
         TypeError, ValueError
-            If the parameter does not vary along exactly one axis, or the value is no number.
+            If a parameter does not vary along exactly one axis, or a value is no number.
 
         Examples
         --------
@@ -89,15 +88,15 @@ class Members:
             wanted = checks.real_number(name, value)
             if not isinstance(wanted, float):
                 raise wrong(name, "a number", checks.short(value))
-            found = np.flatnonzero(choices == wanted)
-            if not found.size:
+            places = np.flatnonzero(choices == wanted)
+            if not places.size:
                 raise KeyError(f"no member has {name} = {wanted}")
-            self = self._part(axis, int(found[0]))
+            self = self._part(axis, int(places[0]))
         return self
 
     @property
     def _scalars(self) -> dict[str, Any]:
-        """The parameters that are a number, not a vector, for each member."""
+        """The parameters that are a number for each member, not a vector."""
         return {name: each for name, each in self._parts.items() if name not in self._axes}
 
     def _of_member(self, i: int | tuple[int, ...]) -> str:
@@ -108,7 +107,7 @@ class Members:
         return f" of member {i}" + (f" ({values})" if values else "")
 
     def _column(self, name: str) -> FloatArray:
-        """Return the values of a parameter that varies along exactly one axis, else raise."""
+        """Return the values of a parameter; raise an error unless it varies along just one axis."""
         values = {n: np.asarray(a, np.float64) for n, a in self._scalars.items()}
         columns = {
             n: a
@@ -125,7 +124,7 @@ class Members:
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members that an integer, a slice or indices select along one axis."""
-        # The index for parameters that all members share, whose length is 1 on this axis.
+        # The index for parameters that all members share: their length is 1 on this axis.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
         for name, value in self._parts.items():
@@ -139,7 +138,7 @@ class Members:
 
 
 def place_in(shape: tuple[int, ...], entry: Any) -> Any:
-    """Return an entry of an index, for the first axis, as an integer, a slice or indices."""
+    """Return an entry of an index, for the first axis of a shape: an integer, a slice or indices."""
     if not shape:
         raise IndexError
     if isinstance(entry, slice):

@@ -1,4 +1,4 @@
-"""Names of the variables and of the parameters of fields."""
+"""Names of the variables and parameters of fields and maps: checks, and their LaTeX."""
 
 import re
 import unicodedata
@@ -10,10 +10,10 @@ import numpy as np
 
 from ..checks import integer, short, wrong
 
-# What a file may ask for at most.
+# Limits, so that no file can ask for more.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 TIME = {"t", "time"}
-# Names that parameters of fields cannot have, and what they stand for.
+# Names that a parameter cannot have, and what they stand for.
 _TAKEN = {
     **dict.fromkeys(TIME, "time, which is a variable"),
     "method": "an argument of sel",
@@ -26,7 +26,7 @@ _TAKEN = {
         "a name in datasets",
     ),
 }
-# Further ones, of fields with which maps are iterated.
+# Further names that a parameter cannot have if maps are iterated.
 _OF_MAPS = {
     "eps": "the step size",
     **dict.fromkeys(
@@ -34,18 +34,18 @@ _OF_MAPS = {
         "a name in datasets of runs and crossings",
     ),
 }
-# A letter, or the name of a Greek one, and an index: digits, with n after them in n dimensions.
+# A letter, or the name of a Greek letter, and an index: digits, then n for bodies in n dimensions.
 _SYMBOL = re.compile(
     r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
     r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
     r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
 )
-_OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
+_WITH_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # such as px, a momentum
 _AXIS = re.compile(r"batch_\d+")
 
 
 def of_time(names: Sequence[str], f: str = "...") -> str:
-    """Return, for messages, how time enters a field with these variables."""
+    """Return, for messages, how to write a field with these variables that depends on time."""
     given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
     field = f"Field(lambda s: ({f}, 1.0), {given})"
     return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
@@ -58,7 +58,7 @@ def labels(D: int) -> tuple[str, ...]:
 
 def latex(name: str) -> str:
     r"""Return `\Omega_{1}` for "Omega1", `p_{x}` for "px"; "" for a name without an index."""
-    if match := _OF_COORDINATE.fullmatch(name):
+    if match := _WITH_COORDINATE.fullmatch(name):
         return f"{match[1]}_{{{match[2]}}}"
     if not (match := _SYMBOL.fullmatch(name)):
         return ""
@@ -102,7 +102,7 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
 
 
 def _refused(name: str) -> str:
-    """Return why nothing can have this name; "" if it can."""
+    """Return why a variable or parameter cannot have this name; "" if it can."""
     if len(name) > _LONGEST_NAME:
         return f"is longer than {_LONGEST_NAME} characters"
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
@@ -114,7 +114,7 @@ def _refused(name: str) -> str:
 
 
 def check_order(names: Sequence[str]) -> None:
-    """Raise ValueError if each momentum follows its coordinate, as in "x px y py"."""
+    """Raise ValueError for the order "x px y py": all coordinates must come first."""
     q, p = names[::2], names[1::2]
     if len(q) > 1 and all(
         b in (f"p{a}", f"p_{a}") or (a[0] == "q" and b == f"p{a[1:]}")
@@ -128,7 +128,7 @@ def check_order(names: Sequence[str]) -> None:
 
 
 def check_parameter(name: str, names: Sequence[str]) -> None:
-    """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
+    """Raise ValueError if a parameter cannot have this name in a field with variables `names`."""
     if name in TIME:
         raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
     if reason := _refused(name):
@@ -140,7 +140,7 @@ def check_parameter(name: str, names: Sequence[str]) -> None:
 
 
 def check_for_map(variables: Sequence[str], parameters: Collection[str]) -> None:
-    """Raise ValueError if a name of a field stands for something else in runs of its map."""
+    """Raise ValueError if a variable or parameter has a name with another meaning in runs."""
     for name in (*(each for each in variables if each == "eps"), *parameters):
         if what := _OF_MAPS.get(name):
             how = f"make it again with another name, {name}_ for example"

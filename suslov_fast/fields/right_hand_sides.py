@@ -1,4 +1,4 @@
-"""Right-hand sides of fields for the engine of the motion: of equations, and of terms."""
+"""Right-hand sides of fields for the integrators of the motion, from equations or from terms."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from .equations import Equations
 from .names import labels
 from .terms import Terms
 
-_MOST_EVENTS = 16  # lists of events, whose right-hand sides a field keeps
-_MOST_FORMS = 64  # of equations, which are known
-_WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 _ONE = np.arange(1)
-# Calls of a program by NumPy, which take as long as compiling, and operations that compile soon.
+_MOST_EVENTS = 16  # lists of events for which a field keeps its right-hand sides
+_MOST_FORMS = 64  # forms of equations that are kept
+_WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
+# A program is compiled after so many calls in NumPy, if it has at most so many operations: so it
+# takes no longer to compile than these calls took.
 _PATIENCE, _MOST_OPERATIONS = 500, 3000
-_LONG = 4000  # terms, above which a field with most coefficients is carried out by loops
+_LONG = 4000  # terms, above which loops evaluate a field with most coefficients
 
-
-_known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equations of a form
+_known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equations of each form
 
 
 class OfMembers(NamedTuple):
@@ -40,7 +40,7 @@ class OfMembers(NamedTuple):
 
     members: NDArray[np.int64]  # their numbers (K,)
     f: Any  # a `RightHandSide`
-    table: FloatArray  # its numbers (K, n), see `RightHandSide.table_of`
+    table: FloatArray  # its values (K, n) that depend only on parameters
 
 
 @lru_cache(64)
@@ -64,16 +64,17 @@ def _of_list(
     actions: tuple[EventAction, ...],
     constants: int,
 ) -> RightHandSide:
-    is_written = (names or twice) and _is_written(equations.products[0])
-    own = (equations.values, equations.results) if is_written else equations.products
-    values, results = in_order(*own, constants)
+    """Return the right-hand side of equations with so many further parameters, for `actions`."""
+    with_sums = (names or twice) and _has_branches_of_products(equations.products[0])
+    program = (equations.values, equations.results) if with_sums else equations.products
+    values, results = in_order(*program, constants)
     by = [len(equations.names) + equations.parameters.index(name) for name in names]
     P = len(equations.parameters) + constants
     return with_fixed_branches(values, results, P, by, twice, actions)
 
 
-def _is_written(values: Any) -> bool:
-    """Return True if branches depend on products of dense matrices: then columns need sums."""
+def _has_branches_of_products(values: Any) -> bool:
+    """Return True if branches depend on products of dense matrices: derivatives need sums then."""
     operations = values.operations
     of = depending(operations, [number for name, number, _ in operations if name == ENTRY])
     return any(
@@ -85,9 +86,10 @@ def _is_written(values: Any) -> bool:
 
 
 def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
-    """Return equations with constants as parameters where others differ by them alone, and these.
+    """Return equations, and the constants that are parameters in them.
 
-    So functions that differ by numbers, as in a sweep, share a code from the second one on.
+    Functions that differ only in their numbers, as in a sweep, share machine code from the second
+    function on: its constants become parameters.
     """
     names = {name for name, _, _ in equations.products[0].operations}
     special = not names.isdisjoint(_WITH_BRANCHES)
@@ -114,10 +116,10 @@ def of_equations(
     twice: bool = False,
     actions: tuple[EventAction, ...] = (),
 ) -> list[OfMembers]:
-    """Return the right-hand side of all members, with choices that are fixed within a step.
+    """Return the right-hand side of all members, with branches that are fixed within a step.
 
-    Rows of `parameters` (P, ...) have the values of all members. `names` are the parameters to
-    differentiate f by, `twice` asks for second derivatives, and `actions` are events.
+    `parameters` (P, ...) are the values for all members. The derivatives with respect to the
+    parameters `names` are added; with `twice` also second derivatives. `actions` are of events.
     """
     f, given = _with_inputs(equations, parameters, names, twice, actions)
     if given.ndim == 1:
@@ -128,31 +130,31 @@ def of_equations(
 
 
 def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
-    """Return the table (n,) of f for parameters (P,): after many calls by machine code."""
+    """Return the table (n,) of f for parameters (P,); after many calls by machine code."""
     if not f.fixed:
         return given if f.has_own_table else given[[number - f.D for number in f.table]]
-    found = by_code_if_often(f, "table", given)
-    return f.table_of(given) if found is None else found
+    table = by_code_if_often(f, "table", given)
+    return f.table_of(given) if table is None else table
 
 
 def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None:
     """Return the results of a program of f at one state by machine code; None in first calls."""
-    calls = vars(f).setdefault("calls", {})
+    calls = vars(f).setdefault("calls", {})  # the number of calls, later `by_code`
     if isinstance(function := calls.get(name, 0), int):
         calls[name] = function + 1
         if function < _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):
             return None
-        from ..core.flow.program_code import by_code  # with Numba
+        from ..core.flow.program_code import by_code  # here, because importing Numba takes time
 
         calls[name] = function = by_code
-    found: FloatArray = function(f, name, *given)
-    return found
+    results: FloatArray = function(f, name, *given)
+    return results
 
 
 def of_one(
     field: Any, names: tuple[str, ...], twice: bool, actions: tuple[EventAction, ...]
 ) -> tuple[Any, FloatArray]:
-    """Return the right-hand side of a single field, as `of_equations`, and its parameters (P,)."""
+    """Return the right-hand side of a single field, and its parameters (P,); see `of_equations`."""
     equations, inputs, D = field._equations, field._inputs, field.dimension
     if equations is None:
         places, _ = field._own_terms.floats
@@ -169,11 +171,11 @@ def _with_inputs(
     twice: bool,
     actions: tuple[EventAction, ...],
 ) -> tuple[RightHandSide, FloatArray]:
-    """Return the right-hand side of all members as `of_equations`, and its parameters (P, ...)."""
+    """Return the right-hand side of all members, and its parameters (P, ...)."""
     f, constants = _with_constants(equations, names, twice, actions)
     if (P := len(parameters)) == f.P:
         return f, parameters
-    # Choices and starts of clocks are last, of no state yet.
+    # The last parameters are branches and the starts of clocks, which steps set for each state.
     given = np.zeros((f.P, *parameters.shape[1:]))
     given[:P] = parameters
     if constants:
@@ -184,8 +186,8 @@ def _with_inputs(
 def of_terms(
     terms: Terms, D: int, twice: bool = False, actions: tuple[EventAction, ...] = ()
 ) -> list[OfMembers]:
-    """Return the right-hand sides of members of a family of terms, by the terms that are not 0."""
-    (indices, values), found = terms.floats, []
+    """Return the right-hand sides of a family of terms: one for all members with the same zeros."""
+    (indices, values), groups = terms.floats, []
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
     exists = rows != 0.0
     patterns, which = exists[:1], np.zeros(len(rows), np.int64)
@@ -193,23 +195,23 @@ def of_terms(
         patterns, which = np.unique(exists, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
         members = np.flatnonzero(which.reshape(-1) == k)
-        places, own = indices[:, pattern], rows[np.ix_(members, pattern)]
+        places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
         if is_full(places, D) and not (actions or twice):
-            f, table = full_quadratic(places, own, D)
-            found.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
+            f, table = full_quadratic(places, inputs, D)
+            groups.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
         else:
-            [each] = of_equations(equations_of(places.tobytes(), D), own.T, (), twice, actions)
-            found.append(each._replace(members=members))
-    return found
+            [each] = of_equations(equations_of(places.tobytes(), D), inputs.T, (), twice, actions)
+            groups.append(each._replace(members=members))
+    return groups
 
 
 def is_full(places: Any, D: int) -> bool:
-    """Return True for so many terms (3, T) that loops carry out the field."""
+    """Return True if there are so many terms (3, T) that loops evaluate the field."""
     return _LONG < places.shape[1] > D**3 / 4
 
 
 def full_quadratic(places: Any, values: Any, D: int) -> tuple[DenseRightHandSide, FloatArray]:
-    """Return the right-hand side of most terms, and its table (P, ...) for values (..., T)."""
+    """Return the right-hand side that loops evaluate, and its table (P, ...) of values (..., T)."""
     f = _full(D)
     return f, f.table_of(dense_parameters(places, values, D))
 
@@ -219,7 +221,7 @@ _full = lru_cache(16)(DenseRightHandSide)
 
 @lru_cache(256)
 def equations_of(places: bytes, D: int) -> Equations:
-    """Return the equations of terms at places (3, T); the coefficients are their parameters."""
+    """Return the equations of terms with indices (3, T); the coefficients are parameters."""
     indices = np.frombuffer(places, np.int64).reshape(3, -1).T.tolist()
     values = Expressions(D + len(indices), range(D, D + len(indices)))
     rows: list[Any] = [0.0] * D
@@ -235,7 +237,7 @@ def equations_of(places: bytes, D: int) -> Equations:
 def with_events(
     field: Any, actions: tuple[EventAction, ...], names: tuple[str, ...] = (), twice: bool = False
 ) -> list[OfMembers]:
-    """Return the right-hand sides of members of a field with events, in the order of code."""
+    """Return the right-hand sides of a field with events, which the field keeps."""
     key, known = (actions, names, twice), vars(field).setdefault("_with_events", {})
     if key not in known:
         if len(known) >= _MOST_EVENTS:

@@ -1,8 +1,8 @@
-"""Symbolic numbers, with which functions of users are called, and arrays of them.
+"""Symbolic numbers and arrays of them, with which functions of users are called.
 
-A symbolic number is a value of a list of operations (`core.expressions`). NumPy hands its functions
-of symbolic numbers, and of arrays that hold them, to the methods here; arrays keep the class
-`Symbols`, so that comparisons, `np.where` and the like work entry by entry.
+A symbolic number is a value of a list of operations (`core.expressions`). A function of NumPy that
+is called with symbolic numbers, or with arrays of them, calls the methods here. Arrays keep the
+class `Symbols`, so that comparisons, `np.where` and similar functions work entry by entry.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbou
 
 
 class Untraceable(TypeError):
-    """An operation of f that no expression program has."""
+    """The function of the user contains an operation that no expression program has."""
 
 
 class Tracer:
-    """The list of operations of a function that is called with symbolic numbers."""
+    """Calls a function with symbolic numbers, and lists its operations."""
 
     def __init__(
         self, names: Sequence[str], parameters: Sequence[str], has_products: bool = False
@@ -44,19 +44,20 @@ class Tracer:
         self.D, count = len(names), len(self.names)
         self.values = Expressions(count, range(self.D, count))
         self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
-        self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest ones
+        self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest floats
 
     @property
     def state(self) -> Symbols:
-        """The symbols of the components; as an attribute, no garbage collector would find them."""
+        """The symbols of the components; not stored: arrays of objects would keep a cycle alive."""
         return Symbols.of([Symbol(self, i) for i in range(self.D)])
 
     def is_truth(self, operand: Any) -> bool:
+        """Return True if an operand is a truth value of the list."""
         of: Mapping[Any, Any] = self.values.of
         return bool(type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES)
 
     def operand(self, value: Any) -> Any:
-        """Return the operand that a symbolic number, or a number, is; a truth value as it is."""
+        """Return the operand of a symbol or a number; True and False stay as they are."""
         if isinstance(value, Symbol):
             if value.tracer is not self:
                 raise Untraceable("f keeps symbols of an earlier call: compute all from x")
@@ -69,7 +70,7 @@ class Tracer:
         return operand
 
     def number(self, value: Any) -> Any:
-        """Return the operand of a number; a truth value counts as 0 or 1."""
+        """Return the operand of a number; a truth value is 0 or 1."""
         if type(value) is float:
             return value
         operand = self.operand(value)
@@ -88,15 +89,12 @@ class Tracer:
             return self.values.emit("oeq", 1.0 if operand else 0.0, 1.0)
         return (~self.values.number(operand).equals(0.0)).number
 
-    def asked(self, operand: Any) -> Exception:
-        """Return the error of a question whether a value is true."""
-        return Untraceable(_asked(self.text(operand)))
-
     def text(self, operand: Any) -> str:
+        """Return the formula of an operand, for messages."""
         return brief(self.values, operand, self.names)
 
     def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
-        """Return the value of a function of operands, and note the formula."""
+        """Return the symbol of a function of operands; remember the function for texts."""
         if name in _ARITHMETIC and float in map(type, operands):
             _check_arithmetic(name, operands)
         count, rule = self.values.count, interp if name == "interp" else FUNCTIONS[name].rule
@@ -106,7 +104,7 @@ class Tracer:
         return Symbol(self, result)
 
     def result(self, value: Any) -> Any:
-        """Return the operand that a component of f, or H, is."""
+        """Return the operand of a component of f, or of H."""
         operand = self.number(value)
         if isinstance(operand, float) and not math.isfinite(operand):
             raise Untraceable(f"a component is {operand}, not a finite number or a formula")
@@ -117,9 +115,9 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 
 
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error where a constant is infinite or NaN, except for a quotient by infinity.
+    """Raise an error if a constant is infinite or NaN, and does not divide a number.
 
-    Such constants are limits of `clip` and values of `where`; a sum with one has no other value.
+    Functions such as `clip` and `where` accept them: in arithmetic no value depends on x then.
     """
     for k, a in enumerate(operands):
         is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
@@ -174,12 +172,14 @@ def applied(name: str, *values: Any) -> Any:
 
 
 def _is_truth(value: Any) -> bool:
+    """Return True for a truth value, symbolic or not."""
     if isinstance(value, Symbol):
         return bool(value.tracer.is_truth(value.operand))
     return isinstance(value, (bool, np.bool_))
 
 
 def _of_numbers(name: str, values: Sequence[Any]) -> Any:
+    """Return the value of a function of numbers."""
     if name in _OF_PYTHON:  # integers and fractions stay exact
         return getattr(operator, _OF_PYTHON[name])(*values)
     if not hasattr(np, name):
@@ -203,23 +203,25 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
     """Return the function of symbolic numbers with a name of NumPy, and the number of operands."""
     if name in _SHORTER:
         return _SHORTER[name], 1
-    own = {"invert": "bitwise_not"}.get(name, name)
-    own = own if own.startswith("bitwise") else OTHER_NAMES.get(own, own)
-    record = FUNCTIONS.get(OTHER_NAMES.get(own, own))
+    word = {"invert": "bitwise_not"}.get(name, name)
+    word = word if word.startswith("bitwise") else OTHER_NAMES.get(word, word)
+    record = FUNCTIONS.get(OTHER_NAMES.get(word, word))
     if record is None:
         known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
         how = OF_ARRAYS.get(name)
         how = f"write {how}" if how else f"f may call {', '.join(known)}"
         raise Untraceable(f"calls {name}, which has no rule: {how}")
-    return functools.partial(applied, own), record.operands
+    return functools.partial(applied, word), record.operands
 
 
 @functools.cache
 def _on_arrays(name: str) -> Any:
+    """Return the function of arrays of symbolic numbers with a name of NumPy."""
     return np.frompyfunc(*_function(name), 1, identity=None)  # so that all axes can be reduced
 
 
-def _holds_symbols(value: Any) -> bool:
+def _has_symbols(value: Any) -> bool:
+    """Return True for a symbol, and for an array that may contain symbols."""
     if isinstance(value, np.ndarray):
         return bool(value.dtype == object)
     return isinstance(value, Symbol)
@@ -228,10 +230,11 @@ def _holds_symbols(value: Any) -> bool:
 def _carried_out(
     called: Any, method: str, inputs: Sequence[Any], options: Mapping[str, Any]
 ) -> Any:
-    """Return the value of a NumPy function at symbolic numbers; `out` and `where` count."""
+    """Return the value of a function of NumPy at symbolic numbers, with options such as `out`."""
     name, options = called.__name__, dict(options)
-    if called is np.matmul and method == "__call__" and (found := _product(*inputs)) is not None:
-        return found
+    is_product = called is np.matmul and method == "__call__"
+    if is_product and (product := _product(*inputs)) is not None:
+        return product
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
     if called.signature is not None or is_of_user:  # NumPy computes with objects
         return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
@@ -239,13 +242,13 @@ def _carried_out(
     if method == "__call__" and not options and not any(map(_is_array, inputs)):
         return function(*inputs)
     out = options.get("out")
-    vector = _on_arrays(name)
-    result = getattr(vector, method)(*map(_base, inputs), **_bases(name, options))
+    on_arrays = getattr(_on_arrays(name), method)
+    result = on_arrays(*map(_base, inputs), **_bases(name, options))
     return out[0] if out and out[0] is not None else _wrapped(result)
 
 
 def _product(a: Any, b: Any) -> Any:
-    """Return the product of a large matrix and a vector as one operation, or None."""
+    """Return the product of a large matrix of numbers and a vector as one operation, else None."""
     if isinstance(a, Symbols) and not isinstance(b, Symbols):
         a, b = _as_array(b).T, a  # v @ W
     if not isinstance(b, Symbols) or b.ndim != 1 or isinstance(a, Symbols):
@@ -266,12 +269,12 @@ def _is_array(value: Any) -> bool:
 
 
 def _bases(name: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options of a function of NumPy for arrays of objects."""
+    """Return the options of a function of NumPy for its call with arrays of objects."""
     for each in options.get("out", ()):
         if isinstance(each, np.ndarray) and each.dtype != object:
             how = "make it np.zeros(n, object), or write a = a + b in place of a += b"
             raise Untraceable(f"np.{name} writes symbols into an array of {each.dtype}: {how}")
-    if _holds_symbols(options.get("where")):
+    if _has_symbols(options.get("where")):
         raise Untraceable(f"where of np.{name} depends on x: write np.where(condition, a, b)")
     others = {key: value for key, value in options.items() if key not in ("dtype", "subok")}
     if "out" in others:
@@ -280,7 +283,7 @@ def _bases(name: str, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _base(value: Any) -> Any:
-    """Return an array of symbolic numbers as one that NumPy computes with entry by entry."""
+    """Return symbols as a plain array of objects, with which NumPy computes entry by entry."""
     if isinstance(value, Symbols):
         return value.view(np.ndarray)
     if isinstance(value, Symbol):
@@ -291,8 +294,9 @@ def _base(value: Any) -> Any:
 
 
 def _wrapped(value: Any) -> Any:
-    if isinstance(value, (list, tuple)) and any(map(_holds_symbols, value)):
-        return type(value)(map(_wrapped, value)) if type(value) in (list, tuple) else value
+    """Return an array of objects, or arrays in a list or tuple, as `Symbols`."""
+    if type(value) in (list, tuple) and any(map(_has_symbols, value)):
+        return type(value)(map(_wrapped, value))
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value.view(Symbols)
     return value
@@ -307,20 +311,21 @@ if hasattr(os, "register_at_fork"):  # a child has no thread that would end the 
 
 
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
-    """Return the value of f. NumPy's makers return arrays of objects as `Symbols` in this call.
+    """Return the value of f, in whose call `np.array` and similar functions return `Symbols`.
 
-    np.array drops the class of an array, and NumPy has no hook for it. Other threads see no change.
+    NumPy has no hook for these functions, which would return plain arrays of objects: these cannot
+    be compared. The functions are replaced in NumPy during the call; other threads see no change.
     """
     caller = threading.get_ident()
 
-    def keeping(make: Any, *given: Any, **others: Any) -> Any:
+    def making(make: Any, *given: Any, **others: Any) -> Any:
         array = make(*given, **others)
         return _wrapped(array) if threading.get_ident() == caller else array
 
     with _ONE_CALL:
         plain = {name: getattr(np, name) for name in _MAKERS}
         try:
-            vars(np).update((k, functools.partial(keeping, make)) for k, make in plain.items())
+            vars(np).update((k, functools.partial(making, make)) for k, make in plain.items())
             return f(state, **parameters)
         finally:
             vars(np).update(plain)
@@ -350,11 +355,11 @@ def _select(condlist: Any, choicelist: Any, default: Any = 0) -> Any:
 def interpolated(
     x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
 ) -> Any:
-    """Return np.interp of symbolic x in a table of numbers."""
+    """Return ``np.interp`` of numbers x, some of them symbolic, in a table of numbers."""
     try:
         knots, heights = (np.array(a, np.float64) for a in (xp, fp))
-        ends = [heights[0] if left is None else left, heights[-1] if right is None else right]
-        low, high = map(float, ends)
+        before = float(heights[0] if left is None else left)
+        after = float(heights[-1] if right is None else right)
     except (TypeError, IndexError):
         how = "a table of numbers, with x alone a symbol"
         raise Untraceable(f"np.interp takes {how}: for other points write np.where") from None
@@ -365,17 +370,17 @@ def interpolated(
         raise Untraceable("xp of np.interp must not decrease; equal neighbours are a jump")
     if period is not None:
         raise Untraceable("np.interp takes no period here: write np.interp(x % period, xp, fp)")
-    tables = tuple(knots.tolist()), tuple(heights.tolist()), low, high
+    tables = tuple(knots.tolist()), tuple(heights.tolist()), before, after
 
     def of_one(each: Any) -> Any:
         if not isinstance(each, Symbol):
-            return np.interp(each, knots, heights, low, high)
+            return np.interp(each, knots, heights, before, after)
         return each.tracer.applied("interp", [each.tracer.number(each)], *tables)
 
     if not _is_array(x):
         return of_one(x)
     if isinstance(x, np.ndarray) and x.dtype != object:  # of a formula along a map
-        return np.interp(x, knots, heights, low, high)
+        return np.interp(x, knots, heights, before, after)
     return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
 
 
@@ -388,23 +393,24 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 
 def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
-    """Return the value of a NumPy function written in Python at arrays of symbolic numbers."""
+    """Return the value of a function of NumPy that is no ufunc, at arrays of symbolic numbers."""
     is_product = called is np.dot and len(args) == 2 and not options
-    if is_product and (found := _product(*args)) is not None:
-        return found
+    if is_product and (product := _product(*args)) is not None:
+        return product
     if called in _FUNCTIONS:
         return _FUNCTIONS[called](*args, **options)
     if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
         _function(called.__name__)
-    # NumPy's own code of the function, without its dispatch; without it the line above answers.
+    # NumPy's code of the function, without its dispatch. If a later NumPy has no such attribute,
+    # the line above raises the error of a function without a rule.
     return _wrapped(called._implementation(*args, **options))
 
 
 class Symbols(np.ndarray[Any, Any]):
-    """An array of symbolic numbers, or of these and numbers."""
+    """An array of symbolic numbers, or of symbolic numbers and numbers."""
 
     _op_priority = 20.0  # numbers of SymPy, which have 10, leave operations to symbols
-    __array_priority__ = 20.0  # methods of arrays, such as W.dot(x), return symbols
+    __array_priority__ = 20.0  # methods of arrays, such as W.dot(x), return `Symbols`
 
     @classmethod
     def of(cls, symbols: Sequence[Symbol]) -> Symbols:
@@ -431,19 +437,20 @@ class Symbols(np.ndarray[Any, Any]):
         def __bool__(self) -> bool:
             if self.size == 1:
                 return bool(self.item())
-            raise Untraceable(_asked("an array of conditions"))
+            raise _asked("an array of conditions")
 
 
-def _asked(what: str) -> str:
+def _asked(what: str) -> Exception:
+    """Return the error of a function that asks whether a symbolic value is true."""
     how = "np.where(condition, a, b), & | ~ in place of and, or, not, np.maximum in place of max"
-    return (
+    return Untraceable(
         f"asks whether {what} is true, as if, and, or, max, and comparisons of arrays of objects "
         f"do: write {how}, np.stack([a, b]) for an array"
     )
 
 
 class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
-    """A symbolic number: f is called with it as a number."""
+    """A symbolic number, for which f computes as for a number."""
 
     __slots__ = ("operand", "tracer")
     tracer: Any
@@ -464,17 +471,17 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return a method: NumPy calls this method of an object for each entry of an array."""
+            """Return a method such as `sin`, which NumPy calls for each entry of an array."""
             if name.startswith("_") or not (name in _METHODS or name in OF_ARRAYS):
                 raise AttributeError(f"a symbol has no attribute {name!r}: it is a number")
             return functools.partial(_function(name)[0], self)
 
     def conjugate(self) -> Symbol:
-        """Return the number itself, which is real; products in NumPy call this."""
+        """Return the number, which is real; products of NumPy call this."""
         return self
 
     def __bool__(self) -> bool:
-        raise self.tracer.asked(self.operand)
+        raise _asked(str(self))
 
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float and math cannot convert it"

@@ -1,4 +1,4 @@
-"""Calls of functions of users with symbolic numbers, and the errors in such functions."""
+"""Calls of users' functions with symbolic numbers, and the errors of functions that fail."""
 
 from __future__ import annotations
 
@@ -45,23 +45,23 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
             raise wrong(name, "a number", f"a dictionary: pass {how}", TypeError)
     try:
         signature = inspect.signature(getattr(f, "py_func", f))
-    except (TypeError, ValueError):  # it does not tell its arguments
+    except (TypeError, ValueError):  # the function has no signature
         return
     first = next(iter(signature.parameters), "")
-    own = [*signature.parameters.values()][1:]
-    known = [each.name for each in own]
+    others = [*signature.parameters.values()][1:]
+    known = [each.name for each in others]
     missing = [name for name in arguments_of(f)[1:] if name not in parameters]
     unknown = [name for name in parameters if name not in known]
     if TIME & {*signature.parameters}:
         call = "..."
-        if len(own) < 2:
+        if len(others) < 2:
             call = "*f(s[-1], s[:-1])" if first in TIME else "*f(s[:-1], s[-1])"
         how = of_time(names, call)
         if argument != "f":
             how = "pass lambda x: ...; time is a variable of the field, with the rate 1"
     elif _fits(signature, parameters):
         return
-    elif any(each.kind is each.VAR_POSITIONAL for each in own):
+    elif any(each.kind is each.VAR_POSITIONAL for each in others):
         how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
     elif unknown:
         near = get_close_matches(unknown[0], known, 1, 0.6)
@@ -90,24 +90,24 @@ def _fits(signature: inspect.Signature, parameters: Mapping[str, Any]) -> bool:
 
 
 def taken(f: Any, names: Iterable[str]) -> list[str]:
-    """Return which parameters a function of the state takes; none if its signature is not known."""
+    """Return the parameters that a function of the state takes; none if it has no signature."""
     try:
-        own = [*inspect.signature(getattr(f, "py_func", f)).parameters.values()]
+        _, *others = inspect.signature(getattr(f, "py_func", f)).parameters.values()
     except (TypeError, ValueError):
         return []
-    takes_all = any(each.kind is each.VAR_KEYWORD for each in own)
-    known = {each.name for each in own[1:]}
+    takes_all = any(each.kind is each.VAR_KEYWORD for each in others)
+    known = {each.name for each in others}
     return [name for name in names if takes_all or name in known]
 
 
 def taking(f: Any, names: Sequence[str]) -> Any:
-    """Return f as a function of the state and of all parameters; it uses these."""
+    """Return f as a function of the state and of all parameters, of which it uses `names`."""
     plain = getattr(f, "py_func", f)  # if Numba compiled f
     return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
 
 
 def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
-    """Return the value of f; raise TypeError or ValueError where it does not take symbols."""
+    """Return the value of f at symbols; raise TypeError or ValueError if f does not accept them."""
     try:
         plain = getattr(f, "py_func", f)  # if Numba compiled f
         return called_with_symbols(plain, state.copy(), **parameters)
@@ -150,7 +150,7 @@ def components(result: Any, D: int) -> Any:
 
 
 def _parts(argument: str, result: Any, D: int) -> Any:
-    """Return the parts of what a function returned: D components, a number, or entries of M."""
+    """Return the parts of the result of a function: D components, [H], or the entries of M."""
     if argument in ("H", "surface"):
         return [result]
     if argument != "mass":
@@ -169,38 +169,34 @@ def operands_of_function(
     parameters: Mapping[str, Any],
     tracer: Tracer | None = None,
 ) -> tuple[Tracer, list[Any]]:
-    """Return the tracer with which f was called, and the operands that are f, [H] or M by rows."""
+    """Return the tracer with which f was called, and the operands of f, of [H], or of M by rows."""
     tracer = tracer or Tracer(names, [*parameters])
-    found = []
+    calls = []
     for _ in range(2):
         result = called(argument, f, tracer.state, tracer.parameters)
         try:
             parts = _parts(argument, result, len(tracer.state))
-            found.append([tracer.result(_alone(part)) for part in parts])
+            alone = (a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts)
+            calls.append([*map(tracer.result, alone)])
         except (TypeError, ValueError) as error:
             raise type(error)(f"{argument}: {error}") from None
-    first, second = ([*map(repr, each)] for each in found)  # equal operations are one
+    first, second = ([*map(repr, each)] for each in calls)  # equal operations are one operand
     if first != second:
         how = "f must compute from x and its parameters alone, without random numbers or memory"
         raise ValueError(f"{argument}: two calls of f differ: {how}")
-    return tracer, found[0]
-
-
-def _alone(value: Any) -> Any:
-    """Return the entry of an array of one, and anything else as it is."""
-    return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+    return tracer, calls[0]
 
 
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
     """Return the value of a function in the text of an equation."""
     if name == "interp":
         return interpolated(*arguments)
-    own = OTHER_NAMES.get(name, name)
-    record = FUNCTIONS.get(own)
+    function = OTHER_NAMES.get(name, name)
+    record = FUNCTIONS.get(function)
     if record is None or record.sign or len(arguments) != record.operands:
         raise ValueError(f"equations: there is no function {name} of {len(arguments)}")
     if any(isinstance(a, tuple) for a in arguments):
         raise ValueError(f"equations: {name} takes numbers")
     with np.errstate(all="ignore"):
-        value = applied(own, *arguments)
+        value = applied(function, *arguments)
     return value if isinstance(value, (Symbol, np.ndarray)) else float(value)

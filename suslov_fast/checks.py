@@ -1,4 +1,4 @@
-"""Checks of arguments: most messages read "name must be ..., not ...: what to type"."""
+"""Checks of arguments; most messages read "name must be ..., not ...: what to type"."""
 
 import inspect
 import math
@@ -27,7 +27,7 @@ class _HasArray(Protocol):
     def __array__(self) -> NDArray[Any]: ...
 
 
-# What a step size or times may be, for type checkers: no text, which NumPy's ArrayLike admits.
+# Types of step sizes and times: NumPy's ArrayLike also admits text.
 Reals = (
     SupportsFloat
     | _HasArray
@@ -36,15 +36,15 @@ Reals = (
     | Sequence[Sequence[Sequence[SupportsFloat]]]
 )
 
-# What initial states may be: arrays, or an array for each name of a component.
+# Types of initial states: an array, or an array for each name of a component.
 StatesLike = ArrayLike | Mapping[str, ArrayLike]
 
 _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}
 # Number of elements up to which a sum in Python is faster than a call of NumPy.
 _FEW = 64
-# Exponents of ranges: moments and step sizes have a modulus from 1e-50 to 1e50, other parameters
-# from 1e-60 to 1e60.
+# Exponents of 10 of ranges: moments of inertia and step sizes have a modulus from 1e-50 to 1e50,
+# other parameters from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
 OF_SYMBOLS = (
     "symbols have no values: functions such as exact compute floats; formulas, symbolic in eps and "
@@ -57,7 +57,7 @@ _HERE = os.path.dirname(__file__) + os.sep
 
 
 def wrong(name: str, expected: str, received: object = None, error: Any = ValueError) -> Any:
-    """Return the error "name must be expected, not received", or "must have" or "hold expected"."""
+    """Return the error "name must be expected, not received", or "must have" or "must hold"."""
     must = expected if expected.startswith(("have ", "hold ")) else f"be {expected}"
     instead = "" if received is None else f", not {received}"
     return error(f"{name} must {must}{instead}")
@@ -75,7 +75,7 @@ def extra(module: str, name: str) -> Any:
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
-    """Warn at the line of the user, which is in the first frame outside the package."""
+    """Warn at the user's line of code, which is in the first frame outside the package."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_code.co_filename.startswith((_HERE, "<string>")):
         frame, level = frame.f_back, level + 1
@@ -85,7 +85,7 @@ def warn(message: str, category: type[Warning] = UserWarning) -> None:
 def real_array(
     name: str, value: ArrayLike, allow_nan: bool = False, allow_infinite: bool = False
 ) -> FloatArray:
-    """Return any array-like of finite real numbers as float64; if allowed also NaN, or infinity."""
+    """Return any array-like of real numbers as float64; NaN and infinity must be allowed."""
     array = _floats(name, value)
     if not allow_infinite:
         _all_finite(name, array, allow_nan)
@@ -93,7 +93,7 @@ def real_array(
 
 
 def real_number(name: str, value: Any) -> float | FloatArray:
-    """Return a finite real number as a float, or an array; floats are much faster."""
+    """Return finite real numbers: one number as a float, which is much faster than an array."""
     if type(value) in (float, int) and -(2.0**53) <= value <= 2.0**53:
         return float(value)
     array = real_array(name, value)
@@ -121,19 +121,19 @@ def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
     if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # in both ranges
         return value
-    array, low, high = np.asarray(value), 10.0**-exponent, 10.0**exponent
+    array = np.asarray(value)
     size = abs(array[array != 0])
     if size.dtype == object:
         with suppress(OverflowError):  # floats are compared much faster than fractions
             size = size.astype(np.float64)
-    if len(bad := size[(size < low) | (size > high)]):
+    if len(bad := size[(size < 10.0**-exponent) | (size > 10.0**exponent)]):
         expected = f"0, or have a modulus from 1e-{exponent} to 1e{exponent}"
         raise wrong(name, expected, f"{short(bad.tolist()[0])}: use other units")
     return value
 
 
 def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
-    """Return states (..., D) with the components `labels`; a state with one NaN becomes all NaN."""
+    """Return states (..., D) with the components `labels`; a state with any NaN becomes all NaN."""
     is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
     if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
         return value  # for speed in small calls
@@ -150,7 +150,7 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
 
 
 def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
-    """Return states without the names that a table or series of pandas gives them."""
+    """Return states as arrays or lists, without the names of a table of pandas or of a mapping."""
     if type(value) is np.ndarray:  # for speed in small calls, here and below
         return value
     if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
@@ -169,7 +169,7 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
 
 
 def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
-    """Return advice, for messages, on states of a wrong shape."""
+    """Return what to pass in place of states of a wrong shape, for messages; "" if unknown."""
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         return ": for vectors in the basis of a tensor pass (omega @ body.rotation.T)[..., :2]"
     if len(shape) < 2 or shape[0] != len(labels):
@@ -179,7 +179,7 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
 
 
 def without_fractions(value: Any) -> tuple[Any, Any]:
-    """Return numbers with floats in place of fractions, and all of them exact; None without any."""
+    """Return numbers with floats in place of fractions, and the exact numbers or None."""
     if isinstance(value, Fraction | list | tuple | np.ndarray):
         with suppress(Exception):  # for other values an error follows
             exact = np.asarray(value)
@@ -224,9 +224,8 @@ def _floats(name: str, value: Any) -> FloatArray:
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
-    """Return True if all numbers are finite, False if NaN is among them; raise if not allowed."""
-    numbers = array if array.ndim == 1 else array.ravel()
-    if array.size <= _FEW and math.isfinite(sum(numbers.tolist())):
+    """Return True if all numbers are finite, False if some are NaN; raise what is not allowed."""
+    if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
     finite = np.isfinite(array)
     if finite.all():
@@ -240,7 +239,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 
 def refuse(name: str, value: Any) -> None:
-    """Raise an error for axes with names, units, booleans and masked arrays, alone or in a list."""
+    """Raise an error for units, booleans, masked arrays and labelled axes, also inside a list."""
     if type(value) in _NUMBERS or value is None:
         return
     if getattr(getattr(value, "dtype", None), "kind", "") in ("m", "M"):
@@ -296,7 +295,7 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
 
 
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the shape that the named batch shapes broadcast to."""
+    """Return the shape to which the named batch shapes broadcast."""
     others = {*filter(None, shapes.values())}
     if len(others) < 2:  # for speed in small calls
         return others.pop() if others else ()
@@ -317,7 +316,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
-        # 1e3 is an integer to whoever writes it, here as in commands
+        # 1e3 is an integer for users, here as in the command.
         is_whole = isinstance(value, float) and value.is_integer()
         number = int(value) if is_whole else operator.index(value)
     except TypeError as error:
@@ -339,13 +338,13 @@ def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -
 
 
 def left_out(beside: str, **given: bool) -> None:
-    """Raise TypeError if an argument is given that does not go with another one."""
+    """Raise TypeError if one of the arguments is given that must not be combined with `beside`."""
     for name in filter(given.get, given):
         raise wrong(name, f"left out beside {beside}", error=TypeError)
 
 
 def arguments_of(f: Any) -> list[str]:
-    """Return the names of the required arguments of a function; none without a signature."""
+    """Return the names of the required arguments of a function; [] if it has no signature."""
     try:
         parameters = inspect.signature(getattr(f, "py_func", f)).parameters.values()
     except (TypeError, ValueError):
@@ -355,12 +354,12 @@ def arguments_of(f: Any) -> list[str]:
 
 
 def is_false(answer: object) -> bool:
-    """Return whether a function of the user returned False; one without `return` did not."""
+    """Return True if a user's function returned False; without `return` it returns None."""
     return isinstance(answer, bool | np.bool_) and not answer
 
 
 def instance(name: str, value: Any, expected: Any) -> None:
-    """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
+    """Raise TypeError unless an object is of a class, or of a class in a tuple or union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
@@ -385,7 +384,7 @@ def kind_of(value: Any) -> str:
 
 
 def spelled(number: Fraction | int) -> str:
-    """Return p/q of at most 20 digits where q is at most 1000, else a decimal of six digits."""
+    """Return a number as p/q if q is at most 1000 and p is short, else with six digits."""
     if number.denominator <= 1000 and abs(number.numerator) < 10**17:
         return str(number)
     try:
@@ -397,7 +396,7 @@ def spelled(number: Fraction | int) -> str:
 def short(value: Any) -> str:
     """Return a value as text of at most 60 characters, for messages."""
     text = spelled(value) if isinstance(value, Fraction) else " ".join(repr(value).split())
-    # np.float64(2.0) is 2.0, but np.sin(2.0) stays in the text of an equation.
+    # np.float64(2.0) becomes 2.0, but np.sin(2.0) in the text of an equation stays.
     text = re.sub(r"\bnp\.(?:float|u?int|complex)\d+\(([^()]*)\)", r"\1", text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

@@ -1,4 +1,4 @@
-"""The command `suslov-fast`: runs, their figures, the figures of the paper, and reports."""
+"""The command `suslov-fast`: runs, figures of runs, the figures of the paper, and reports."""
 
 import argparse
 import json
@@ -27,12 +27,12 @@ _EXAMPLES = """examples:
   suslov-fast report --equations "x' = y**2; y' = -x"
 """
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
-_OF_STEPS = "eps", "steps", "save_every", "method"  # options of the map
-_OF_TIMES = "points", "rtol", "atol"  # and of the motion
+_OF_STEPS = "eps", "steps", "save_every", "method"  # options only for the map
+_OF_TIMES = "points", "rtol", "atol"  # options only for the motion
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser with errors of one line, which names the nearest option or command."""
+    """A parser whose errors have one line, with the nearest option or command."""
 
     def error(self, message: str) -> NoReturn:
         known = {}
@@ -194,12 +194,11 @@ def report(options: argparse.Namespace) -> None:
     system, _ = _system(options)
     if not _has_map(system):
         raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
-    found = report_of(system, eps=options.eps, degree=options.degree)
-    print(found)
+    print(report_of(system, eps=options.eps, degree=options.degree))
 
 
 def _has_map(system: Any) -> bool:
-    """Return True unless a system is a field that is not of degree 2."""
+    """Return True for a body, and for a field of degree 2."""
     try:
         return bool(system._field.terms)
     except TypeError:
@@ -207,7 +206,7 @@ def _has_map(system: Any) -> bool:
 
 
 def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) -> None:
-    """Raise an error if one of some files has another ending or cannot be written."""
+    """Raise an error if a file has none of these endings, or cannot be written."""
     for path in paths:
         folder = path.absolute().parent
         if path.suffix.lower() not in endings:
@@ -224,7 +223,7 @@ def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) 
 
 # ---------------------------------------------------------------------------------- systems
 def _system(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Return the body or the field, and the step size, None if there is none."""
+    """Return the body or the field that options name, and the step size or None."""
     if options.equations is not None:
         return sf.Field.from_equations(options.equations), options.eps
     if options.body is None:
@@ -268,14 +267,14 @@ def _count(text: str) -> int:
 
 
 def _path(text: str) -> Path:
-    """Return the name of a file or folder."""
+    """Return the path of a file or folder."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the name of a file is empty")
     return Path(text).expanduser()
 
 
 def _parser() -> _Parser:
-    """Return the parser of the command; docstrings of functions are its help."""
+    """Return the parser of the command; its help texts are the docstrings of functions."""
     raw = argparse.RawDescriptionHelpFormatter
     parser = _Parser("suslov-fast", description=_ABOUT, epilog=_EXAMPLES, formatter_class=raw)
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
@@ -284,9 +283,9 @@ def _parser() -> _Parser:
     def command(function: Callable[[argparse.Namespace], int | None]) -> Any:
         text = function.__doc__ or ""
         summary: dict[str, Any] = {"help": text.partition("\n")[0], "description": text}
-        found = commands.add_parser(function.__name__, allow_abbrev=False, **summary)
-        found.set_defaults(function=function, refuse=found.error)
-        return found
+        subparser = commands.add_parser(function.__name__, allow_abbrev=False, **summary)
+        subparser.set_defaults(function=function, refuse=subparser.error)
+        return subparser
 
     def add_system(to: Any) -> None:
         add = to.add_mutually_exclusive_group().add_argument

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     import distributed
     import xarray
 
-_AXIS = "trajectory"  # the last axis of the batch, which is cut into chunks
+_AXIS = "trajectory"  # the last axis of the batch, which is divided into chunks
 _INNER = {"system": 0, "x0": 1, "eps": 0, "attitude": 2}  # numbers of axes after the batch
-_BYTES = 2**23  # of the states of a chunk, by default
+_BYTES = 2**23  # the size of the states of a chunk, by default
 _HOW = "choose another name, or delete it"
 _PENDING = -128  # the status of trajectories that are not computed yet
 
@@ -127,17 +127,17 @@ def ensemble(
         store = os.path.abspath(os.path.expanduser(store))  # which workers find
     function: Any = iterate if time is None else flow
     refuse_unknown("ensemble", options, ensemble, function)
-    own = _checked(system, eps, steps, time, options)
+    of_function = _checked(system, eps, steps, time, options)
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
     states = checks.states("x0", x0(0) if callable(x0) else x0, system._labels)
-    given = {"system": system, "x0": states, **options, **own}
+    given = {"system": system, "x0": states, **options, **of_function}
     batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntegrationWarning)  # one of all chunks follows
-        # A run of no trajectory raises the errors of arguments.
+        warnings.simplefilter("ignore", IntegrationWarning)  # one warning for all chunks follows
+        # A run without trajectories raises the errors of arguments.
         none = _part(given | ({"x0": states[..., :0, :]} if callable(x0) else {}), slice(0, 0), N)
         empty = function(none.pop("system"), none.pop("x0"), **none)
         if chunks is None:
@@ -184,18 +184,18 @@ def _check_end(data: Any, goes_on: bool, store: Any) -> None:
 
 
 def _checked(system: Any, eps: Any, steps: Any, time: Any, options: Any) -> dict[str, Any]:
-    """Return the arguments of `flow`, or of `iterate`, other than the options of the user."""
+    """Return checked arguments of `flow` or `iterate`, in addition to the options of the user."""
     if system._has_eps:
         either_map_or_motion("ensemble", eps, steps, time)
     if time is not None:
         events = tuple(each.of(system) for each in checked_events(options.get("events", ())))
         return {"time": checks.real_number("time", time), "events": events}
-    own = {"steps": steps, "on_singular": "ignore"}
-    return own | ({} if eps is None else {"eps": checks.real_number("eps", eps)})
+    of_eps = {} if eps is None else {"eps": checks.real_number("eps", eps)}
+    return {"steps": steps, "on_singular": "ignore", **of_eps}
 
 
 def _batch_of(given: dict[str, Any], chunks: int) -> tuple[int, ...]:
-    """Return the batch shape of arguments; `chunks` is how often a function x0 is called, or 0."""
+    """Return the batch shape of the arguments; `chunks` is the number of calls of x0, or 0."""
     shapes: dict[str, Any] = {
         name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
     }
@@ -209,7 +209,7 @@ def _batch_of(given: dict[str, Any], chunks: int) -> tuple[int, ...]:
 
 
 def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:
-    """Return the arguments for some of the N trajectories."""
+    """Return the arguments for the trajectories `where` of N."""
     part = dict(given)
     for name in {*_INNER} & {*given}:
         axis = len(np.shape(given[name])) - 1 - _INNER[name]
@@ -223,26 +223,26 @@ def _digests(system: dict[str, Any]) -> dict[str, str]:
     rest = {k: system[k] for k in ("body", "names", "definitions", "equations") if k in system}
     parameters = {k: a for k, a in system.items() if k not in rest and k != "parameters"}
     parameters |= system.get("parameters", {})
-    own = {f"parameter {name}": _digest(value) for name, value in parameters.items()}
-    return {"system": _digest(rest), **own}
+    digests = {f"parameter {name}": _digest(value) for name, value in parameters.items()}
+    return {"system": _digest(rest), **digests}
 
 
 def _digest(value: Any) -> str:
     """Return a short text that identifies a value."""
     if isinstance(value, np.ndarray):
-        found = str(value.shape).encode() + value.tobytes()
+        content = str(value.shape).encode() + value.tobytes()
     else:
-        own = value.item() if isinstance(value, np.generic) else value
-        found = json.dumps(own, default=lambda each: each.to_dict()).encode()
-    return hashlib.sha256(found).hexdigest()[:16]
+        plain = value.item() if isinstance(value, np.generic) else value
+        content = json.dumps(plain, default=lambda each: each.to_dict()).encode()
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
-    """Return the dataset of all N trajectories, lazy where chunks are written, and its encoding."""
+    """Return the dataset of all N trajectories, lazy if chunks write it, and its encoding."""
     import dask.array
     from zarr.codecs import BloscCodec
 
-    # It makes states smaller than Zarr's default does, in a third of the time.
+    # It makes states smaller than Zarr's default codec does, in a third of the time.
     codec = BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle")
     parameters = given["system"]._arrays | {k: a for k, a in given.items() if k == "eps"}
     encoding: dict[str, Any] = {}
@@ -267,16 +267,16 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
 
 
 def _prepared(store: Any, whole: Any, encoding: Any) -> Any:
-    """Return the statuses in the store of this run, which is made if there is none."""
-    there = _opened(store)
-    if there is None:
+    """Return the statuses in the store of this run; make the store if there is none."""
+    stored = _opened(store)
+    if stored is None:
         _make(store, whole, encoding)
-        there = _opened(store)
-    mine, its = (json.loads(data.attrs.get("ensemble", "{}")) for data in (whole, there))
-    if others := [name for name in {**mine, **its} if its.get(name) != mine.get(name)]:
+        stored = _opened(store)
+    asked, known = (json.loads(data.attrs.get("ensemble", "{}")) for data in (whole, stored))
+    if others := [name for name in {**asked, **known} if known.get(name) != asked.get(name)]:
         received = f"{store}, of a run with another {', '.join(others)}: {_HOW}"
         raise wrong("store", "new, or of the same run", received)
-    return there.status.values
+    return stored.status.values
 
 
 def _opened(store: Any) -> Any:
@@ -292,7 +292,7 @@ def _opened(store: Any) -> Any:
 
 
 def _make(store: Any, whole: Any, encoding: Any) -> None:
-    """Make the store. A folder gets its name when it is complete, so that a kill leaves none."""
+    """Make the store. A folder gets its name when it is complete, so no incomplete one is found."""
     import zarr
 
     is_folder = isinstance(store, str) and "://" not in store
@@ -301,8 +301,8 @@ def _make(store: Any, whole: Any, encoding: Any) -> None:
         options: Any = {"mode": "w-", "compute": False, "consolidated": False, "zarr_format": 3}
         whole.to_zarr(new, encoding=encoding, **options)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # because format 3 does not define it yet
-            zarr.consolidate_metadata(new)  # the last step, without which a store is refused
+            warnings.simplefilter("ignore")  # because format 3 does not define this yet
+            zarr.consolidate_metadata(new)  # the last step: a store without it is refused
         if is_folder:
             os.rename(new, store)
     except OSError:
@@ -314,7 +314,7 @@ def _make(store: Any, whole: Any, encoding: Any) -> None:
 
 
 def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]:
-    """Compute chunks, here or by the workers of a client; yield the place of each chunk."""
+    """Compute chunks, here or on the workers of a client; yield the place of each chunk."""
     if client is None:
         yield from (_write(*call) for call in calls)
         return
@@ -322,12 +322,12 @@ def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]
     from distributed import as_completed
 
     def submitted(count: int) -> list[Any]:
-        # As bytes: a worker that cannot import a function of the user's raises the error then.
-        # Read with the message of the scheduler, it would end the worker, and the wait never.
+        # As bytes, which the task reads: if a function of the user cannot be imported there, the
+        # task raises the error. If the worker read it, it would end, and the wait would not.
         texts = (cloudpickle.dumps(call) for call in islice(calls, count))
         return [client.submit(_write_pickled, text, pure=False) for text in texts]
 
-    # Some wait at the scheduler, so that no worker does; not all, because they hold states.
+    # Some calls wait at the scheduler, so that no worker waits; not all, as they contain states.
     futures = as_completed(submitted(4 + 2 * sum(client.nthreads().values())))
     for future in futures:
         yield future.result()
@@ -335,7 +335,7 @@ def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]
 
 
 def _write_pickled(text: bytes) -> slice:
-    """Compute and write the chunk of a pickled call."""
+    """Compute and write a chunk, for the pickled arguments of `_write`."""
     return _write(*pickle.loads(text))
 
 

@@ -1,4 +1,4 @@
-"""Errors of public names that lack an argument or an attribute say which name to use."""
+"""Errors of unknown arguments and attributes, which say which name to use."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _ORDINALS = "first", "second", "third", "fourth", "fifth"
 
 
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
-    """Return the error of an object, class or module without an attribute, for `__getattr__`.
+    """Return the error of an object, class or module that has no such attribute.
 
-    `here` is the name to use, if it is known; else the table of words is searched.
+    `here` is the name to use; if it is empty, the table of words is searched.
     """
     if isinstance(thing, ModuleType | type):
         kind = "module" if inspect.ismodule(thing) else "type object"
@@ -32,16 +32,16 @@ def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
         called = f"{type(thing).__name__!r} object"
     if not here and not name.startswith("_"):
         here = answer(name, [each for each in dir(thing) if not each.startswith("_")])
-        here = _of_class(thing, name) or here
+        here = _place_of(thing, name) or here
         here = f"suslov_fast.{name}(...)" if name in dir(suslov_fast) else here
     text = f"{called} has no attribute {name!r}"
     return AttributeError(f"{text}: use {here}" if here else text)
 
 
 def missing_in(module: str, name: str) -> Exception:
-    """Return the error of a package without a name, for its `__getattr__`.
+    """Return the error of a package that has no such name, for its `__getattr__`.
 
-    ``from package import name`` shows no AttributeError: it gets an ImportError with the same text.
+    ``from package import name`` hides the text of an AttributeError, so it gets an ImportError.
     """
     if find_spec(f"{module}.{name}"):  # which is being imported
         return AttributeError(name)
@@ -51,35 +51,34 @@ def missing_in(module: str, name: str) -> Exception:
     return error
 
 
-def _of_class(thing: Any, name: str) -> str:
-    """Return where a public class or `kahan` has a name which the package lacks."""
+def _place_of(thing: Any, name: str) -> str:
+    """Return where `kahan` or a public class has a name that the package lacks; "" if nowhere."""
     if thing is not suslov_fast:
         return ""
     if name in suslov_fast.kahan.__all__:
         return f"suslov_fast.kahan.{name}(system, x, eps)"
     things = (getattr(suslov_fast, each) for each in ("Field", *suslov_fast.__all__))
-    owners = (each for each in things if isinstance(each, Answering) and hasattr(each, name))
-    owner = next(owners, None)
-    return "" if owner is None else f"{owner.__name__}.{name}"
+    kinds = (each for each in things if isinstance(each, Answering) and hasattr(each, name))
+    return next((f"{kind.__name__}.{name}" for kind in kinds), "")
 
 
 class Answering(type):
-    """The class of classes that answer an attribute which they lack."""
+    """The metaclass of classes whose errors of unknown attributes say which name to use."""
 
     def __getattr__(cls, name: str) -> Any:
         raise lacking(cls, name)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function answer unknown arguments with the arguments to use."""
+    """Return a function whose errors of unknown arguments say which argument to use."""
 
     @wraps(function)
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except TypeError as error:  # looked at only now, for speed
+        except TypeError as error:  # arguments are compared only now, for speed
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:
-                raise  # of what the function does, not of the call
+                raise  # the error is from inside the function, not from the call
             raise _wrong_call(function, args, kwargs, error) from None
         except MemoryError as error:
             if function.__name__ in ("flow", "iterate"):
@@ -91,7 +90,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def refuse_unknown(called: str, options: Iterable[str], *functions: Any) -> None:
-    """Raise TypeError for options that none of the functions has as an argument."""
+    """Raise TypeError if an option of the call is an argument of none of the functions."""
     known = {name: 0 for each in functions for name in inspect.signature(each).parameters}
     known.pop("self", 0)
     for word in options:
@@ -112,13 +111,15 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     unknown = [name for name in kwargs if name in first or not (takes_all or name in kinds)]
     if unknown:
         is_method = args and not isinstance(args[0], type)
-        own = getattr(args[0], "parameters", {}) if is_method else {}
+        parameters_of_system = getattr(args[0], "parameters", {}) if is_method else {}
 
         def how(word: str) -> str:
             here = word if word in first else answer(word, known)
             if here in first:
                 return f"the {_ORDINALS[known.index(here)]} argument, {here}, without a name"
-            return "with_parameters" if word in own else here or ", ".join(known)
+            if word in parameters_of_system:
+                return "with_parameters"
+            return here or ", ".join(known)
 
         each = "; ".join(f"{word!r}: use {how(word)}" for word in unknown)
         return TypeError(f"{called} has no argument {each}")
@@ -128,7 +129,7 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
     if named and str(error).endswith("given") and len(args) > len(parameters) - len(named):
         others = ", ".join(name for name in known if name not in named)
-        value = args[len(parameters) - len(named)]  # the first of those without a place
+        value = args[len(parameters) - len(named)]  # the first argument without a place
         shown = value if isinstance(value, int) else ""
         which = f"{others}; pass others" if others else "pass them"
         return TypeError(f"{error}: {which} by name, as {named[0]}={shown}")
@@ -136,14 +137,14 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
 
 
 def public_class(kind: type[R]) -> type[R]:
-    """Let the constructor of a frozen dataclass answer as a public function."""
+    """Make the constructor of a frozen dataclass a public function; explain why values stay."""
     kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
     kind.__setattr__ = _unchanged  # type: ignore[method-assign]
     return kind
 
 
 def _unchanged(self: Any, name: str, _: Any) -> NoReturn:
-    """Raise the error of objects that keep the values with which they were made."""
+    """Raise the error of an object that keeps the values with which it was made."""
     how = f"make another {type(self).__name__}"
     how = f"use with_parameters({name}=...)" if hasattr(self, "with_parameters") else how
     raise FrozenInstanceError(f"{name} of a {type(self).__name__} cannot be set: {how}")

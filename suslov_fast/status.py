@@ -1,4 +1,4 @@
-"""Statuses of trajectories, and one warning for all trajectories that passed a pole."""
+"""Statuses of trajectories, and the warning of trajectories that passed a pole."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from .core.numba import status_codes
 class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
 
-    `OK` (0) is a finished trajectory. `SINGULAR` and `NONFINITE` are negative: the last state has
-    no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
-    the orbit need not follow the continuous motion. `SUPERCRITICAL` is for bodies in three
-    dimensions, whose :meth:`Suslov3D.criticality` is 1 or more; `PASSED_POLE` is for others, see
-    :class:`IntegrationWarning`. Along a :class:`Motion`, `ENDED`, `SLIDING`, `ACCUMULATES` and
-    `TOO_MANY_STEPS` are solutions that stop before the last time, `NONFINITE` those without a value
-    at the start, and `STOPPED`, which is positive, those that an event ends.
-    `DEGENERATE`, which is positive, and `NOT_FOUND` are for :func:`equilibria`. `message` explains
-    the status.
+    - `OK` (0): the trajectory is finished.
+    - `SINGULAR`, `NONFINITE` (negative): the last state of an orbit has no next state, or no next
+      state in the range of float64. A :class:`Motion` is `NONFINITE` if f has no value at x0.
+    - `SUPERCRITICAL`, `PASSED_POLE` (positive): the orbit need not follow the continuous motion. A
+      body in three dimensions is `SUPERCRITICAL` if its :meth:`Suslov3D.criticality` is 1 or more;
+      for `PASSED_POLE` of other systems see :class:`IntegrationWarning`.
+    - `ENDED`, `SLIDING`, `ACCUMULATES`, `TOO_MANY_STEPS` (negative): a :class:`Motion` stops before
+      the last time.
+    - `STOPPED` (positive): an event ended a :class:`Motion`.
+    - `DEGENERATE` (positive), `NOT_FOUND` (negative): only of :func:`equilibria`.
+
+    `message` explains the status.
 
     Examples
     --------
@@ -86,23 +89,24 @@ _MESSAGES = {
 class IntegrationWarning(RuntimeWarning):
     """Some trajectories of a batch ended early, left the motion, or lost digits.
 
-    - **They failed**: `status` is negative and gives the cause (:class:`Status`), `failed_at` of a
+    - **They failed**: `status` is negative and tells the cause (:class:`Status`), `failed_at` of a
       run is the number of the first missing state, and states are NaN from there on. Other
-      trajectories are not affected. The argument ``on_singular`` of runs turns this warning into a
-      :class:`SingularStepError`, or off.
-    - **They passed a pole of the map**, or eps is too large for them. A trajectory took a step from
-      a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x): an odd number of real
-      eigenvalues mu of f' has eps mu / 2 > 1. Then the motion escapes to infinity and the map
-      returns from the other side, or eps is too large. Or a component that occurs in each term of
-      its own equation, such as a population, changed its sign, which is impossible along the
-      motion. The absence of a warning proves nothing, because an even number of such eigenvalues
-      goes undetected. These trajectories have the status `PASSED_POLE`, unless they failed later.
-      `first_pole` of a run is the number of the first state after such a step, and `valid` is True
-      before it. Later states belong to the map; they approximate the motion only if the orbit
-      does not move along the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for
-      which a mode that decays fast looks like a pole.
+      trajectories are not affected. With the argument ``on_singular`` of :func:`iterate` the
+      failure raises a :class:`SingularStepError` instead, or is ignored.
+    - **They passed a pole of the map**, or eps is too large for them. There are two signs of this.
+      A trajectory took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x):
+      eps mu / 2 > 1 for an odd number of real eigenvalues mu of f'. Or a component that is a factor
+      of its own equation, such as a population, changed its sign, which is impossible along the
+      motion. If the motion escapes to infinity, the map returns from the other side. The absence of
+      a warning proves nothing, because an even number of such eigenvalues is not detected.
+
+      These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
+      run is the number of the first state after such a step, and `valid` is True before it. Later
+      states belong to the map; they approximate the motion only if the orbit does not move along
+      the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
+      decays fast looks like a pole.
     - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its
-      digits: once for a whole batch, with the time of the first.
+      digits. One warning counts them, and names the first time.
     """
 
 
@@ -136,7 +140,7 @@ def report_poles(
     failed_at: NDArray[np.int64],
     by_sign: Any,
 ) -> None:
-    """Warn if trajectories of a problem passed a pole by this `StepMethod`.
+    """Warn if trajectories of a problem passed a pole; `steps` is the `StepMethod`.
 
     `by_sign` is True for poles that were found by the change of sign of a component.
     """
@@ -161,7 +165,7 @@ def report_poles(
 
 
 def _at_least(time: float) -> str:
-    """Return a time with two digits, rounded away from 0, because the motion escaped before it."""
+    """Return a time with two digits, rounded away from 0: the motion escapes before this time."""
     unit = 10.0 ** (math.floor(math.log10(abs(time))) - 1) if time else 1.0
     digits = math.ceil(abs(time) / unit * (1 - 1e-12))
     return f"{math.copysign(float(f'{digits * unit:.2g}'), time):g}"

@@ -3,22 +3,19 @@
 import os
 import platform
 import sys
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 
 from .keywords import public
 
-_REQUIRED = "numpy", "numba", "llvmlite"
-_OPTIONAL = (
-    *("scipy", "matplotlib", "xarray", "zarr", "dask", "distributed"),
-    *("python-flint", "sympy"),
-)
+_PACKAGES = "numpy numba llvmlite scipy matplotlib xarray zarr dask distributed python-flint sympy"
 
 
 @public
 def show_versions() -> None:
     """Print the versions of this package, Python and other packages, and the processor.
 
-    Packages of extras are left out if they are not installed.
+    Packages that are not installed are left out.
 
     Examples
     --------
@@ -31,8 +28,6 @@ def show_versions() -> None:
     print(f"suslov_fast {__version__}")
     print(f"python {sys.version.split()[0]}")
     print(f"system {platform.platform()}, {platform.machine()}, {os.cpu_count()} processors")
-    for name in (*_REQUIRED, *_OPTIONAL):
-        try:
+    for name in _PACKAGES.split():
+        with suppress(PackageNotFoundError):
             print(name, version(name))
-        except PackageNotFoundError:
-            continue

@@ -20,7 +20,7 @@ from .terms import Terms, collected
 _fractions = np.vectorize(Fraction, "O")
 # Indices (axes, n) and values (..., n) of entries of an array.
 Entries = tuple[Any, Any]
-# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2. Coefficients are
+# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2. They are
 # fractions, or floats, or arrays (...) of floats for the members of a family.
 Polynomial = dict[tuple[int, ...], Any]
 

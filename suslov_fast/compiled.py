@@ -18,16 +18,7 @@ from numba import types
 from numba.extending import overload
 from numpy.typing import ArrayLike
 
-from .checks import (
-    MOMENTS,
-    FloatArray,
-    Reals,
-    instance,
-    one_number,
-    real_number,
-    within,
-    wrong,
-)
+from .checks import MOMENTS, FloatArray, Reals, instance, one_number, real_number, within, wrong
 from .core.expressions.variational import variational
 from .core.flow.batch_solver import Settings
 from .core.flow.held import OF_ANOTHER, PARAMETERS, TIME, MotionSystem, motion_system_of
@@ -81,16 +72,6 @@ sys.modules[__name__].__class__ = _Module
 
 System = BodySystem | NDSystem | FieldSystem | MotionSystem
 _memory, _one_step, _end = of_kind("memory"), of_kind("one_step"), of_kind("end")
-
-
-def _single(body: Any, eps: Reals) -> float:
-    """Return the step size; ValueError for several bodies or step sizes."""
-    number = within("eps", real_number("eps", eps), MOMENTS)
-    shape = np.broadcast_shapes(body.shape, np.shape(number))
-    if shape or not isinstance(number, float):
-        received = f"a batch of shape {shape}: loop over both"
-        raise wrong("body, eps", "a single body and a single step size", received)
-    return number
 
 
 @for_users
@@ -165,7 +146,10 @@ def system(
     if either_map_or_motion("system", *both, time, **others):
         settings = checked_settings(body, given)
         return _motion(body, one_number("time", time), settings, events, derivatives)
-    step_size = _single(body, eps_of("system", body, eps))
+    step_size: Any = within("eps", real_number("eps", eps_of("system", body, eps)), MOMENTS)
+    if shape := np.broadcast_shapes(body.shape, np.shape(step_size)):
+        received = f"a batch of shape {shape}: loop over both"
+        raise wrong("body, eps", "a single body and a single step size", received)
     return map_of(body, method).methods[method].system(body, step_size)
 
 

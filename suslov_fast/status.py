@@ -110,15 +110,6 @@ class IntegrationWarning(RuntimeWarning):
     """
 
 
-def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of the first state beyond the motion, or the largest integer if none.
-
-    A failure never comes before a pole that was passed.
-    """
-    first = np.where(first_pole < 0, failed_at, first_pole)
-    return np.where(first < 0, np.iinfo(np.int64).max, first)
-
-
 def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> str:
     """Return in words how many trajectories failed, and how many passed a pole, if any."""
     passed = np.count_nonzero(first_pole >= 0)

@@ -261,10 +261,6 @@ OF_ARRAYS = {
 }
 
 
-def _plain(word: str) -> str:
-    return word.lower().replace("_", "")
-
-
 _ROWS = {
     word: (names.split(), how, table is OF_STEPS)
     for table in (TABLE, OF_STEPS)
@@ -275,9 +271,9 @@ _ROWS = {
 
 def answer(word: str, known: Collection[str] = ()) -> str:
     """Return the name to use for a word, or the nearest known name; "" if there is none."""
-    plain = _plain(word)
-    found = _ROWS.get(plain) or _ROWS.get(plain.removesuffix("s"), ([], "", False))
-    names, how, is_of_steps = found
+    plain = word.lower().replace("_", "")
+    row = _ROWS.get(plain) or _ROWS.get(plain.removesuffix("s"), ([], "", False))
+    names, how, is_of_steps = row
     for name in names:
         if name.partition("[")[0] in known:
             return name

@@ -1,4 +1,4 @@
-"""Fields x' = f(x): equations of any right-hand side, and families of them."""
+"""Fields x' = f(x): equations with any right-hand side, and families of equations."""
 
 from __future__ import annotations
 
@@ -233,21 +233,21 @@ class Field(Traced):
             raise wrong("names", "left out", f"{short(names[0])}: {how}", TypeError)
         equations: dict[str, str] = {}
         for part in filter(str.strip, re.split("[;\n]", text)):
-            name, sign, value = (each.strip() for each in part.partition("="))
-            name = re.sub(r"^d(\w+)/dt$", r"\1'", name)
-            own = name.removesuffix("'").rstrip()
-            if not (sign and own and value) or "'" in own or re.search("(^|[^<>=!])=[^=]", value):
+            left, sign, value = (each.strip() for each in part.partition("="))
+            left = re.sub(r"^d(\w+)/dt$", r"\1'", left)
+            name = left.removesuffix("'").rstrip()
+            if not (sign and name and value) or "'" in name or re.search("(^|[^<>=!])=[^=]", value):
                 how = f"write equations of order 1, with a ; between two: {_LIKE}"
                 raise ValueError(f"equations: {part.strip()!r} cannot be read: {how}")
-            if own in equations or own in parameters:
-                raise ValueError(f"equations: {own} has two lines or values: write one")
-            if name.endswith("'"):
-                equations[own] = value
+            if name in equations or name in parameters:
+                raise ValueError(f"equations: {name} has two lines or values: write one")
+            if left.endswith("'"):
+                equations[name] = value
                 continue
             try:
-                parameters[own] = from_text(value) if "/" in value else float(value)
+                parameters[name] = from_text(value) if "/" in value else float(value)
             except ValueError:
-                how = f"a parameter is a number; if it is an equation write {own}' = {value}"
+                how = f"a parameter is a number; if it is an equation write {name}' = {value}"
                 raise ValueError(f"equations: {part.strip()}: {how}") from None
         if not equations:
             raise wrong("equations", f"like {_LIKE}", repr(text))
@@ -297,7 +297,7 @@ class Field(Traced):
 
     @classmethod
     def _of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
-        """Return the field with checked terms."""
+        """Return the field of terms that were checked before."""
         return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
 
     # ------------------------------------------------------------------------------ parts
@@ -356,10 +356,9 @@ class Field(Traced):
                 "that of another field call another.energy(run.states)"
             )
         x = checks.states("x", x, self.names)
-        where, parameters = np.moveaxis(x, -1, 0), self._inputs
-        shape = np.broadcast_shapes(where.shape[1:], parameters.shape[1:])
-        found = np.array(np.broadcast_to(self._equations.energy(where, parameters), shape))
-        return found + 0.0 * x.sum(axis=-1)  # NaN where the state is
+        shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
+        energies = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
+        return np.broadcast_to(energies, shape) + 0.0 * x.sum(axis=-1)  # NaN for states with NaN
 
     @property
     def _is_hamiltonian(self) -> bool:
@@ -372,7 +371,7 @@ class Field(Traced):
         twice: bool = False,
         actions: tuple[EventAction, ...] = (),
     ) -> list[OfMembers]:
-        """Return right-hand sides for the engine, as `right_hand_sides.of_equations` does."""
+        """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""
         if self._equations is None:
             return right_hand_sides.of_terms(self._own_terms, self.dimension, twice, actions)
         return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, actions)
@@ -383,11 +382,12 @@ class Field(Traced):
 
     @cached_property
     def _listed_right_hand_sides(self) -> list[OfMembers]:
+        """The right-hand sides with second derivatives."""
         return self._motion_lists(twice=True)
 
     @cached_property
     def _tables_of_time(self) -> list[tuple[int, float, float]]:
-        """The variable, and the first and last knot, of each table over a variable of rate 1."""
+        """The variable, and the first and last knot, of each table over a clock."""
         if self._equations is None or not (clocks := {*self._right_hand_sides[0].f.clocks}):
             return []
         operations = self._equations.values.operations
@@ -402,14 +402,14 @@ class Field(Traced):
     def _terms_of(self, of_energy: bool = False, exactly: Any = None) -> Terms:
         """Return the terms of f, or of H, of a field of degree 2; TypeError for other fields.
 
-        Values are floats, or of a single field fractions: ``exactly(a)`` is that of a float a.
+        Values are floats. For a single field, `exactly` may make fractions of floats.
         """
-        shared, values = self._equations, [*self.parameters.values()]
-        if shared is None:
+        equations, values = self._equations, [*self.parameters.values()]
+        if equations is None:
             return self._own_terms if exactly is None else self._own_terms.read(exactly)
-        results, degree = ([shared.H], 3) if of_energy else (shared.results, 2)
+        results, degree = ([equations.H], 3) if of_energy else (equations.results, 2)
         try:
-            return coefficients.of_equations(shared, results, degree, values, exactly)
+            return coefficients.of_equations(equations, results, degree, values, exactly)
         except coefficients.NotQuadratic as error:
             what = "H is not of degree 3" if of_energy else "f is not of degree 2"
             raise TypeError(
@@ -426,7 +426,7 @@ class Field(Traced):
 
     @cached_property
     def _may_escape(self) -> bool:
-        """False for linear equations: their solutions exist at all times."""
+        """False for linear equations, with solutions that exist at all times."""
         try:
             return bool((self._terms.indices[2] < self.dimension).any())
         except (TypeError, ValueError):
@@ -458,13 +458,13 @@ class Field(Traced):
     def _described(self) -> dict[str, Any]:
         if self._equations is None:
             return to_lists({"indices": self._parts[INDICES], "values": self._parts[VALUES]})
-        found, entries = super()._described(), self._equations.K
+        described, entries = super()._described(), self._equations.K
         if entries is None:
-            return found
+            return described
         i, j, values = map(list, zip(*entries, strict=True)) if entries else ([], [], [])
         K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
-        [H] = found.pop("equations")
-        return found | {"H": H, "K": K}
+        [H] = described.pop("equations")
+        return described | {"H": H, "K": K}
 
     @classmethod
     def _read(
@@ -487,12 +487,12 @@ class Field(Traced):
             raise wrong("equations", "left out beside H", short(equations))
         tracer, [energy], given = operands_of_texts(names, [H], definitions, parameters)
         matrix = coefficients.structure_matrix(K, len(names))
-        shared = of_hamiltonian(tracer, names, [*given], energy, matrix)
-        return cls._of({**given, NAMES: names, EQUATIONS: shared})
+        of_H = of_hamiltonian(tracer, names, [*given], energy, matrix)
+        return cls._of({**given, NAMES: names, EQUATIONS: of_H})
 
 
 def system_of(system: Any, x0: Any) -> Any:
-    """Return a system; a function of the state is a field with as many variables as x0 has."""
+    """Return the system; a function of the state is made a field with the variables of x0."""
     if isinstance(system, Body):
         return system
     if isinstance(system, type) or not callable(system):

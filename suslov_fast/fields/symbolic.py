@@ -172,7 +172,6 @@ def applied(name: str, *values: Any) -> Any:
 
 
 def _is_truth(value: Any) -> bool:
-    """Return True for a truth value, symbolic or not."""
     if isinstance(value, Symbol):
         return bool(value.tracer.is_truth(value.operand))
     return isinstance(value, (bool, np.bool_))

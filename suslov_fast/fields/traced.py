@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, short, wrong
 from ..core.cached import cached_property
+from ..core.expressions.programs import Program, emitted
 from ..keywords import public
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
@@ -194,18 +195,15 @@ class Traced(Body):
 
     def _traced_at(self, x: Symbols) -> Any:
         """Return f(x) of symbols."""
-        tracer, D, program = x[0].tracer, self.dimension, self._program
-        known = {i: x[i].operand for i in range(D)}
+        tracer, D, equations = x[0].tracer, self.dimension, self._program
+        new = {i: x[i].operand for i in range(D)}
         given = tracer.parameters
-        for k, (name, value) in enumerate(zip(program.parameters, self._inputs, strict=True), D):
+        for k, (name, value) in enumerate(zip(equations.parameters, self._inputs, strict=True), D):
             if self.shape and name not in given:
                 raise TypeError(f"f(x) of a family needs its parameter {name} here")
-            known[k] = given[name].operand if name in given else float(value)
-        for instruction, number, operands in program.values.operations:
-            of = (a if isinstance(a, float) else known[a] for a in operands)
-            known[number] = tracer.values.emit(instruction, *of)
-        results = (a if isinstance(a, float) else known[a] for a in program.results)
-        return Symbols.of([Symbol(tracer, a) for a in results])
+            new[k] = given[name].operand if name in given else float(value)
+        program = Program(equations.values.operations, equations.results)
+        return Symbols.of([Symbol(tracer, a) for a in emitted(tracer.values, program, new)])
 
     # ------------------------------------------------------------------------------ texts
     @property

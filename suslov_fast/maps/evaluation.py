@@ -27,13 +27,9 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
     if formula.check:
         formula.check(body)
     problem = check(map, body, omega, eps)
-
-    def compute(part: Problem) -> FloatArray:
-        with np.errstate(all="ignore"):
-            values: FloatArray = formula.compute(part)
-        return values[()]  # a number for a single state
-
-    return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
+    with np.errstate(all="ignore"):
+        values = in_parts(formula.compute, problem)
+    return mask_and_warn(problem, values[()], formula.poles)  # a number for a single state
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:

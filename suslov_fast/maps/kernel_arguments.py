@@ -51,21 +51,15 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     return *constants, flat_parameter(eps, batch)
 
 
-def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the indices and values of the terms of a field, or of a body's field, and eps."""
-    indices, values = body._terms
-    if not body.shape:  # for speed in small calls
-        return indices, values[np.newaxis], flat_parameter(eps, batch)
-    return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
-
-
 ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:
     """Return the kernel arguments of fields: a `Scheme`, values of terms, and eps."""
-    indices, values, rows = by_field(body, eps, batch)
-    return scheme_of(indices, body.dimension, stages), values, rows
+    indices, values = body._terms
+    # Values of a single field, for speed in small calls.
+    rows = flat_parameter(values, batch, 1) if body.shape else values[np.newaxis]
+    return scheme_of(indices, body.dimension, stages), rows, flat_parameter(eps, batch)
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
@@ -120,6 +114,6 @@ def gauss_system(body: Any, eps: float) -> GaussSystem:
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single field, for `compiled`."""
-    indices, [values], _ = by_field(body, eps, ())
+    indices, values = body._terms
     halves = np.outer(stages.fractions, 0.5 * eps * values)
     return system_of(indices, halves, body.dimension)

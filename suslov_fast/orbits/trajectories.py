@@ -16,7 +16,6 @@ from ..core.maps.stages import WHOLE
 from ..keywords import public
 from ..maps import Discretization
 from ..results.result import States, in_short, read_only
-from ..status import first_beyond
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +99,9 @@ class Trajectories(States):
         All states of a trajectory with the status SUPERCRITICAL are valid.
         """
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
-        return read_only(n < first_beyond(self.failed_at, self.first_pole))
+        # A failure never comes before a pole that was passed.
+        end = np.where(self.first_pole < 0, self.failed_at, self.first_pole)
+        return read_only((end < 0) | (n < end))
 
     @public
     def modified_energy(self) -> FloatArray:

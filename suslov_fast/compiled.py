@@ -169,7 +169,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
         raise wrong("system", "a single field, with events of the same times for all", received)
     names = checked_derivatives(field, derivatives)
     by = tuple(name for name in names if name != "x0")
-    f, given = of_one(field, by, bool(names), actions_of(field, acting))
+    f, given = of_one(field, by if names else None, actions_of(field, acting))
     if names:
         f = variational(f, field.dimension * ("x0" in names) + len(by))
         if isinstance(settings.atol, tuple):

@@ -12,7 +12,6 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, arguments_of, short, wrong
 from ..core.cached import cached_property
-from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
 from . import coefficients, right_hand_sides
@@ -21,7 +20,7 @@ from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
 from .names import check_for_map, variables
-from .right_hand_sides import OfMembers
+from .right_hand_sides import Actions, Names, OfMembers
 from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
 from .trace import check_callable, check_function, operands_of_function
@@ -365,16 +364,11 @@ class Field(Traced):
         return self._equations is not None and self._equations.H is not None
 
     # ------------------------------------------------------------------------------ motion
-    def _motion_lists(
-        self,
-        names: tuple[str, ...] = (),
-        twice: bool = False,
-        actions: tuple[EventAction, ...] = (),
-    ) -> list[OfMembers]:
+    def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""
         if self._equations is None:
-            return right_hand_sides.of_terms(self._own_terms, self.dimension, twice, actions)
-        return right_hand_sides.of_equations(self._equations, self._inputs, names, twice, actions)
+            return right_hand_sides.of_terms(self._own_terms, self.dimension, wrt, actions)
+        return right_hand_sides.of_equations(self._equations, self._inputs, wrt, actions)
 
     @cached_property
     def _right_hand_sides(self) -> list[OfMembers]:
@@ -382,8 +376,8 @@ class Field(Traced):
 
     @cached_property
     def _listed_right_hand_sides(self) -> list[OfMembers]:
-        """The right-hand sides with second derivatives."""
-        return self._motion_lists(twice=True)
+        """The right-hand sides for derivatives of motions, as lists of operations."""
+        return self._motion_lists(wrt=())
 
     @cached_property
     def _tables_of_time(self) -> list[tuple[int, float, float]]:

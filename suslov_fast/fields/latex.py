@@ -67,9 +67,9 @@ def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
         return f"{_SIGNS[type(node.op)]}{_within(node.operand, names, 3)}", level
     if isinstance(node, ast.BinOp):
         kind = type(node.op)
-        is_negative = isinstance(node.left, ast.UnaryOp) and isinstance(node.left.op, ast.USub)
-        if kind is ast.Div and is_negative:
-            quotient = ast.BinOp(node.left.operand, node.op, node.right)
+        first = node.left
+        if kind is ast.Div and isinstance(first, ast.UnaryOp) and isinstance(first.op, ast.USub):
+            quotient = ast.BinOp(first.operand, node.op, node.right)
             return f"-{_of(quotient, names)[0]}", 3
         if kind in (ast.Div, ast.FloorDiv):
             top, bottom = (_of(each, names)[0] for each in (node.left, node.right))

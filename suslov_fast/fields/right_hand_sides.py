@@ -32,6 +32,10 @@ _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 _PATIENCE, _MOST_OPERATIONS = 500, 3000
 _LONG = 4000  # terms, above which loops evaluate a field with most coefficients
 
+# Parameters with respect to which motions are differentiated, in addition to their initial states;
+# None for motions without derivatives.
+Names = tuple[str, ...] | None
+Actions = tuple[EventAction, ...]
 _known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equations of each form
 
 
@@ -45,7 +49,7 @@ class OfMembers(NamedTuple):
 
 @lru_cache(64)
 def _with_constants(
-    equations: Equations, names: tuple[str, ...], twice: bool, actions: tuple[EventAction, ...]
+    equations: Equations, wrt: Names, actions: Actions
 ) -> tuple[RightHandSide, tuple[float, ...]]:
     """Return the right-hand side of equations, and the values of parameters that it adds."""
     constants: tuple[float, ...] = ()
@@ -53,24 +57,18 @@ def _with_constants(
         actions, constants = with_parameters(actions, len(equations.all_names))
     else:
         equations, constants = _of_known_form(equations)
-    return _of_list(equations, names, twice, actions, len(constants) * bool(actions)), constants
+    return _of_list(equations, wrt, actions, len(constants) * bool(actions)), constants
 
 
 @lru_cache(64)
-def _of_list(
-    equations: Equations,
-    names: tuple[str, ...],
-    twice: bool,
-    actions: tuple[EventAction, ...],
-    constants: int,
-) -> RightHandSide:
+def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int) -> RightHandSide:
     """Return the right-hand side of equations with so many further parameters, for `actions`."""
-    with_sums = (names or twice) and _has_branches_of_products(equations.products[0])
+    with_sums = wrt is not None and _has_branches_of_products(equations.products[0])
     program = (equations.values, equations.results) if with_sums else equations.products
     values, results = in_order(*program, constants)
-    by = [len(equations.names) + equations.parameters.index(name) for name in names]
+    by = [len(equations.names) + equations.parameters.index(name) for name in wrt or ()]
     P = len(equations.parameters) + constants
-    return with_fixed_branches(values, results, P, by, twice, actions)
+    return with_fixed_branches(values, results, P, by, wrt is not None, actions)
 
 
 def _has_branches_of_products(values: Any) -> bool:
@@ -110,18 +108,14 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
 
 
 def of_equations(
-    equations: Equations,
-    parameters: FloatArray,
-    names: tuple[str, ...] = (),
-    twice: bool = False,
-    actions: tuple[EventAction, ...] = (),
+    equations: Equations, parameters: FloatArray, wrt: Names, actions: Actions
 ) -> list[OfMembers]:
     """Return the right-hand side of all members, with branches that are fixed within a step.
 
-    `parameters` (P, ...) are the values for all members. The derivatives with respect to the
-    parameters `names` are added; with `twice` also second derivatives. `actions` are of events.
+    `parameters` (P, ...) are the values for all members, `wrt` the names of parameters with respect
+    to which motions are differentiated, and `actions` are of events.
     """
-    f, given = _with_inputs(equations, parameters, names, twice, actions)
+    f, given = _with_inputs(equations, parameters, wrt, actions)
     if given.ndim == 1:
         return [OfMembers(_ONE, f, _table_of_one(f, given)[np.newaxis])]
     count = math.prod(parameters.shape[1:])
@@ -151,28 +145,22 @@ def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None
     return results
 
 
-def of_one(
-    field: Any, names: tuple[str, ...], twice: bool, actions: tuple[EventAction, ...]
-) -> tuple[Any, FloatArray]:
+def of_one(field: Any, wrt: Names, actions: Actions) -> tuple[Any, FloatArray]:
     """Return the right-hand side of a single field, and its parameters (P,); see `of_equations`."""
     equations, inputs, D = field._equations, field._inputs, field.dimension
     if equations is None:
         places, _ = field._own_terms.floats
-        if is_full(places, D) and not (actions or twice):
+        if is_full(places, D) and wrt is None and not actions:
             return full_quadratic(places, inputs, D)
         equations = equations_of(places.tobytes(), D)
-    return _with_inputs(equations, inputs, names, twice, actions)
+    return _with_inputs(equations, inputs, wrt, actions)
 
 
 def _with_inputs(
-    equations: Equations,
-    parameters: FloatArray,
-    names: tuple[str, ...],
-    twice: bool,
-    actions: tuple[EventAction, ...],
+    equations: Equations, parameters: FloatArray, wrt: Names, actions: Actions
 ) -> tuple[RightHandSide, FloatArray]:
     """Return the right-hand side of all members, and its parameters (P, ...)."""
-    f, constants = _with_constants(equations, names, twice, actions)
+    f, constants = _with_constants(equations, wrt, actions)
     if (P := len(parameters)) == f.P:
         return f, parameters
     # The last parameters are branches and the starts of clocks, which steps set for each state.
@@ -183,9 +171,7 @@ def _with_inputs(
     return f, given
 
 
-def of_terms(
-    terms: Terms, D: int, twice: bool = False, actions: tuple[EventAction, ...] = ()
-) -> list[OfMembers]:
+def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembers]:
     """Return the right-hand sides of a family of terms: one for all members with the same zeros."""
     (indices, values), groups = terms.floats, []
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
@@ -196,11 +182,11 @@ def of_terms(
     for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
         members = np.flatnonzero(which.reshape(-1) == k)
         places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
-        if is_full(places, D) and not (actions or twice):
+        if is_full(places, D) and wrt is None and not actions:
             f, table = full_quadratic(places, inputs, D)
             groups.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
         else:
-            [each] = of_equations(equations_of(places.tobytes(), D), inputs.T, (), twice, actions)
+            [each] = of_equations(equations_of(places.tobytes(), D), inputs.T, wrt, actions)
             groups.append(each._replace(members=members))
     return groups
 
@@ -234,13 +220,11 @@ def equations_of(places: bytes, D: int) -> Equations:
     return Equations(labels(D), names, values, [*map(operand_of, rows)])
 
 
-def with_events(
-    field: Any, actions: tuple[EventAction, ...], names: tuple[str, ...] = (), twice: bool = False
-) -> list[OfMembers]:
+def with_events(field: Any, actions: Actions, wrt: Names = None) -> list[OfMembers]:
     """Return the right-hand sides of a field with events, which the field keeps."""
-    key, known = (actions, names, twice), vars(field).setdefault("_with_events", {})
+    key, known = (wrt, actions), vars(field).setdefault("_with_events", {})
     if key not in known:
         if len(known) >= _MOST_EVENTS:
             known.clear()
-        known[key] = field._motion_lists(names, twice, actions)
+        known[key] = field._motion_lists(wrt, actions)
     return known[key]

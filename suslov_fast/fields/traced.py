@@ -93,7 +93,7 @@ class Traced(Body):
         )
 
     @property
-    def _shared(self) -> dict[str, Any]:  # type: ignore[override]
+    def _shared(self) -> dict[str, Any]:
         return {NAMES: self.names, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:

@@ -70,7 +70,8 @@ MAPS: dict[str, Discretization] = {}  # by name
 
 def map_of(body: Any, method: str = "auto") -> Discretization:
     """Return the map of a body or field that has the argument `method`, or raise an error."""
-    by_method = methods_of(type(body))
+    kind: Any = type(body)
+    by_method = methods_of(kind)
     if type(method) is str and method in by_method:
         if isinstance(body, Field):
             _ = body._terms  # raises for a field that is not of degree 2

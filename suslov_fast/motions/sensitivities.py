@@ -44,7 +44,7 @@ class Columns:
         values = [field._arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
         self.groups = []
-        for members, f, table in with_events(field, actions, parameters, True):
+        for members, f, table in with_events(field, actions, parameters):
             own = variational(f, self.count)
             scales = [np.ravel(size)[members] for size in sizes]
             self.groups.append(OfMembers(members, own, np.column_stack([table, *scales])))

@@ -75,7 +75,7 @@ def exponents_of(
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     result = empty_result(starts, 0)
-    groups = right_hand_sides(with_events(field, actions, (), True), field.shape, batch)
+    groups = right_hand_sides(with_events(field, actions, ()), field.shape, batch)
     changed = {i for action in actions for i in components_of(action)}
     drifting = [{*f.steady} - changed for _, f, _ in groups]
     left_out = [*set.intersection(*drifting)] if groups else []

@@ -201,7 +201,7 @@ def with_time(system: MotionSystem, time: float) -> MotionSystem:
 
 @for_users
 def end(system: MotionSystem, work: tuple[Any, ...]) -> float:
-    """Return the time at which the last motion ended: `time`, or of a terminal event."""
+    """Return the time at which the last motion ended, which a terminal event may shorten."""
     return _end(uncounted(system), uncounted(work)[1])
 
 

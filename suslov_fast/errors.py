@@ -19,7 +19,7 @@ class SuslovError(Exception):
 
 
 class NoConvergence(SuslovError):
-    """There is no periodic orbit near a start and a period.
+    """No periodic orbit is found near a start and a period.
 
     The message of :func:`periodic_orbit` says what was found instead: an equilibrium, also one to
     which the motion falls, or a motion that ends.

@@ -137,7 +137,7 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
 
 
 def public_class(kind: type[R]) -> type[R]:
-    """Make the constructor of a frozen dataclass a public function; explain why values stay."""
+    """Make the constructor of a frozen dataclass a public function; explain its errors."""
     kind.__init__ = public(kind.__init__)  # type: ignore[method-assign]
     kind.__setattr__ = _unchanged  # type: ignore[method-assign]
     return kind

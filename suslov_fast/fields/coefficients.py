@@ -27,7 +27,7 @@ Polynomial = dict[tuple[int, ...], Any]
 
 # ------------------------------------------------------------------------- of lists of operations
 class NotQuadratic(TypeError):
-    """The reason why equations have no coefficients of degree 2."""
+    """Equations have no coefficients of degree 2; the text is the reason."""
 
 
 def of_equations(

@@ -153,7 +153,7 @@ def _numbers(operands: Sequence[Any]) -> set[int]:
 
 # --------------------------------------------------------------------------------- reading
 def _divided(a: Any, b: Any) -> Any:
-    """Return a quotient, of integers as a fraction: so it was typed."""
+    """Return a quotient; of integers as a fraction, because it was typed as a fraction."""
     if isinstance(a, float) and isinstance(b, float) and a.is_integer() and b.is_integer() and b:
         return Fraction(int(a), int(b))
     return a / b

@@ -21,7 +21,7 @@ _LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
 
 
 def exact(name: str, value: Any) -> Fraction:
-    """Return a number of Python, NumPy or SymPy as a fraction; a float is the binary fraction."""
+    """Return a number of Python, NumPy or SymPy as a fraction, a float as its exact value."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, complex):
         how = "split complex variables into real and imaginary parts"

@@ -433,7 +433,7 @@ class Field(Traced):
 
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
-        """The terms that are not 0: i, j, k, an array (3, T), and v (..., T)."""
+        """The terms that are not 0: their indices i, j, k (3, T), and their values (..., T)."""
         indices, values = self._terms
         order = np.lexsort(indices[::-1])
         return frozen(indices[:, order]), frozen(values[..., order])
@@ -486,7 +486,7 @@ class Field(Traced):
 
 
 def system_of(system: Any, x0: Any) -> Any:
-    """Return the system; a function of the state is made a field with the variables of x0."""
+    """Return the system; for a function of the state, a field with the variables of x0."""
     if isinstance(system, Body):
         return system
     if isinstance(system, type) or not callable(system):

@@ -34,7 +34,7 @@ class Members:
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self: Kind, index: Any) -> Kind:
-        """Return one member of a batch, or the members that slices, lists or masks select."""
+        """Return a member of a batch, or the members that slices, lists or masks select."""
         len(self)  # raises for a single body
         body, axis = self, 0
         for entry in index if isinstance(index, tuple) else (index,):

@@ -35,7 +35,7 @@ class Untraceable(TypeError):
 
 
 class Tracer:
-    """Calls a function with symbolic numbers, and lists its operations."""
+    """The symbols with which a function is called, and the list of its operations."""
 
     def __init__(
         self, names: Sequence[str], parameters: Sequence[str], has_products: bool = False
@@ -48,7 +48,7 @@ class Tracer:
 
     @property
     def state(self) -> Symbols:
-        """The symbols of the components; not stored: arrays of objects would keep a cycle alive."""
+        """The symbols of the components; not stored, as garbage collection misses such arrays."""
         return Symbols.of([Symbol(self, i) for i in range(self.D)])
 
     def is_truth(self, operand: Any) -> bool:

@@ -42,7 +42,7 @@ class Terms(NamedTuple):
 
 
 def collected(indices: Any, values: Any, D: int, degree: int) -> Terms:
-    """Return the terms of a field (degree 2) or of a Hamiltonian (3), which may come repeatedly."""
+    """Return sorted terms of a field (degree 2) or Hamiltonian (3); equal ones are added up."""
     indices = np.array(indices, np.int64).reshape(3, -1)
     indices[3 - degree :].sort(axis=0)
     order = np.lexsort((*indices[::-1], indices[2] == D))
@@ -76,8 +76,8 @@ def sums_at(places: Any, numbers: FloatArray, count: int) -> FloatArray:
 
 
 def slopes_at(terms: Terms, x: FloatArray) -> FloatArray:
-    """Return f' (..., D, D) at states (..., D), for the terms of f; callers silence NumPy."""
-    D, y = x.shape[-1], with_one(x)
+    """Return f' (..., D, D) at states (..., D), for the terms of f."""
+    D, y = x.shape[-1], with_one(x)  # callers ignore warnings of NumPy
     (i, j, k), values = terms.floats
     # v x_j x_k has the derivatives v x_k with respect to x_j, and v x_j with respect to x_k.
     places, others = np.hstack([i * (D + 1) + j, i * (D + 1) + k]), np.hstack([k, j])

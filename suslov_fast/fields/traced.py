@@ -174,7 +174,7 @@ class Traced(Body):
 
     @property
     def _program(self) -> Equations:
-        """The equations of f; the values of terms are unnamed parameters of theirs."""
+        """The equations of f; for a field of terms, the coefficients are their parameters."""
         return self._equations
 
     @property
@@ -189,7 +189,7 @@ class Traced(Body):
 
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:
-        """The right-hand side, and for all members its values that depend only on parameters."""
+        """The right-hand side, and its values that depend only on parameters, for all members."""
         f = self._program.with_products
         return f, f.table_of(self._inputs)
 

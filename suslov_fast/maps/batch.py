@@ -254,7 +254,7 @@ class BatchRun:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Continue to state `stop`; write states n * `every` to `saved`, their turns to `turns`."""
+        """Continue to state `stop`; save states n * `every`, and the orientations to `turns`."""
         (size, D), turned, row = self.omega0.shape, self.turned, 0
         length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1))
         path = np.empty((length + 1, size, D))

@@ -42,7 +42,7 @@ def part_of(problem: Problem, where: Where) -> Problem:
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return the slices for a part of the batch, of an array of this shape, which broadcasts."""
+    """Return the slices of the part `where` of a batch in an array of a shape that broadcasts."""
     last = where[len(where) - len(shape) :]
     return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
 

@@ -82,13 +82,10 @@ def warn(message: str, category: type[Warning] = UserWarning) -> None:
     warnings.warn(message, category, level)
 
 
-def real_array(
-    name: str, value: ArrayLike, allow_nan: bool = False, allow_infinite: bool = False
-) -> FloatArray:
-    """Return any array-like of real numbers as float64; NaN and infinity must be allowed."""
-    array = _floats(name, value)
-    if not allow_infinite:
-        _all_finite(name, array, allow_nan)
+def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
+    """Return any array-like of real numbers as float64; they are finite, or NaN if allowed."""
+    array = float_array(name, value)
+    _all_finite(name, array, allow_nan)
     return array
 
 
@@ -137,7 +134,7 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
     if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
         return value  # for speed in small calls
-    array = _floats(name, _unlabelled(name, value, labels))
+    array = float_array(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
     if array.shape[-1:] != (len(labels),):
@@ -160,7 +157,7 @@ def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
     if isinstance(value, Mapping) and not hasattr(value, "dims"):
         if {*value} != {*labels}:
             raise wrong(name, f"a value for each of {', '.join(labels)}", short({**value}))
-        parts = np.broadcast_arrays(*(_floats(name, value[label]) for label in labels))
+        parts = np.broadcast_arrays(*(float_array(name, value[label]) for label in labels))
         return np.stack(parts, axis=-1)
     if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
         last = f"{kind_of(value)}: pass run.states[-1]"
@@ -188,7 +185,7 @@ def without_fractions(value: Any) -> tuple[Any, Any]:
     return value, None
 
 
-def _floats(name: str, value: Any) -> FloatArray:
+def float_array(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value

@@ -31,42 +31,24 @@ class Parameters(dict[str, Any]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(Members, metaclass=Answering):
-    """A body, field or map, or a batch; in a body, the fields of the dataclass are its parameters.
+    """A body, field or map, or a batch; dataclass fields of a body are its parameters."""
 
-    Attributes
-    ----------
-    _axes : dict of str to int
-        The number of axes of each parameter that is a vector (1) or a matrix (2) for one member.
-    _positive : dict of str to int
-        The parameters that must be positive, and the exponent of their range (`checks.within`).
-    _constants : tuple
-        The arguments of formulas and kernels of the map, by default the parameters.
-    _coordinates : tuple of str
-        The parameters that are coordinates of datasets, and that ``==`` ignores.
-    _steady_line : ndarray(float, shape=(..., D)) or None
-        The direction of the line of steady states through 0: NaN for members without such a line,
-        None if no member has one.
-    _shared : dict
-        What all members have in common, in addition to the parameters.
-    _read, _texts : callable, tuple of str
-        The function that makes a body from its dictionary, and the entries without numbers.
-    """
-
-    _axes: ClassVar[dict[str, int]] = {}
-    _positive: ClassVar[dict[str, int]] = {}
+    _axes: ClassVar[dict[str, int]] = {}  # 1 for parameters that are vectors, 2 for matrices
+    _positive: ClassVar[dict[str, int]] = {}  # exponents of ranges, see `checks.within`
     _called: ClassVar[str] = "a body or a field"
-    _variable: ClassVar[str] = "omega"
-    _has_eps: ClassVar[bool] = True
+    _variable: ClassVar[str] = "omega"  # the name of states, in messages
+    _has_eps: ClassVar[bool] = True  # False for a `Map`
+    # The direction (..., D) of the line of steady states through 0; NaN for members without one.
     _steady_line: ClassVar[Any] = None
-    _meaning: ClassVar[str] = ""
+    _meaning: ClassVar[str] = ""  # of the parameters, in messages
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
-        _is_solved: ClassVar[Any] = False
-    _labels: ClassVar[Any] = "Omega1", "Omega2"
-    _coordinates: ClassVar[Any] = ()
-    _shared: ClassVar[Any] = {}
-    _read: ClassVar[Any] = None
-    _texts: ClassVar[tuple[str, ...]] = ()
+        _is_solved: ClassVar[Any] = False  # True if the motion has a closed form
+    _labels: ClassVar[Any] = "Omega1", "Omega2"  # of the components of states
+    _coordinates: ClassVar[Any] = ()  # parameters that are coordinates of datasets
+    _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
+    _read: ClassVar[Any] = None  # makes a body from its dictionary; by default the class
+    _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary without numbers
     _may_escape: ClassVar[Any] = False  # the energy of a body is constant
 
     def __post_init__(self) -> None:

@@ -28,37 +28,20 @@ class Discretization:
 
     A map is a discretization of the equations of motion of a class of bodies or fields, or a `Map`.
     A class may have several maps: the argument `method` of public functions chooses one of them.
-
-    Attributes
-    ----------
-    name : str
-        The unique name, which files contain.
-    title : str
-        The name in plots and datasets.
-    body : type
-        The class of the bodies.
-    methods : mapping of str to StepMethod
-        Ways to compute the steps, by the value of the argument `method`; the default is first.
-    formulas : mapping of str to Formula
-        How to compute the functions of `kahan`, and the methods of the class that accept a state,
-        by their names.
-    stages : Stages
-        A step consists of steps of Kahan's map with these fractions of eps; WHOLE for Kahan's map.
-    attitude : {"axial", "in_rows"} or None
-        How a state determines the angular velocity: by Omega1 and Omega2, or by (Omega_1n, ...,
-        Omega_n-1,n); None if a state does not rotate a body.
-    eigenvalues : callable
-        ``eigenvalues(problem, slopes)`` returns the eigenvalues (..., D) of f', the `slopes`
-        (..., D, D), at steady states. The `multipliers` follow from them.
     """
 
-    name: str
-    title: str
-    body: type[Any]
-    methods: Mapping[str, StepMethod]
+    name: str  # which files contain
+    title: str  # in plots and datasets
+    body: type[Any]  # the class of the bodies
+    methods: Mapping[str, StepMethod]  # by the argument `method`; the default is first
+    # The functions of `kahan`, and the methods of the class that accept a state, by their names.
     formulas: Mapping[str, Formula]
-    stages: Stages = WHOLE
+    stages: Stages = WHOLE  # the fractions of eps of the steps of Kahan's map in one step
+    # How a state determines the angular velocity: by Omega1 and Omega2, or by (Omega_1n, ...,
+    # Omega_n-1,n); None if it has none.
     attitude: Literal["axial", "in_rows"] | None = None
+    # eigenvalues(problem, slopes) returns the eigenvalues (..., D) of f', `slopes` (..., D, D), at
+    # steady states; the `multipliers` follow from them.
     eigenvalues: Callable[[Problem, FloatArray], NDArray[Any]] = eigenvalues
 
     def __reduce__(self) -> Any:

@@ -15,10 +15,10 @@ import numpy as np
 from ..checks import (
     arguments_of,
     either,
+    float_array,
     instance,
     integer,
     kind_of,
-    real_array,
     short,
     wrong,
 )
@@ -156,7 +156,7 @@ class Event:
         vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
-            times = real_array("times", self.times, allow_nan=True, allow_infinite=True)
+            times = float_array("times", self.times)
             vars(self)["times"] = read_only(np.array(times, ndmin=1))
 
     @public

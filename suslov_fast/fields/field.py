@@ -127,7 +127,7 @@ class Field(Traced):
         **parameters: Any,
     ) -> None:
         check_callable("f", f)  # before its names, because texts have them
-        names = variables("names", names)
+        names = variables(names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None
         if mass is None:
@@ -188,7 +188,7 @@ class Field(Traced):
         >>> Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
         Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
         """
-        names = variables("names", names)
+        names = variables(names)
         check_function("H", H, names, parameters)
         values = named_parameters(parameters, names)
         matrix = coefficients.structure_matrix(K, len(names), names)
@@ -292,7 +292,7 @@ class Field(Traced):
         Field(x1' = x1*x2, x2' = -x1**2 + 1/2)
         """
         terms, D = coefficients.of_arrays(quadratic, linear, constant)
-        return cls._of_terms(terms, variables("names", names, D))
+        return cls._of_terms(terms, variables(names, D))
 
     @classmethod
     def _of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
@@ -472,7 +472,7 @@ class Field(Traced):
         indices: Any = None,
         values: Any = None,
     ) -> Field:
-        names = variables("names", names)
+        names = variables(names)
         if indices is not None and H is None and equations is None and not parameters:
             return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
         if H is None:

@@ -77,7 +77,7 @@ class Map(Traced):
     def __init__(
         self, f: Callable[..., Any], /, names: int | str | Sequence[str], **parameters: Any
     ) -> None:
-        names = variables("names", names)
+        names = variables(names)
         if TIME & {*arguments_of(f), *parameters}:
             call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
             how = "the number of the step is a variable that grows by 1"

@@ -66,7 +66,7 @@ def latex(name: str) -> str:
     return f"{letter}_{{{match['index']}}}" if match["index"] else letter
 
 
-def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
+def variables(given: Any, D: int | None = None) -> tuple[str, ...]:
     """Return the checked names of variables; x1, ..., xD if only their number is known."""
     if given is None and D:
         return labels(D)
@@ -76,20 +76,18 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
         names = [str(each) if hasattr(each, "free_symbols") else each for each in given]
     elif D is None:
         expected = f'an integer from 1 to {_MOST_VARIABLES}, or names: "u v w"'
-        return labels(integer(argument, given, 1, expected, _MOST_VARIABLES))
+        return labels(integer("names", given, 1, expected, _MOST_VARIABLES))
     else:
-        raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
+        raise wrong("names", 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
-        raise wrong(argument, 'names of variables, such as "u v w"', short(given), TypeError)
+        raise wrong("names", 'names of variables, such as "u v w"', short(given), TypeError)
     names = [str(name) for name in names if name]
     if not names:
-        raise wrong(argument, 'the names of variables, as in Field(f, "x v")', short(given))
+        raise wrong("names", 'the names of variables, as in Field(f, "x v")', short(given))
     if D is not None and len(names) != D:
-        raise wrong(
-            argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
-        )
+        raise wrong("names", f"one name for each of {D} variables", f"{len(names)}: {short(given)}")
     if len(names) > _MOST_VARIABLES:
-        raise wrong(argument, f"at most {_MOST_VARIABLES} names", f"{len(names)}")
+        raise wrong("names", f"at most {_MOST_VARIABLES} names", f"{len(names)}")
     before: set[str] = set()
     for name in names:
         reason = _refused(name)
@@ -97,7 +95,7 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
             reason = "appears twice: give each variable its own name"
         before.add(name)
         if reason:
-            raise ValueError(f"{argument}: the variable {short(name)} {reason}")
+            raise ValueError(f"names: the variable {short(name)} {reason}")
     return tuple(names)
 
 

@@ -250,7 +250,7 @@ class Traced(Body):
     def _read(
         cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
     ) -> Self:
-        names = variables("names", names)
+        names = variables(names)
         if not isinstance(equations, (list, tuple)) or len(equations) != len(names):
             raise wrong("equations", f"a list of {len(names)} texts", short(equations))
         tracer, rows, given = operands_of_texts(names, equations, definitions, parameters)

@@ -1,6 +1,5 @@
 """Calls of kernels, on one thread or in parallel."""
 
-import math
 import threading
 from typing import Any
 
@@ -37,18 +36,17 @@ def available() -> int:
 
 
 def call_kernel(
-    kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float = math.inf
+    kernel: Kernel, work: int, threads: int | None, *arguments: Any, seconds: float
 ) -> None:
     """Call a kernel; in parallel if `work`, a number of steps of trajectories, is large enough.
 
     `seconds` is about how long the call would take in Python, before the kernel is compiled.
     """
-    is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
-    if seconds < math.inf and kernel.by_numpy(*arguments):
+    if kernel.by_numpy(*arguments):
         return
-    if is_serial and seconds < math.inf:
+    if work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1:
         kernel.briefly(seconds, *arguments)
-    elif is_serial or not _parallel(kernel, threads, arguments):
+    elif not _parallel(kernel, threads, arguments):
         kernel.serial(*arguments)
 
 

@@ -28,8 +28,8 @@ from .trace import called_by_name
 # any name that Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # of a field of terms
-# Cached properties that are the same for all parameters, if these are numbers.
-_OF_EQUATIONS = "shape", "_tables_of_time"
+# Attributes that are the same for all parameters, if these are numbers.
+_COMMON = {*"_coordinates dimension names _labels _equations shape _tables_of_time".split()}
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -79,17 +79,13 @@ class Traced(Body):
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
         kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
-        coordinates = tuple(name for name in kept if name not in self._axes)
-        self._set(kept, coordinates, parts[NAMES], parts.get(EQUATIONS))
-
-    def _set(self, parts: Any, coordinates: Any, names: Any, equations: Any) -> None:
         vars(self).update(
-            _parts=parts,
-            _coordinates=coordinates,
-            dimension=len(names),
-            names=names,
-            _labels=names,
-            _equations=equations,
+            _parts=kept,
+            _coordinates=tuple(name for name in kept if name not in self._axes),
+            dimension=len(parts[NAMES]),
+            names=parts[NAMES],
+            _labels=parts[NAMES],
+            _equations=parts.get(EQUATIONS),
         )
 
     @property
@@ -100,9 +96,8 @@ class Traced(Body):
         if self.shape or not {float}.issuperset(map(type, parts.values())):
             return super()._with_parts(parts)
         other = object.__new__(type(self))  # sooner than `_of`
-        other._set(parts, self._coordinates, self.names, self._equations)
-        same = vars(self).items()
-        vars(other).update({name: value for name, value in same if name in _OF_EQUATIONS})
+        same = {name: value for name, value in vars(self).items() if name in _COMMON}
+        vars(other).update(same, _parts=parts)
         return other
 
     @property

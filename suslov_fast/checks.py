@@ -340,12 +340,18 @@ def left_out(beside: str, **given: bool) -> None:
         raise wrong(name, f"left out beside {beside}", error=TypeError)
 
 
+def signature_of(f: Any) -> inspect.Signature | None:
+    """Return the signature of a function, also if Numba compiled it; None if it has none."""
+    try:
+        return inspect.signature(getattr(f, "py_func", f))
+    except (TypeError, ValueError):
+        return None
+
+
 def arguments_of(f: Any) -> list[str]:
     """Return the names of the required arguments of a function; [] if it has no signature."""
-    try:
-        parameters = inspect.signature(getattr(f, "py_func", f)).parameters.values()
-    except (TypeError, ValueError):
-        return []
+    signature = signature_of(f)
+    parameters = signature.parameters.values() if signature else ()
     stars = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
     return [a.name for a in parameters if a.default is a.empty and a.kind not in stars]
 

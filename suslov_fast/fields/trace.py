@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import OF_SYMBOLS, arguments_of, either, short, wrong
+from ..checks import OF_SYMBOLS, arguments_of, either, short, signature_of, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import STEPS, answer
 from .names import TIME, of_time
@@ -43,9 +43,8 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         if isinstance(value, Mapping):
             how = f"Field(f, names, **{name}), with f(x, {', '.join(map(str, value))})"
             raise wrong(name, "a number", f"a dictionary: pass {how}", TypeError)
-    try:
-        signature = inspect.signature(getattr(f, "py_func", f))
-    except (TypeError, ValueError):  # the function has no signature
+    signature = signature_of(f)
+    if signature is None:
         return
     first = next(iter(signature.parameters), "")
     others = [*signature.parameters.values()][1:]
@@ -91,10 +90,8 @@ def _fits(signature: inspect.Signature, parameters: Mapping[str, Any]) -> bool:
 
 def taken(f: Any, names: Iterable[str]) -> list[str]:
     """Return the parameters that a function of the state takes; none if it has no signature."""
-    try:
-        _, *others = inspect.signature(getattr(f, "py_func", f)).parameters.values()
-    except (TypeError, ValueError):
-        return []
+    signature = signature_of(f)
+    others = [*signature.parameters.values()][1:] if signature else []
     takes_all = any(each.kind is each.VAR_KEYWORD for each in others)
     known = {each.name for each in others}
     return [name for name in names if takes_all or name in known]

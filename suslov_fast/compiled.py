@@ -32,7 +32,7 @@ from .fields.base import Body
 from .fields.field import Field
 from .fields.right_hand_sides import of_one
 from .keywords import public
-from .maps import eps_of, map_of
+from .maps.map_records import eps_of, map_of
 from .motions.event import Event
 from .motions.events import actions_of, batch_of, checked_events, event_times_of
 from .motions.motion_arguments import (

@@ -14,8 +14,8 @@ from .bodies.systems import BodyOrField
 from .checks import FloatArray, Reals, first_index, spell
 from .fields.terms import Terms, slopes_at, sums_at, with_one
 from .keywords import public
-from .maps import Method, map_of
 from .maps.evaluation import evaluate
+from .maps.map_records import Method, map_of
 from .maps.problem import Problem, check
 
 __all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]

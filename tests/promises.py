@@ -14,7 +14,7 @@ from samples import quantity, random_bodies
 import suslov_fast as sf
 from suslov_fast.bodies.body import Suslov
 from suslov_fast.fields.field import INDICES
-from suslov_fast.maps import MAPS
+from suslov_fast.maps.map_records import MAPS
 
 SHARED = (INDICES,)  # parts that all members of a family of fields share
 LANES = 128

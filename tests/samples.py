@@ -3,7 +3,7 @@
 import numpy as np
 
 from suslov_fast import Field, Map, Suslov3D, SuslovND, kahan
-from suslov_fast.maps import MAPS
+from suslov_fast.maps.map_records import MAPS
 
 
 def random_3d(rng, shape):

@@ -13,8 +13,8 @@ from .. import checks
 from ..checks import FloatArray, Reals, real_number, wrong
 from ..fields.base import Body, Parameters
 from ..keywords import public
-from ..maps import map_of
 from ..maps.evaluation import evaluate
+from ..maps.map_records import map_of
 from ..maps.problem import Problem, check
 from .exact import states_at
 from .formulas_3d import limits

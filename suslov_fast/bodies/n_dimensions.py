@@ -25,7 +25,7 @@ from ..fields.exact_numbers import numbers
 from ..fields.field import Field
 from ..fields.terms import collected
 from ..keywords import public, public_class
-from ..maps import MAPS, Discretization
+from ..maps.map_records import MAPS, Discretization
 from ..maps.orders import GAUSS, STEPS_ND
 from .adapted_basis import adapted
 from .body import Suslov

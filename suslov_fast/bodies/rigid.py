@@ -19,8 +19,8 @@ from ..core.cached import cached_property
 from ..fields.field import Field
 from ..fields.terms import collected
 from ..keywords import public, public_class
-from ..maps import MAPS, Discretization, map_of
 from ..maps.evaluation import mask_and_warn
+from ..maps.map_records import MAPS, Discretization, map_of
 from ..maps.orders import STEPS_3D
 from ..maps.problem import check
 from .adapted_basis import in_adapted_basis

@@ -12,7 +12,7 @@ from .kernel_calls import thread_count
 class Problem(NamedTuple):
     """The checked arguments of a function of a map: a body or field, states, and step sizes."""
 
-    map: Any  # the record of the map, see `maps.Discretization`
+    map: Any  # the record of the map, see `map_records`
     body: Any
     omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size

@@ -14,11 +14,11 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
-from ..maps import Method, eps_and_steps, map_of
 from ..maps.batch import Progress, reporter
 from ..maps.derivatives import growth
 from ..maps.evaluation import mask_and_warn
 from ..maps.kernel_calls import thread_count
+from ..maps.map_records import Method, eps_and_steps, map_of
 from ..maps.problem import Problem, check
 from ..status import Status, report_poles
 from .event import Event

@@ -17,10 +17,10 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import Field, system_of
 from ..fields.right_hand_sides import with_events
 from ..keywords import public
-from ..maps import map_of
 from ..maps.batch import Progress, reporter
 from ..maps.kernel_arguments import flat_arrays
 from ..maps.kernel_calls import thread_count
+from ..maps.map_records import map_of
 from ..maps.problem import Problem
 from ..status import Status
 from .event import Event

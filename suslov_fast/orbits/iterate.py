@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from ..bodies.systems import MapOrField
 from ..checks import FloatArray, Reals, StatesLike, integer, one_of
 from ..keywords import public
-from ..maps import Method, eps_and_steps, eps_of, map_of
 from ..maps.batch import BatchRun, Progress, reporter
+from ..maps.map_records import Method, eps_and_steps, eps_of, map_of
 from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories

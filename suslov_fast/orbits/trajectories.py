@@ -14,7 +14,7 @@ from ..checks import FloatArray, wrong
 from ..core.cached import cached_property
 from ..core.maps.stages import WHOLE
 from ..keywords import public
-from ..maps import Discretization
+from ..maps.map_records import Discretization
 from ..results.result import States, in_short, read_only
 
 

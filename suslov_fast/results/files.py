@@ -13,7 +13,7 @@ import numpy as np
 from .. import checks
 from ..bodies.systems import body_from_dict, class_named
 from ..checks import kind_of, short, wrong
-from ..maps import named
+from ..maps.map_records import named
 from .schema import ARGUMENTS, FORMAT, OF_KIND, value_of
 
 PathLike = str | os.PathLike[str]

@@ -11,7 +11,7 @@ from systems import FLOWS, HENON_HEILES, LORENZ
 
 import suslov_fast as sf
 from suslov_fast import IntegrationWarning, Status, compiled
-from suslov_fast.maps import map_of
+from suslov_fast.maps.map_records import map_of
 
 # As published, up to the middle one: Suzuki (1990); Sofroniou and Spaletta (2005), with 32 digits.
 # The others follow by symmetry, the middle one from the sum, which is 1.

@@ -30,8 +30,8 @@ from promises import (
 import suslov_fast as sf
 from suslov_fast.bodies import exact
 from suslov_fast.core.numba import decorators as compiling
-from suslov_fast.maps import MAPS, batch, kernel_calls
-from suslov_fast.maps.map_records import Method
+from suslov_fast.maps import batch, kernel_calls
+from suslov_fast.maps.map_records import MAPS, Method
 
 
 def cases(threaded=False):

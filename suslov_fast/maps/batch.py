@@ -56,11 +56,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
     if not callable(progress):
         expected = "True, for a bar, or a function that is called as progress(done, total)"
         raise wrong("progress", expected, short(progress), TypeError)
-
-    def report(done: int) -> bool:
-        return not is_false(progress(done, total))
-
-    return nullcontext(report)
+    return nullcontext(lambda done: not is_false(progress(done, total)))
 
 
 @contextmanager

@@ -87,7 +87,7 @@ ARROWS = {
     "bodies": "core checks keywords errors status fields maps",
     "kahan": "checks keywords fields maps bodies",
     "results": "core checks keywords errors status fields maps bodies",
-    "orbits": "core checks keywords status maps bodies kahan results",
+    "orbits": "core checks keywords maps bodies kahan results",
     "motions": "core checks keywords errors status fields maps bodies results",
     "ensembles": "checks keywords status fields maps orbits results motions",
     "plots": "checks keywords status bodies results orbits motions",

@@ -1,27 +1,27 @@
-"""Surfaces that a step may cross twice: tests by values of the surface at points of the step.
+"""Steps that cross a surface twice, which the values at both ends of the step do not show.
 
-s_0 ... s_4 are the values of a surface at the beginning of a step and at POINTS of it, with the
-sign of s_4. If s_0 has this sign, too, the surface is crossed twice or not at all. A cubic through
-the four other points has an error at the middle point; e is 16 times this error. m is the least of
-the three values inside and of the quartic through all five points.
+s_0 ... s_4 are the values of the function s of a surface at the beginning of a step and at POINTS
+of the step, times the sign of s_4. If s_0 > 0, the step crosses the surface twice or not at all.
+The cubic through the other four points has an error at the middle point; e is 16 times this error.
+m is the least of s_1, s_2, s_3 and of the quartic through all five points.
 
 - m < -e: the surface is crossed twice.
 - |m| <= e: undecided; the step must be shorter, by the fourth root of e / |m|.
 - m > e: the surface is not crossed.
 
-A state is known within its tolerance, so that a distance below rtol times the numbers that are
-compared is undecided, too: no step becomes shorter for less. At a kink, where f bends, the factor
-is d = rtol**(3/4): a motion is beyond it for a time of the order of d**(1/2), and its error is less
-than rtol. Within ROUNDING of the numbers nothing is crossed, as when a temperature relaxes to the
-temperature of a room.
+States have errors of about rtol, so s has an error d of rtol times the sizes of its terms. If
+|m| < d, the crossing is undecided, but a shorter step would not tell more: e / d takes the place of
+e / |m|. At a kink f only bends. There d has rtol**(3/4): a motion beyond it for less than d**(1/2)
+has an error below rtol. Values within ROUNDING of the terms are no crossings, as when a temperature
+relaxes to the temperature of a room.
 
-Values do not show a hump between points of a function that is no polynomial, such as a bell. Rates
-do: ds/dt changes its sign in the part with the top. If a straight line through the rates at both
-ends of that part does not predict the next rate, the step must be shorter.
+The five values do not show a narrow hump, as of a bell curve, between two points; polynomials have
+none. A hump shows in the rates ds/dt: they change sign. If the straight line through the rates at
+both ends of the part with the hump misses the next rate, the step must be shorter.
 
-Waves, functions of sin, cos and tan, need points close to each other: between two of them the phase
-of an argument changes by less than a quarter of a turn. Phases of factors add up. Phases in a
-function that is no polynomial of waves count twice, as in exp(sin(t)), and in a wave of a wave.
+For waves, functions of sin, cos and tan, the phase must change by less than a quarter of a turn
+from point to point. The phase of a product is the sum of the phases of its factors. Phases inside
+another function count twice, as in exp(sin(t)) or in a wave of a wave.
 """
 
 import functools
@@ -36,37 +36,41 @@ from .programs import Expressions, Program, Values, depending, emitted, needed_f
 from .tables import LARGEST, interval, is_table
 from .values import larger, operand_of, smaller
 
-POINTS = 0.23, 0.49, 0.76, 1.0  # not even: waves whose period is a part of a step would hide
+# Fractions of a step. They are uneven, because waves of an even period would vanish at even points.
+POINTS = 0.23, 0.49, 0.76, 1.0
+_FRACTIONS, MIDDLE = (0.0, *POINTS), 2
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
-_ENDS = 0.0, *POINTS
-MIDDLE = 2
-# Factors of divided differences. The fourth may vanish by chance; then the third decides.
-OF_FOURTH = 16.0 * prod(abs(_ENDS[MIDDLE] - u) for u in _ENDS if u != _ENDS[MIDDLE])
+# Factors of divided differences in e. The fourth may vanish by chance; then the third decides.
+OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1])
 OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
-# For rates: how far the rates beside a hump may be from a straight line, relative to their change
-# in its part; and what counts as 0, relative to the sum of their terms, and to states besides rtol.
+# How far a rate may be from the straight line, relative to the change of the rate in the part with
+# the hump; and rates that count as 0: relative to their terms, and to their changes by errors of
+# states, relative to the states and in addition to rtol.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 
 
 class DoubleCrossings(NamedTuple):
-    """Programs that find surfaces which a step crosses twice: its end alone does not show them.
+    """Programs that find out if a step crosses a surface twice.
 
-    told         the `Program` that decides, see below; None if no surface may be crossed twice
+    decision     the `Program` that decides, see below; None if no surface may be crossed twice
     phases       the `Program` of the arguments of sin, cos and tan at a state, or None
     rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
-    of_clocks, of_states   True if some surfaces depend on clocks alone, or on other components
+    of_clocks    True if there are surfaces that depend on clocks alone
+    of_states    True if there are surfaces that depend on other components
 
-    `told` reads values of the surfaces at five points of a step, phases and rates there, the state
-    at the middle point, rtol, and the table of f. Each result is the largest of all surfaces:
-    1. e / |m|, undecided from 1 on: e is the error of interpolation between points, and m the least
-       value of the surface. It is MOST if interpolation or rates alone show two crossings.
-    2. 1 if values at points show two crossings, else 0.
-    3. The change of a phase, an argument of sin, cos or tan, between two points, over pi / 2.
+    `decision` reads the values of the surfaces at five points of a step, the results of `phases`
+    and of `rates` there, the state at the middle point, rtol, and the table of f. Its results are
+    maxima over all surfaces:
+
+    1. e / |m|; from 1 on the step must be shorter. It is MOST if interpolation or the rates show
+       two crossings that the values at the points do not show.
+    2. 1 if the values at the points show two crossings, else 0.
+    3. The change of a phase from point to point, in quarters of a turn.
     """
 
-    told: Program | None = None
+    decision: Program | None = None
     phases: Program | None = None
     rates: Program | None = None
     of_clocks: bool = False
@@ -74,7 +78,7 @@ class DoubleCrossings(NamedTuple):
 
     @property
     def inside(self):
-        """[m, n]: at points of a step `phases` computes m angles, `rates` n numbers; 0 for None."""
+        """The numbers of results of `phases` and of `rates`; 0 for None."""
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
@@ -88,27 +92,30 @@ def double_crossings_of(f, kinds, jumps, choices):
     results, degrees = f.watched.results, _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
     kinks = {*results[jumps : len(kinds)]} & by_states
-    own = [*enumerate(zip_longest(results, kinds, choices))]
-    own = [(k, *of) for k, of in own if not (isinstance(of[0], float) or of[0] in degrees)]
-    own = [each for each in own if each[2] != "oeq"]  # which is true on the surface alone
-    if not own:
+    tested = [
+        (k, a, kind, choice)
+        for k, (a, kind, choice) in enumerate(zip_longest(results, kinds, choices))
+        # An equality is true on its surface alone.
+        if not (isinstance(a, float) or a in degrees or kind == "oeq")
+    ]
+    if not tested:
         return DoubleCrossings()
-    operations = needed_for(f.watched.operations, [a for _, a, *_ in own])
+    operations = needed_for(f.watched.operations, [a for _, a, *_ in tested])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
     phases = Program(needed_for(operations, arguments), arguments) if arguments else None
     humps = _humps(f, operations)
-    humps = [*dict.fromkeys(a for _, a, *_ in own if a in humps)]
-    of_clocks = [each for each in own if each[1] not in by_states]
-    found = DoubleCrossings(
-        None, phases, _rates_of(f, humps), bool(of_clocks), len(of_clocks) < len(own)
-    )
-    return found._replace(told=_list_of(f, own, by_states, kinks, humps, found.inside))
+    humps = [*dict.fromkeys(a for _, a, *_ in tested if a in humps)]
+    is_of_states = [a in by_states for _, a, *_ in tested]
+    rates = _rates_of(f, humps)
+    found = DoubleCrossings(None, phases, rates, not all(is_of_states), any(is_of_states))
+    decision = _decision_of(f, tested, by_states, kinks, humps, found.inside)
+    return found._replace(decision=decision)
 
 
 def _humps(f, operations):
-    """Return the set of numbers of values that may have humps: extrema between points of a step.
+    """Return the numbers of values of `operations` that may have narrow humps between points.
 
-    `operations` compute the values. Piecewise polynomials in states, sin, cos and tan have none.
+    Piecewise polynomials of states, sin, cos and tan have none.
     """
     found, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
@@ -121,10 +128,11 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` of the rates of surfaces s that may have humps, or None without them.
+    """Return the `Program` of the rates of surfaces that may have humps, or None without humps.
 
-    `humps` are numbers of the values s. For each it gives ds/du, where u is the fraction of a step,
-    and a size: smaller rates count as 0. It reads the state x, dx/du, rtol, and the table of f.
+    `humps` are the numbers of their values s. Two results for each are ds/du, where u is the
+    fraction of a step, and a bound below which it counts as 0. The program reads the state x,
+    dx/du, rtol, and the table of f.
     """
     if not humps:
         return None
@@ -144,25 +152,25 @@ def _rates_of(f, humps):
     return Program(needed_for(values.operations, results), results)
 
 
-def _list_of(f, tested, by_states, kinks, humps, inside):
-    """Return the program `told` of `DoubleCrossings`: it decides if a step crosses surfaces twice.
+def _decision_of(f, tested, by_states, kinks, humps, inside):
+    """Return the `Program` `decision` of `DoubleCrossings`.
 
     `tested` has for each surface its place in the results of `f.watched`, its operand, the kind of
     its condition, and the number of the parameter of its branch (None for events). The next three
-    are numbers of values: `by_states` depend on more than clocks, at `kinks` f bends, and `humps`
-    may have extrema between points. `inside` is how many results `phases` and `rates` have.
+    arguments have numbers of values: `by_states` depend on more than clocks, at `kinks` f bends,
+    and `humps` may have humps. `inside` is `DoubleCrossings.inside`.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
-    first_phase = len(_ENDS) * count
-    first_rate = first_phase + len(_ENDS) * of_phases
-    middle = first_rate + len(_ENDS) * of_rates
+    first_phase = len(_FRACTIONS) * count
+    first_rate = first_phase + len(_FRACTIONS) * of_phases
+    middle = first_rate + len(_FRACTIONS) * of_rates
     rtol = middle + f.D
     of_table = {number: rtol + 1 + place for number, place in f.places.items()}
     values = Values(rtol + 1 + len(f.table), ())
     state = {i: middle + i for i in range(f.D)} | of_table
 
     def at_points(first, count, k):
-        return [values.number(first + n * count + k) for n in range(len(_ENDS))]
+        return [values.number(first + n * count + k) for n in range(len(_FRACTIONS))]
 
     operations = needed_for(f.watched.operations, [a for _, a, *_ in tested])
     turns = [at_points(first_phase, of_phases, k) for k in range(of_phases)]
@@ -171,7 +179,7 @@ def _list_of(f, tested, by_states, kinks, humps, inside):
     waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
     emitted(values, f.watched, state)
     sizes = sizes_of(values, f.watched.operations, state, with_branches=False)
-    largest, some = 0.0, 0.0
+    ratio = twice = 0.0
     for k, a, kind, choice in tested:
         points, rates = at_points(0, count, k), None
         if a in humps:
@@ -182,15 +190,14 @@ def _list_of(f, tested, by_states, kinks, humps, inside):
             surfaces = [([s - low for s in points], rates)]
             rates = rates and [[-r for r in rates[0]], rates[1]]
             surfaces.append(([high - s for s in points], rates))
-        rounding = ROUNDING * sizes[a]
-        tells_nothing = rounding
+        rounding = error = ROUNDING * sizes[a]
         if a in by_states:
             root = values.number(rtol).sqrt()
-            tells_nothing = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
+            error = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
         for each in surfaces:
-            ratio, twice = _told(*each, rounding, tells_nothing)
-            largest, some = larger(ratio, largest), larger(twice, some)
-    results = [*map(operand_of, (largest, some, waves))]
+            own_ratio, own_twice = _decided(*each, rounding, error)
+            ratio, twice = larger(own_ratio, ratio), larger(own_twice, twice)
+    results = [*map(operand_of, (ratio, twice, waves))]
     return Program(needed_for(values.operations, results), results)
 
 
@@ -213,23 +220,21 @@ def _turns(operations, arguments):
     return found
 
 
-def _told(points, rates, rounding, tolerance):
+def _decided(points, rates, rounding, tolerance):
     """Return e / |m| of a surface s, and 1 if its values show two crossings in a step, else 0.
 
-    `points` are the values of s at five points of the step. e is an error of interpolation between
-    them, and m the least value, negative beyond the surface. e / |m| is MOST if interpolation or
-    rates alone show two crossings. `rates` is None, or has two lists for the points: ds/du with the
-    fraction u of the step, and sizes within which it counts as 0. Distances from s = 0 below
-    `rounding` are no crossings. An |m| below `tolerance` counts as `tolerance`.
+    `points` are the values of s at five points of the step. `rates` is None, or has two lists for
+    the points: ds/du with the fraction u of the step, and bounds below which it counts as 0. Values
+    within `rounding` of 0 are no crossings, and an |m| below `tolerance` counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
     points = [sign * s for s in points]
     sides = smaller(points[1], points[3])
     inside = smaller(points[2], sides)
-    place = (points[1] < points[3]).select(_ENDS[1], _ENDS[3])
-    place = (points[2] < sides).select(_ENDS[2], place)
-    end = (points[0] < points[4]).select(_ENDS[0], _ENDS[4])
+    place = (points[1] < points[3]).select(_FRACTIONS[1], _FRACTIONS[3])
+    place = (points[2] < sides).select(_FRACTIONS[2], place)
+    end = (points[0] < points[4]).select(0.0, 1.0)
     coefficients = _divided(points)
     least = smaller(_least_near(coefficients, place), inside)
     least = smaller(_least_near(coefficients, end), least)
@@ -250,7 +255,7 @@ def _divided(points):
     while points:
         found.append(points[0])
         n, pairs = len(found), enumerate(pairwise(points))
-        points = [(b - a) * (1.0 / (_ENDS[k + n] - _ENDS[k])) for k, (a, b) in pairs]
+        points = [(b - a) * (1.0 / (_FRACTIONS[k + n] - _FRACTIONS[k])) for k, (a, b) in pairs]
     return found
 
 
@@ -265,7 +270,7 @@ def _least_near(coefficients, place):
 def _of_quartic(coefficients, u):
     """Return P, P' and P'' / 2 at u, where P is the quartic with Newton's `coefficients`."""
     value, slope, bend = coefficients[-1], 0.0, 0.0
-    for end, c in zip(reversed(_ENDS[:-1]), reversed(coefficients[:-1]), strict=True):
+    for end, c in zip(reversed(_FRACTIONS[:-1]), reversed(coefficients[:-1]), strict=True):
         x = u - end
         value, slope, bend = value * x + c, slope * x + value, bend * x + slope
     return value, slope, bend
@@ -274,16 +279,16 @@ def _of_quartic(coefficients, u):
 def _is_steep(rates, zeros):
     """Return the truth value that the rates of a surface s show a sharp minimum of s in a step.
 
-    `rates` are ds/du at five points; within the sizes `zeros` they count as 0. A minimum is between
-    a negative and a positive rate. It is sharp if the line through both misses a neighbouring rate.
+    `rates` are ds/du at five points; up to `zeros` they count as 0. A minimum lies between a
+    negative and a positive rate. It is sharp if the line through both misses a neighbouring rate.
     """
     found = None
-    for k, (u, v) in enumerate(pairwise(_ENDS)):
+    for k, (u, v) in enumerate(pairwise(_FRACTIONS)):
         change = rates[k + 1] - rates[k]
         apart = 0.0
         for j in (k - 1, k + 2):
-            if 0 <= j < len(_ENDS):
-                line = rates[k] + change * ((_ENDS[j] - u) / (v - u))
+            if 0 <= j < len(_FRACTIONS):
+                line = rates[k] + change * ((_FRACTIONS[j] - u) / (v - u))
                 apart = larger(abs(line - rates[j]), apart)
         own = (rates[k] < -zeros[k]) & (rates[k + 1] > zeros[k + 1]) & (apart > STRAIGHT * change)
         found = own if found is None else found | own
@@ -291,12 +296,12 @@ def _is_steep(rates, zeros):
 
 
 def sizes_of(values, operations, state, with_branches=True):
-    """Return {number of a value: size}, where the size is the scale of its rounding error.
+    """Return {number of a value: size}; the rounding error of a value is a small part of its size.
 
     The program `values` contains a copy of `operations`: `state` is {number of an input or value:
     its operand in the copy}. Sizes are `Number`s, added to `values`. The size of a sum or
-    difference is the sum of the sizes of both operands; other sizes are about the modulus, also
-    those of branches, unless `with_branches`.
+    difference is the sum of the sizes of both operands; other sizes are about the modulus. The size
+    of a branch is the size of the chosen operand only if `with_branches`.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -319,15 +324,13 @@ def sizes_of(values, operations, state, with_branches=True):
         elif with_branches and name in ("max", "min"):
             sizes[number] = larger(a, b)
         elif with_branches and name == "select":
-            a, b = (
-                abs(values.number(a)) if isinstance(a, float) else sizes[a] for a in operands[1:]
-            )
+            a, b = (values.number(abs(a)) if type(a) is float else sizes[a] for a in operands[1:])
             sizes[number] = values.number(state[operands[0]]).select(a, b)
     return sizes
 
 
 def _degrees(f):
-    """Return {number of a value: 0 or 1}, its degree in clocks; other values of f are left out."""
+    """Return {number of a value: degree} of the values of f that are linear in clocks: 0 or 1."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
     for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]

@@ -118,3 +118,14 @@ def evaluate(operations, values):
     for instruction, number, operands in operations:
         numbers = [a if isinstance(a, float) else values[a] for a in operands]
         values[number] = FUNCTIONS[instruction](*numbers)
+
+
+def results_at(program, inputs, shape):
+    """Return the R results (R, *shape) of a `Program`; its inputs are {number: value}."""
+    values = dict(inputs)
+    with np.errstate(all="ignore"):
+        evaluate(program.operations, values)
+    results = np.empty((len(program.results), *shape))
+    for k, a in enumerate(program.results):
+        results[k] = a if isinstance(a, float) else values[a]
+    return results

@@ -8,7 +8,7 @@ from ..cached import cached_property
 from .dense_product import along, products_in
 from .derivative import gradients
 from .function_records import RECORDS
-from .numpy_evaluation import evaluate
+from .numpy_evaluation import results_at
 from .programs import Expressions, Program, needed_for
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
@@ -182,7 +182,7 @@ class RightHandSide:
         """Return the table (n, ...), the numbers that f and f' read, for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
         given = dict(enumerate(parameters, self.D))
-        return _carried_out(Program(self.fixed, self.table), given, parameters.shape[1:])
+        return results_at(Program(self.fixed, self.table), given, parameters.shape[1:])
 
     def table_with(self, parameters, table):
         """Return the table for new parameters; only `Variational` reads `table`, the old one."""
@@ -201,7 +201,7 @@ class RightHandSide:
         if self.products:
             unit = np.eye(self.D).reshape(self.D, self.D, *[1] * (entries.ndim - 1))
             given = dict(enumerate([*entries[:, np.newaxis], *unit]))
-            return _carried_out(self.column, given, (self.D, *entries.shape[1:]))
+            return results_at(self.column, given, (self.D, *entries.shape[1:]))
         matrix = np.zeros((self.D, self.D, *entries.shape[1:]))
         for place, entry in zip(self.pattern, entries, strict=True):
             matrix[place] = entry
@@ -211,17 +211,7 @@ class RightHandSide:
         """Return results of the program `name`, "f" or "derivative", at states x for a table."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
-        return _carried_out(getattr(self, name), given, shape)
-
-
-def _carried_out(program, values, shape):
-    """Evaluate a program; return its R results (R, *shape). `values` is {number: given value}."""
-    with np.errstate(all="ignore"):
-        evaluate(program.operations, values)
-    results = np.empty((len(program.results), *shape))
-    for k, a in enumerate(program.results):
-        results[k] = a if isinstance(a, float) else values[a]
-    return results
+        return results_at(getattr(self, name), given, shape)
 
 
 def _signs_of_poles(values, f, quotients):

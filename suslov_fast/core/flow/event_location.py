@@ -263,7 +263,7 @@ def cut(code, before, total):
     inputs |= _watch(code, "whole_part", "crosses", "jumps")
     inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
     inputs |= {"known": np.inf, "waves": 0.0}
-    if of.told:
+    if of.decision:
         middle[watched] = code.number("rtol")
         code.call("double_crossings", points, code.table, work.told)
         inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
@@ -302,7 +302,7 @@ def _look_at_points(code, length, from_start):
         code.call("surfaces", state, code.table, points.after(k * count))
         own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
         _look_inside(code, end, state, *own, quartic)
-        if of.told and k == MIDDLE:
+        if of.decision and k == MIDDLE:
             text.copy(point, middle, code.integrator.watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = _watch(code, "part", "crosses") | parts | {"u": end, "width": end - begin}

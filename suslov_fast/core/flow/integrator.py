@@ -101,7 +101,7 @@ class Integrator:
         for name, program, first in (
             ("watch", f.watch, 2 * self.surfaces + sides),
             ("aim", f.aim[self.is_implicit], 2 * D + sides),
-            ("double_crossings", self.double_crossings.told, self.at_points + D + 1),
+            ("double_crossings", self.double_crossings.decision, self.at_points + D + 1),
             ("rates", self.double_crossings.rates, 2 * D + 1),
         ):
             if program:

@@ -1,0 +1,109 @@
+"""Forces that hold constraints: where a solution slides along a surface, or a body rests on it.
+
+A constraint fixes the rate n . x' of a surface while it holds, by a force with a direction d. With
+the forces the rates y become
+
+x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a that holds,
+
+so that the factors w solve the linear equations sum_b (n_a . d_b) w_b = r_a.
+"""
+
+from typing import NamedTuple
+
+from .derivative import gradients
+from .double_crossings import sizes_of
+from .function_records import same
+from .programs import Expressions, Program, dot, emitted, needed_for
+from .values import Number, operand_of
+
+
+class Constraint(NamedTuple):
+    """A constraint, by values of a program.
+
+    holds      the truth value that it holds
+    gradient   {component: operand} of n, the gradient of the surface
+    direction  operands (D) of d, the direction of its force
+    """
+
+    holds: Number
+    gradient: dict
+    direction: list
+
+
+class ExtendedState(Expressions):
+    """`Expressions` of D components, then of `modes` further components, then of P parameters."""
+
+    def __init__(self, D, modes, P):
+        first = D + modes
+        super().__init__(first + P, range(first, first + P))
+        self.D, self.modes, self.parameters = D, range(D, first), range(first, first + P)
+        self.inputs = {i: i for i in range(D)} | dict(enumerate(self.parameters, D))
+        self.true = self.number(0.0).equals(0.0)
+
+    def slopes(self, results):
+        """Return the gradient {component: operand} of each of the operands `results`."""
+        return gradients(self, needed_for(self.operations, results), results, self.D)
+
+    def difference(self, a, b):
+        """Return the operand of a - b; the constant 0 if both operands are the same."""
+        if same(b, 0.0):
+            return a
+        return 0.0 if same(a, b) else self.emit("fsub", a, b)
+
+    def dot(self, row, f):
+        """Return the `Number` of the product of {component: operand} and f (D)."""
+        pairs = [(row[i], a) for i, a in enumerate(f) if i in row and not same(a, 0.0)]
+        return self.number(dot(self.emit, pairs) if pairs else 0.0)
+
+    def at(self, x, wanted):
+        """Return `Number`s of `wanted` at another state x, and the sizes of their terms."""
+        wanted = [*map(operand_of, wanted)]
+        copy = dict(enumerate(x)) | {p: p for p in self.parameters}
+        program = Program(needed_for(self.operations, wanted), wanted)
+        results = emitted(self, program, copy)
+        sizes = sizes_of(self, program.operations, copy)
+        sizes |= {a: self.number(abs(a)) for a in wanted if isinstance(a, float)}
+        return [*map(self.number, results)], [sizes[a] for a in wanted]
+
+    def with_forces(self, y, constraints, changes):
+        """Return y (D) with the forces of constraints, their factors, and the matrix n_a . d_b.
+
+        `constraints` is {mode: `Constraint`}, and `changes` {mode: `Number`} has r_a.
+        """
+        number, matrix, right, y = self.number, {}, {}, [*y]
+        for a, (holds, gradient, _) in constraints.items():
+            right[a] = holds.select(changes[a], 0.0)
+            for b, other in constraints.items():
+                product = self.dot(gradient, other.direction)
+                if a == b:
+                    matrix[a, a] = (holds & ~product.equals(0.0)).select(product, 1.0)
+                elif not same(product.number, 0.0):
+                    matrix[a, b] = (holds & other.holds).select(product, 0.0)
+        factors = _solved(matrix, right)
+        for a, (holds, _, direction) in constraints.items():
+            for i, d in enumerate(direction):
+                if not same(d, 0.0):
+                    y[i] = (number(y[i]) + holds.select(factors[a] * number(d), 0.0)).number
+        return y, factors, matrix
+
+
+def _solved(matrix, right):
+    """Return {a: `Number`} that solves linear equations, by elimination without exchanges.
+
+    `matrix` is {(a, b): `Number`}, without entries that are 0; `right` is {a: `Number`}.
+    """
+    matrix, right, places, solution = dict(matrix), dict(right), [*right], {}
+    for n, a in enumerate(places):
+        for b in places[n + 1 :]:
+            if (b, a) in matrix:
+                factor = matrix[b, a] / matrix[a, a]
+                right[b] = right[b] - factor * right[a]
+                for c in places[n + 1 :]:
+                    if (a, c) in matrix:
+                        matrix[b, c] = matrix.get((b, c), 0.0) - factor * matrix[a, c]
+    for n, a in reversed([*enumerate(places)]):
+        for b in places[n + 1 :]:
+            if (a, b) in matrix:
+                right[a] = right[a] - matrix[a, b] * solution[b]
+        solution[a] = right[a] / matrix[a, a]
+    return solution

@@ -1,0 +1,143 @@
+"""Contacts: bodies that bounce from a surface come to rest on it, and leave it when forces pull.
+
+An event is a contact if its action leaves states on its surface s = 0, and d2s/dt2 depends on what
+the action sets. The mode of a contact is a component: 1 for a free body, 0 for a body at rest above
+the surface, -1 for a body at rest below. At rest a reaction acts in the direction in which the
+action moves a state, with the factor at which d2s/dt2 = 0. A body leaves its rest when the reaction
+would have to pull it to the surface.
+"""
+
+from functools import reduce
+
+import numpy as np
+
+from .constraint_forces import Constraint
+from .function_records import same
+from .numpy_evaluation import results_at
+from .programs import emitted
+from .values import joined, larger
+
+SOON, LOW = 2.0**-35, 2.0**-42  # parts of the time, and of terms: bounces below these are rest
+FAR = 2.0**-16  # part of the way of a free body, beyond which a body no longer rests
+PULL = 64.0  # rate, times the time, with which a body that rests is pulled back to its surface
+LEAST = 2.0**-1000
+
+
+def may_be_contact(action, D, P):
+    """Return True if an `EventAction` leaves states on its surface, as bounces do.
+
+    Then the function of the surface has the same modulus before and after the action, or is 0
+    after it. Some random states are tried.
+    """
+    if action.surface is None or action.to is None or action.most <= 1:
+        return False
+    x = dict(enumerate(np.random.default_rng(0).uniform(0.5, 1.5, (D + P, 16))))
+    [before] = abs(results_at(action.surface, x, (16,)))
+    new = dict(enumerate(results_at(action.to, x, (16,))))
+    [after] = abs(results_at(action.surface, x | new, (16,)))
+    with np.errstate(all="ignore"):
+        stays = np.minimum(after, abs(after - before)) <= 1e-9 * (1.0 + before)
+    return bool((stays | ~np.isfinite(after)).all())
+
+
+class Contact:
+    """A contact in the `ExtendedState` `values`; f (D) are the rates of the free body.
+
+    mode          the component that is its mode
+    s, rate       `Number`s: the function of its surface and ds/dt
+    to            operands (D) of the state after its action
+    direction     `EventAction.direction`
+    constraint    the `Constraint` that d2s/dt2 = 0 while the body rests
+    bend, square  d2s/dt2 of the free body, and the sum of the squares of its terms
+    """
+
+    def __init__(self, values, action, mode, f):
+        self.mode, self.direction = mode, action.direction
+        [s], self.to = (emitted(values, program, dict(values.inputs)) for program in action[:2])
+        [gradient] = values.slopes([s])
+        self.s, self.rate = values.number(s), values.dot(gradient, f)
+        [normal, *rows] = values.slopes([self.rate.number, *self.to])
+        n = [normal.get(i, 0.0) for i in range(values.D)]
+        moved = [values.dot(row, n).number for row in rows]
+        direction = [*map(values.difference, n, moved)]
+        self.constraint = Constraint(values.number(mode) < 0.5, normal, direction)
+        self.bend = values.dot(normal, f)
+        terms = [values.number(a) * values.number(f[i]) for i, a in normal.items()]
+        self.square = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
+
+
+class Contacts:
+    """The contacts of equations with modes, {number of an event: `Contact`}.
+
+    With the time t and its last value T, the last two components are T / (1 + T) and t.
+
+    reactions  {number of an event: minus d2s/dt2 without the reaction of this contact}
+    stopped    operands (D) of the state in which bodies at rest have no speed: ds/dt = 0
+    """
+
+    def __init__(self, values, contacts, factors, matrix, sign):
+        """Plan reactions from `factors` and `matrix` of `with_forces`; `sign` is the sign of T."""
+        self.values, self.contacts, self.sign = values, contacts, sign
+        self.time = values.number(values.modes[-1])
+        self.constraints = {c.mode: c.constraint for c in contacts.values()}
+        self.reactions = {k: factors[c.mode] * matrix[c.mode, c.mode] for k, c in contacts.items()}
+        changes = {c.mode: -c.rate for c in contacts.values()}
+        self.stopped = values.with_forces(range(values.D), self.constraints, changes)[0]
+
+    def held(self, f):
+        """Return the rates f (D) with a second, smaller force at each contact.
+
+        It removes what rounding leaves of d2s/dt2, and pulls s and ds/dt to 0: their errors would
+        grow with the time and its square.
+        """
+        part, changes = self.values.number(self.values.modes[-2]), {}
+        k = PULL * self.sign * (1.0 - part) / part
+        for c in self.contacts.values():
+            bend = self.values.dot(c.constraint.gradient, f)
+            changes[c.mode] = -(bend + 2.0 * k * c.rate + k * k * c.s)
+        return self.values.with_forces(f, self.constraints, changes)[0]
+
+    def action_of(self, k):
+        """Return operands of the surface where event k acts or rest ends, and of the new state."""
+        contact, number = self.contacts[k], self.values.number
+        s, rests, way = contact.s, contact.constraint.holds, FAR * (self.time * self.time)
+        # A surface that jumps away from a body at rest ends its rest, too.
+        is_on = s * s <= way * way * contact.square + LEAST
+        surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
+        stays = rests
+        if contact.direction:  # a body that leaves its rest may lie beyond the surface by rounding
+            stays = rests | (number(self.sign * contact.direction) * contact.rate < 0.0)
+        to = enumerate(contact.to)
+        x = [a if same(a, i) else stays.select(number(i), number(a)).number for i, a in to]
+        return surface.number, [*x, *self.values.modes]
+
+    def decided(self, x, leaving=None):
+        """Return operands of the state x, in which bodies rest that bounce or move too little.
+
+        `leaving` is the number of the event at which a body leaves its rest, if it rests there.
+        """
+        values, number, time, x = self.values, self.values.number, self.time, [*x]
+        terms = values.at(x, [a for c in self.contacts.values() for a in (c.s, c.rate)])[1]
+        heights = [LOW * (a + b * time) for a, b in zip(terms[::2], terms[1::2], strict=True)]
+        low = reduce(larger, heights)
+        for k, c in self.contacts.items():
+            rests = c.constraint.holds
+            (s, rate, bend, square), _ = values.at(x, (c.s, c.rate, c.bend, c.square))
+            s, rate, force = abs(s), abs(rate), square.sqrt()
+            of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time)
+            is_on = (s <= low + of_step + LEAST) | (rests & (s <= 2.0 * abs(c.s)))
+            # The time to the next bounce, or its height, is rounding.
+            is_slow = (2.0 * rate <= force * (SOON * time)) | (0.5 * (rate * rate) <= force * low)
+            lands = is_on & (is_slow | (rests & (rate <= 2.0 * abs(c.rate))))
+            lands = lands & ~rests if k == leaving else lands
+            side = -0.5 * (c.direction + 1) if c.direction else (bend > 0.0).select(-1.0, 0.0)
+            x[c.mode] = lands.select(rests.select(number(c.mode), side), 1.0).number
+        reactions = values.at(x, self.reactions.values())[0]
+        for c, reaction in zip(self.contacts.values(), reactions, strict=True):
+            mode = number(x[c.mode])
+            leaves = (mode < -0.5).select(-reaction, reaction) <= 0.0
+            x[c.mode] = leaves.select(1.0, mode).number
+        stopped = values.at(x, self.stopped)[0]
+        for i, a in enumerate(self.stopped):
+            x[i] = x[i] if same(a, i) else stopped[i].number
+        return x

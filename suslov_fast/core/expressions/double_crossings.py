@@ -25,7 +25,7 @@ another function count twice, as in exp(sin(t)) or in a wave of a wave.
 """
 
 import functools
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 from math import inf, pi, prod
 from operator import add
 from typing import NamedTuple
@@ -33,7 +33,7 @@ from typing import NamedTuple
 from .dense_product import ENTRY, DenseMatrix, is_matrix
 from .derivative import gradients_along
 from .programs import Expressions, Program, Values, depending, emitted, needed_for
-from .tables import LARGEST, interval, is_table
+from .tables import LARGEST
 from .values import larger, operand_of, smaller
 
 # Fractions of a step. They are uneven, because waves of an even period would vanish at even points.
@@ -82,33 +82,30 @@ class DoubleCrossings(NamedTuple):
         return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
 
 
-def double_crossings_of(f, kinds, jumps, choices):
-    """Return the `DoubleCrossings` of a right-hand side f and of its events.
+def double_crossings_of(f, surfaces):
+    """Return the `DoubleCrossings` of a right-hand side f, for its `surfaces` and those of events.
 
-    `kinds` are the conditions of the surfaces of f (`Branches.kinds`); f jumps at the first `jumps`
-    of them. `choices` are the numbers of the parameters that hold their branches. Surfaces linear
-    in clocks are left out, because a step crosses them once at most.
+    Surfaces linear in clocks are left out, because a step crosses them once at most.
     """
-    results, degrees = f.watched.results, _degrees(f)
+    degrees = _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
-    kinks = {*results[jumps : len(kinds)]} & by_states
     tested = [
-        (k, a, kind, choice)
-        for k, (a, kind, choice) in enumerate(zip_longest(results, kinds, choices))
+        (k, a, surface)
+        for k, (a, surface) in enumerate(zip(f.watched.results, surfaces, strict=True))
         # An equality is true on its surface alone.
-        if not (isinstance(a, float) or a in degrees or kind == "oeq")
+        if not (isinstance(a, float) or a in degrees or surface.kind == "oeq")
     ]
     if not tested:
         return DoubleCrossings()
-    operations = needed_for(f.watched.operations, [a for _, a, *_ in tested])
+    operations = needed_for(f.watched.operations, [a for _, a, _ in tested])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
     phases = Program(needed_for(operations, arguments), arguments) if arguments else None
     humps = _humps(f, operations)
-    humps = [*dict.fromkeys(a for _, a, *_ in tested if a in humps)]
-    is_of_states = [a in by_states for _, a, *_ in tested]
+    humps = [*dict.fromkeys(a for _, a, _ in tested if a in humps)]
+    is_of_states = [a in by_states for _, a, _ in tested]
     rates = _rates_of(f, humps)
     found = DoubleCrossings(None, phases, rates, not all(is_of_states), any(is_of_states))
-    decision = _decision_of(f, tested, by_states, kinks, humps, found.inside)
+    decision = _decision_of(f, tested, by_states, humps, found.inside)
     return found._replace(decision=decision)
 
 
@@ -152,13 +149,12 @@ def _rates_of(f, humps):
     return Program(needed_for(values.operations, results), results)
 
 
-def _decision_of(f, tested, by_states, kinks, humps, inside):
+def _decision_of(f, tested, by_states, humps, inside):
     """Return the `Program` `decision` of `DoubleCrossings`.
 
-    `tested` has for each surface its place in the results of `f.watched`, its operand, the kind of
-    its condition, and the number of the parameter of its branch (None for events). The next three
-    arguments have numbers of values: `by_states` depend on more than clocks, at `kinks` f bends,
-    and `humps` may have humps. `inside` is `DoubleCrossings.inside`.
+    `tested` has for each surface its place in the results of `f.watched`, its operand, and its
+    `Surface`. The values `by_states` depend on more than clocks, and the values `humps` may have
+    humps. `inside` is `DoubleCrossings.inside`.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_FRACTIONS) * count
@@ -172,29 +168,29 @@ def _decision_of(f, tested, by_states, kinks, humps, inside):
     def at_points(first, count, k):
         return [values.number(first + n * count + k) for n in range(len(_FRACTIONS))]
 
-    operations = needed_for(f.watched.operations, [a for _, a, *_ in tested])
+    operations = needed_for(f.watched.operations, [a for _, a, _ in tested])
     turns = [at_points(first_phase, of_phases, k) for k in range(of_phases)]
     turns = _turns(operations, turns)
-    waves = [each for _, a, *_ in tested for each in turns.get(a, ())]
+    waves = [each for _, a, _ in tested for each in turns.get(a, ())]
     waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
     emitted(values, f.watched, state)
     sizes = sizes_of(values, f.watched.operations, state, with_branches=False)
     ratio = twice = 0.0
-    for k, a, kind, choice in tested:
+    for k, a, surface in tested:
         points, rates = at_points(0, count, k), None
         if a in humps:
             rates = [at_points(first_rate, of_rates, 2 * humps.index(a) + n) for n in (0, 1)]
-        surfaces = [(points, rates)]
-        if kind == "floor" or is_table(kind):
-            low, high = interval(kind, values.number, choice, of_table)
-            surfaces = [([s - low for s in points], rates)]
-            rates = rates and [[-r for r in rates[0]], rates[1]]
-            surfaces.append(([high - s for s in points], rates))
+        both = [(points, rates)]
+        if interval := surface.interval(values.number, of_table):
+            low, high = interval
+            opposite = rates and [[-r for r in rates[0]], rates[1]]
+            both = ([s - low for s in points], rates), ([high - s for s in points], opposite)
         rounding = error = ROUNDING * sizes[a]
         if a in by_states:
             root = values.number(rtol).sqrt()
-            error = (root * root.sqrt() if a in kinks else root * root) * sizes[a]
-        for each in surfaces:
+            bends = surface.kind != "event" and not surface.jumps
+            error = (root * root.sqrt() if bends else root * root) * sizes[a]
+        for each in both:
             own_ratio, own_twice = _decided(*each, rounding, error)
             ratio, twice = larger(own_ratio, ratio), larger(own_twice, twice)
     results = [*map(operand_of, (ratio, twice, waves))]

@@ -178,6 +178,20 @@ def _is_power_of_2(operand):
     return abs(fraction) == 0.5 and abs(exponent) < 100
 
 
+def folded(emit, name, of):
+    """Emit an operation, whose truth values may be True or False; so may the returned operand."""
+    if name in OF_TRUTH_VALUES and all(isinstance(a, (float, bool)) for a in of):
+        return bool(FUNCTIONS[name](*of))
+    if not any(isinstance(a, bool) for a in of):
+        return emit(name, *of)
+    if name == "select":
+        return of[1] if of[0] else of[2]
+    known, other = of if isinstance(of[0], bool) else of[::-1]
+    if name == "xor":
+        return emit("xor", other, emit("oeq", 0.0, 0.0)) if known else other
+    return other if known == (name == "and") else known
+
+
 def in_order(values, results, more=0):
     """Return a copy of `Expressions` without needless operations, and the results in the copy.
 

@@ -9,7 +9,7 @@ from .dense_product import along, products_in
 from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import results_at
-from .programs import Expressions, Program, needed_for
+from .programs import Expressions, Program, folded, needed_for
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
@@ -221,59 +221,37 @@ def _signs_of_poles(values, f, quotients):
     dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f, a `Program`, does not use
     the quotient. They are added to the `Expressions` `values`.
     """
-    found = {}
-    is_taken = _taken(values, f)
+    emit, is_taken, found = values.emit, _taken(values, f), []
     for number, a, b in quotients:
-        truth = is_taken.get(number, 0.0)
-        for above, below in ((a, 0.0), (0.0, a)):
-            if isinstance(a, float):
-                sign = float(above > below)
-            else:
-                sign = values.emit("ogt", above, below)
-            both = _both(values.emit, truth, sign)
-            sign = both if isinstance(both, float) else values.emit("select", both, b, 0.0)
-            if both == 1.0:
-                sign = b
-            if sign != 0.0:
-                found[sign] = None
-    return [*found]
+        for pair in ((a, 0.0), (0.0, a)):
+            truth = folded(emit, "and", (is_taken.get(number, False), folded(emit, "ogt", pair)))
+            found.append(folded(emit, "select", (truth, b, 0.0)))
+    return [*dict.fromkeys(a for a in found if type(a) is int)]
 
 
 def _taken(values, f):
     """Return {number of a value: operand of the truth value that results of f depend on it}.
 
-    f is a `Program` in the `Expressions` `values`. The operand is 1.0 if results always depend on
-    the value. They do not where `select` chooses another one, or where the other factor of a
+    f is a `Program` in the `Expressions` `values`. The operand is True if results always depend on
+    the value. They do not where `select` chooses another value, or where the other factor of a
     product is 0; such a factor is a `select`, or depends on parameters alone.
     """
-    emit, found = values.emit, {a: 1.0 for a in f.results if not isinstance(a, float)}
+    emit, found = values.emit, {a: True for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):
-        truth = found.get(number, 0.0)
+        truth = found.get(number, False)
         for k, a in enumerate(operands):
-            if isinstance(a, float) or truth == 0.0:
+            if isinstance(a, float) or truth is False:
                 continue
-            condition = 1.0
+            condition = True
             if name == "select" and k:
                 condition = operands[0] if k == 1 else (~values.number(operands[0])).number
             elif name == "fmul":
                 other = operands[1 - k]
                 if other in values.fixed or values.of.get(other, ("",))[0] == "select":
                     condition = (~values.number(other).equals(0.0)).number
-            own = _both(emit, truth, condition)
-            before = found.get(a, 0.0)
-            if 0.0 in (own, before):
-                found[a] = own or before
-            else:
-                found[a] = 1.0 if 1.0 in (own, before) else emit("or", own, before)
+            both = folded(emit, "and", (truth, condition))
+            found[a] = folded(emit, "or", (both, found.get(a, False)))
     return found
-
-
-def _both(emit, *truths):
-    """Return the operand of "and" of operands `truths`; constants 0.0, 1.0 are false and true."""
-    others = [a for a in truths if a != 1.0]
-    if 0.0 in others or not others:
-        return 0.0 if others else 1.0
-    return emit("and", *others) if len(others) == 2 else others[0]
 
 
 def _common_factors(instruction, operands, factors, D):

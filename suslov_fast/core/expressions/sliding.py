@@ -19,8 +19,8 @@ from .constraint_forces import Constraint, ExtendedState
 from .contacts import FAR, LEAST, Contact, Contacts, may_be_contact
 from .event_formulas import WITH_GAPS, EventAction
 from .function_records import same
-from .numpy_evaluation import FUNCTIONS, OF_TRUTH_VALUES, results_at
-from .programs import Program, emitted, needed_for, renamed
+from .numpy_evaluation import results_at
+from .programs import Program, emitted, folded, needed_for, renamed
 from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
@@ -110,23 +110,23 @@ class _Rates:
             of = renamed(operands, new)
             pair, about = self.comparisons.get(number, (None, None))
             if pair not in self.pairs:
-                new[number] = _folded(emit, name, of)
+                new[number] = folded(emit, name, of)
                 continue
             g, (kind, sign, *factors) = self.pairs.index(pair), about
             is_above = sides.get(g, self.above[g])
             if kind == "fdiv":
                 [c] = renamed(factors, new)
-                new[number] = emit("fmul", c, _folded(emit, "select", (is_above, sign, -sign)))
+                new[number] = emit("fmul", c, folded(emit, "select", (is_above, sign, -sign)))
             elif kind == "fabs":  # 0 on the surface
                 modulus = emit("fmul", sign, emit("fmul", self.D + g, of[0]))
                 modulus = emit("max", modulus, 0.0) if self.has_gaps else modulus
                 new[number] = 0.0 if g in sides else modulus
             elif kind in _KINKS:
-                new[number] = _folded(emit, "select", (is_above, *of[:: int(sign)]))
+                new[number] = folded(emit, "select", (is_above, *of[:: int(sign)]))
             elif kind == "oeq":
                 new[number] = False
             else:
-                new[number] = is_above if sign > 0 else _folded(emit, "xor", (True, is_above))
+                new[number] = is_above if sign > 0 else folded(emit, "xor", (True, is_above))
         return new
 
 
@@ -372,17 +372,3 @@ def _comparisons_in(values, program):
             c = factors[0] if same(factors[1], x) else factors[1]
             found[number] = pair, ("fdiv", about[1], c)
     return found
-
-
-def _folded(emit, name, of):
-    """Emit an operation; truth values among its operands may be True or False."""
-    if name in OF_TRUTH_VALUES and all(isinstance(a, (float, bool)) for a in of):
-        return bool(FUNCTIONS[name](*of))
-    if not any(isinstance(a, bool) for a in of):
-        return emit(name, *of)
-    if name == "select":
-        return of[1] if of[0] else of[2]
-    known, other = of if isinstance(of[0], bool) else of[::-1]
-    if name == "xor":
-        return emit("xor", other, emit("oeq", 0.0, 0.0)) if known else other
-    return other if known == (name == "and") else known

@@ -11,23 +11,22 @@ from .derivative import gradients_along
 from .double_crossings import sizes_of
 from .event_formulas import GAP, NOISE
 from .programs import Expressions, Program, emitted, needed_for
-from .tables import interval, is_table
 from .values import larger, operand_of, smaller
 
 SOONER = 2.0**-22  # factor of the time to a surface at which a state is but for its errors
 
 
-def aim_of(f, kinds, choices, is_implicit):
-    """Return the `Program` that finds when surfaces of f and of its events are crossed.
+def aim_of(f, surfaces, is_implicit):
+    """Return the `Program` that finds when `surfaces` of f and of its events are crossed.
 
     It reads the state, f there with the sign of time, sides and levels of the surfaces of events
-    (see `flow.memory`), and the table of f. `kinds` are the conditions at which f has branches,
-    as in `Branches.kinds`; `choices` are the numbers of the parameters that hold these branches.
-    `is_implicit` is True for ends of implicit steps: fast modes spoil rates there, so only surfaces
-    of events and of clocks are used. The first result is the least time to a surface, negative if
-    the state is just beyond it. The second is the longest time since a crossing: 0 without one,
-    infinity if the rate leads back or does not tell it. The third is the least time to a surface of
-    an event; where s is NOISE, it is SOONER.
+    (see `flow.memory`), and the table of f. `is_implicit` is True for ends of implicit steps. The
+    results are
+
+    1. the least time to a surface, negative if the state is just beyond it,
+    2. the longest time since a crossing: 0 without a crossing, infinity if the rate leads back or
+       is not used,
+    3. the least time to a surface of an event, shorter by the factor SOONER if s is NOISE.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)
@@ -38,35 +37,34 @@ def aim_of(f, kinds, choices, is_implicit):
     slopes, v = gradients_along(values, results, D, {j: D + j for j in range(D)})
     sizes = sizes_of(values, f.watched.operations, new)
     aim, since, left_of_events, number = inf, 0.0, inf, values.number
-    kinds = [*zip(kinds, choices, strict=True), *(("side", k) for k in range(of_changes))]
-    for (kind, choice), own, a, row in zip(kinds, f.watched.results, results, slopes, strict=True):
-        s, rate = number(a), 0.0
-        tells = kind == "side" or not is_implicit or {*row} <= {*f.steady}
-        for j, slope in row.items() if tells else ():
+    for surface, old, a, row in zip(surfaces, f.watched.results, results, slopes, strict=True):
+        s, rate, is_event = number(a), 0.0, surface.kind == "event"
+        has_rate = is_event or not is_implicit or {*row} <= {*f.steady}
+        for j, slope in row.items() if has_rate else ():
             rate = rate + number(slope) * number(v.get(j, 0.0))
-        if kind == "side":
-            above, level = (number(2 * (D + choice) + k) for k in (0, 1))
+        if is_event:
+            above, level = (number(2 * (D + surface.number) + k) for k in (0, 1))
             ends = [(s - level, above > 0.5)]
-        elif is_table(kind) or kind == "floor":
-            low, high = interval(kind, number, choice, new)
+        elif interval := surface.interval(number, new):
+            low, high = interval
             truth = low.equals(low)
             ends = [(s - low, truth), (s - high, truth ^ truth)]
         else:
-            ends = [(s, number(new[choice]) > 0.5)]
+            ends = [(s, number(new[surface.number]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
-            if kind == "side" and f.events.gaps[choice]:  # the ends of a gap are no crossings
+            if is_event and f.events.gaps[surface.number]:  # the ends of a gap are no crossings
                 was_known, is_known = ~above.equals(GAP), value.equals(value)
                 since = (was_known ^ is_known).select(inf, since)
                 is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)
-            if not tells:
+            if not has_rate:
                 since = is_beyond.select(inf, since)
                 continue
             leads = is_above.select(-rate, rate) > 0.0
             left = value / -rate
             aim = smaller(leads.select(left, inf), aim)
-            if kind == "side":
-                left = (abs(value) <= NOISE * sizes[own]).select(SOONER * left, left)
+            if is_event:
+                left = (abs(value) <= NOISE * sizes[old]).select(SOONER * left, left)
                 left_of_events = smaller(leads.select(left, inf), left_of_events)
             since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
     results = [*map(operand_of, (aim, since, left_of_events))]

@@ -55,16 +55,6 @@ def is_table(instruction):
     return isinstance(instruction, Table)
 
 
-def interval(kind, number, choice, places):
-    """Return `Number`s low and high, between which a table or "floor" (`kind`) keeps its branch.
-
-    `choice` is the number of the first parameter of the branch. `places` is {number of a parameter:
-    its operand}; the function `number` makes a `Number` of an operand.
-    """
-    low = number(places[choice])
-    return low, number(places[choice + 1]) if is_table(kind) else low + 1.0
-
-
 def of_line(knots, heights):
     """Return the table of straight lines between points, with knots where its slope changes.
 

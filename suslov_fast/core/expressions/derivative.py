@@ -7,7 +7,7 @@ from .tables import is_table
 
 
 def gradients(values, operations, results, D, by=()):
-    """Return a dict {j: operand of the derivative by j} for each operand in `results`.
+    """Return {j: operand of the derivative with respect to j} for each operand in `results`.
 
     `operations` compute `results` from the components 0 to D - 1 of the state. j is a component, or
     the number of a parameter in `by`. A derivative that is missing is 0. The operations that
@@ -25,9 +25,10 @@ def gradients(values, operations, results, D, by=()):
 
 
 def gradients_along(values, results, D, v):
-    """Return `gradients` of results in `values`, and v with changes of entries of products.
+    """Return `gradients` of `results`, and the direction v with changes of entries of products.
 
-    v is {component: operand of its change}, see `along`.
+    v is {component: operand of its change}. The changes of `results` along v are the products of
+    both (see `along`).
     """
     products = products_in(values.operations)
     operands = [a for _, of, _ in products for a in of]

@@ -1,15 +1,15 @@
 """Terms of a right-hand side: f = C m(x), with a constant matrix C and functions m of the state.
 
 A left null vector c of C gives a linear integral: c . f = 0 for all x. Products of sums are
-expanded; quotients and other functions stay as they are.
+expanded, but quotients and other functions are not.
 """
 
 import numpy as np
 
 from .programs import depending
 
-_MOST_TERMS, _MOST_FACTORS = 4096, 8  # larger products are not expanded
-_ROUNDING = 1e-14  # of coefficients, relative to the sum of the moduli that they come from
+_MOST_TERMS, _MOST_FACTORS = 4096, 8  # longer products are not expanded
+_ROUNDING = 1e-14  # of a coefficient, relative to the sum of the moduli of its parts
 
 
 def coefficients(f, table):
@@ -22,7 +22,7 @@ def coefficients(f, table):
     parameters = f.P if f.branches is None else f.branches.P
     choices = depending(f.fixed, range(f.D + parameters, f.D + f.P))
     columns = dict(zip(f.table, table.T, strict=True))
-    # Of each value the factors of its terms, and their coefficients and the sizes of these.
+    # {number of a value: {factors of a term: its coefficients, and the sums of their moduli}}
     terms = {a: {(): np.stack([c, abs(c)])} for a, c in columns.items() if a not in choices}
 
     def of(a):

@@ -3,12 +3,12 @@
 Every Hamiltonian T(p) + V(q) has such sets. The graph of the variables that rates read then has two
 colours. Variables of constant rate, such as clocks, may be in both sets.
 
-Columns over such sets evaluate f at half as many points of a step (`flow.stormer`). So f must not
-have features that fall into a gap between points and leave no trace beside it: Gaussians, tanh, and
-other functions that decay as fast, roots of x**2 + 1e-8, and quotients by it. Polynomials, sin,
-cos, exp of affine functions, and quotients and roots of polynomials without a constant have none.
-Rates in A are not evaluated near the ends of a step, where a quotient may change abruptly: rates in
-A have no quotients and roots.
+The columns of the extrapolation over such sets evaluate f at half as many points of a step
+(`flow.stormer`). So f must not change between two points without a trace at the points. Gaussians,
+tanh and other functions that decay as fast may do so, and roots of x**2 + 1e-8 and quotients by it.
+Polynomials, sin, cos, exp of affine functions, and quotients and roots of polynomials without a
+constant do not. Rates in A are not evaluated near the ends of a step, where a quotient may change
+abruptly. So rates in A have no quotients and roots.
 """
 
 import functools
@@ -60,7 +60,7 @@ def part_of(program, numbers):
 def _colours(reads):
     """Return {component: colour}, where colours are bools, or None if such colours do not exist.
 
-    `reads` is {component: others that its rate depends on}; these have the other colour.
+    `reads` is {component: components that its rate depends on}; these have the other colour.
     """
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
@@ -86,12 +86,12 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """The dependence of a value of f on the state: it may change unseen between points, or not."""
+    """How a value of f depends on the state; some kinds may change unseen between points."""
 
     degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
     has_exp: bool = False
     has_quotient: bool = False  # or a root
-    is_shifted: bool = False  # a number is added to what is not affine
+    is_shifted: bool = False  # a number is added to a function that is not affine
 
 
 _STILL = _Kind()
@@ -111,7 +111,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of the value of instruction `name` on operands with the `_Kind`s `of`.
+    """Return the `_Kind` of the value of instruction `name`; `of` are the `_Kind`s of its operands.
 
     It is None if the value may change between points of a step without a trace at the points.
     """

@@ -1,9 +1,10 @@
 """The longest step of a right-hand side with narrow periodic pulses.
 
-Between pulses, as those of sin(t)**1000, f is constant, so that all columns of a long step agree,
-and may miss them. A product of d waves sin(a), as sin(a)**d, and exp, tanh and erf of d cos(a) have
-pulses as wide as the Gaussian exp(-d a**2 / 2), or wider: the width is d**-1/2 / a', with the rate
-a'. A step is at most REACH widths; fewer than five lie between two points at which f counts.
+Between the pulses of a function such as sin(t)**1000, f is constant. So all columns of a long step
+agree, and may miss pulses. Powers sin(a)**d, products of d waves sin(a), and exp, tanh and erf of
+d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Their width in time is
+d**-1/2 / a', with the rate a'. A step has at most REACH widths, and less than five widths lie
+between two neighbouring points at which f is evaluated.
 """
 
 from math import inf
@@ -11,14 +12,16 @@ from typing import NamedTuple
 
 from .values import Number, larger, smaller
 
-REACH, NARROW = 24.0, 16.0  # pulses of d up to NARROW are wide enough for steps to see them
+REACH, NARROW = 24.0, 16.0  # steps do not miss pulses with d up to NARROW
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 
 
 class _Wave(NamedTuple):
-    """Bounds of a function of waves, `Number`s: its size, the fastest a'**2, and d.
+    """Bounds of a function of waves, `Number`s.
 
-    The size of a function linear in clocks, which has no d, is the bound of its rate.
+    size  of its modulus; for a function linear in clocks, of its rate
+    rate  of a'**2 for the fastest wave; None for a function linear in clocks
+    d     of the sharpness d of its pulses; None for a function linear in clocks
     """
 
     size: Number
@@ -29,7 +32,8 @@ class _Wave(NamedTuple):
 def longest_step(values, f, steady):
     """Return the operand of the longest step of a `Program` f, in the `Expressions` `values`.
 
-    `steady` are the components of constant rates. The operand is inf, or depends on parameters.
+    It is infinity without pulses, or depends on parameters. `steady` are the components of constant
+    rates.
     """
     number, longest = values.number, values.number(inf)
     known = {i: _Wave(abs(number(f.results[i]))) for i in steady}

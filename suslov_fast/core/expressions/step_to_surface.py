@@ -1,8 +1,8 @@
 """Times to the surfaces that the motion crosses, by Newton's method from the end of a step.
 
-A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later, if it lies
-ahead, or was crossed a time s / s' ago, if the state is beyond it. Rates at the ends of implicit
-steps contain fast modes; there only surfaces of events and of clocks are used.
+A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later if it lies
+ahead, and was crossed a time s / s' ago if the state is beyond it. Rates at the ends of implicit
+steps contain fast modes. So after these steps only rates of events and of clocks are used.
 """
 
 from math import inf
@@ -13,7 +13,7 @@ from .event_formulas import GAP, NOISE
 from .programs import Expressions, Program, emitted, needed_for
 from .values import larger, operand_of, smaller
 
-SOONER = 2.0**-22  # factor of the time to a surface at which a state is but for its errors
+SOONER = 2.0**-22  # factor of the time to a surface on which a state is, except for its errors
 
 
 def aim_of(f, surfaces, is_implicit):

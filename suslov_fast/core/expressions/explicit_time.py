@@ -1,16 +1,17 @@
-"""Right-hand sides whose clocks count from the start; the start of each is one more parameter.
+"""Right-hand sides with clocks that count from the start; the start of each is a new parameter.
 
 A clock is c = c0 + e with the elapsed time e. At c0 = 1.7e9, a date in seconds, c is rounded to
-2e-7, and f(c) would be a staircase. So a sum of clocks and of values that are constant along a step
-is a pair p + q: p is 0 at e = 0, and q is constant. For example t - t1 is e + (c0 - t1), with all
-its digits; t >= t1 is e >= t1 - c0; and knots of tables are shifted by c0. Whole turns are removed
-from large phases q.
+2e-7, and f(c) would be a staircase. So each sum of clocks and of values that are constant along a
+step is a pair p + q: p is 0 at e = 0, and q is constant. For example t - t1 is e + (c0 - t1), with
+all its digits; t >= t1 is e >= t1 - c0; and knots of tables are shifted by c0. Whole turns are
+removed from large phases q.
 """
 
 import math
 from typing import NamedTuple
 
 from .event_formulas import components_of
+from .function_records import same
 from .numpy_evaluation import OF_TRUTH_VALUES
 from .programs import Expressions, Program, emitted, needed_for
 from .tables import is_table
@@ -20,9 +21,9 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class _Pair(NamedTuple):
-    """A value p + q of f: p is 0 at the start of the motion, and q is constant along a step.
+    """Operands of a value p + q of f: p is 0 at the start, and q is constant along a step.
 
-    `whole` is one operand for p + q if that keeps more digits, else None.
+    `whole` is one operand for p + q if it has more digits than the sum, else None.
     """
 
     p: object
@@ -33,13 +34,14 @@ class _Pair(NamedTuple):
 class ElapsedTime:
     """A right-hand side rewritten for clocks that count from 0, so that late dates cost no digits.
 
-    A clock is a component of constant rate; its start becomes a parameter.
+    A clock is a component of constant rate that no action sets; its start becomes a parameter.
 
-    values, results  the `Expressions` after rewriting, and the rates, which are operands in it
-    P, actions       the number of parameters, and the `EventAction`s, after rewriting; no action
-                     sets a clock that counts from 0
-    offsets          {clock: number of the parameter that is its start}
-    shifts           {number of a value: (p, q)} for values of tables at arguments p + q (`_Pair`)
+    values   the `Expressions` after rewriting
+    results  the rates, operands in `values`
+    P        the number of parameters after rewriting
+    actions  the `EventAction`s after rewriting
+    offsets  {clock: number of the parameter that is its start}
+    shifts   {number of a value: (p, q)} for values of tables at arguments p + q (`_Pair`)
     """
 
     def __init__(self, values, results, P, actions=()):
@@ -62,12 +64,14 @@ class ElapsedTime:
         """
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
+        # A clock that stays is the new clock, not the old one.
         to = to and [
-            a if a == i and i in self.offsets else self._whole(a)  # a clock that stays
-            for i, a in enumerate(to)
+            a if a == i and i in self.offsets else self._whole(a) for i, a in enumerate(to)
         ]
-        own = [of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)]
-        return action._replace(surface=own[0], to=own[1])
+        surface, to = (
+            of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)
+        )
+        return action._replace(surface=surface, to=to)
 
     def _shift(self, operations, clocks):
         """Replace `self.values` by new expressions in which the components `clocks` count from 0.
@@ -99,10 +103,7 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, old):
-        """Rewrite the operand `old` as a `_Pair` p + q; return None if it is no such sum.
-
-        p is 0 at the start, and keeps digits that the sum loses; q is constant along a step.
-        """
+        """Rewrite the operand `old` as a `_Pair` p + q; return None if it is no such sum."""
         found = None if isinstance(old, float) else self.known[old]
         if isinstance(found, _Pair):
             return found
@@ -127,17 +128,19 @@ class ElapsedTime:
         if name in ("fadd", "fsub") and None not in pairs:
             a, b = pairs
             return _Pair(_joined(emit, name, a.p, b.p), emit(name, a.q, b.q))
-        if name in ("fmul", "fdiv") and None not in pairs and self._scales(name, operands):
+        rigid = [self._is_rigid(a) for a in operands]
+        is_scaled = (name == "fmul" and any(rigid)) or (name == "fdiv" and rigid[1])
+        if is_scaled and None not in pairs:
             a, b = pairs
-            p = [x.q if _is_0(x.p) else x.p for x in pairs]
+            p = [x.q if same(x.p, 0.0) else x.p for x in pairs]
             offsets = self.offsets.values()
-            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if not _is_0(x.p))
+            is_plain = any(x.q in offsets and x.whole is None for x in (a, b) if not same(x.p, 0.0))
             whole = None if is_plain else emit(name, *wholes)
             return _Pair(emit(name, *p), emit(name, a.q, b.q), whole)
         if name in _COMPARISONS and None not in pairs:
             a, b = pairs
             if None is a.whole is b.whole:
-                if _is_0(a.p):
+                if same(a.p, 0.0):
                     return emit(name, emit("fsub", a.q, b.q), b.p)
                 return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
         if name in ("sin", "cos", "tan") and pairs[0].whole is None:
@@ -147,11 +150,6 @@ class ElapsedTime:
             self.shifts[number] = pairs[0][:2]
         return number
 
-    def _scales(self, name, operands):
-        """Return True for a product or quotient (`name`) by an operand constant along a step."""
-        rigid = [self._is_rigid(a) for a in operands]
-        return rigid[1] if name == "fdiv" else any(rigid)
-
     def _without_turns(self, q):
         """Return the operand of a phase: the operand q, less whole turns of 2 pi if it is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
@@ -159,14 +157,10 @@ class ElapsedTime:
         return (abs(q) > _LARGE).select(rest, q).number
 
 
-def _is_0(a):
-    return isinstance(a, float) and a == 0.0  # 0 is the first component
-
-
 def _joined(emit, name, a, b):
     """Return the operand of a + b (`name` "fadd") or a - b ("fsub"); a constant 0 is left out."""
-    if _is_0(b):
+    if same(b, 0.0):
         return a
-    if _is_0(a):
+    if same(a, 0.0):
         return b if name == "fadd" else emit("fmul", -1.0, b)
     return emit(name, a, b)

@@ -18,33 +18,32 @@ class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
     Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone are
-    carried out once for a run, in NumPy; their values and parameters that f or f' needs stand in a
-    table.
+    carried out once for a run, in NumPy. A table has their values and parameters, if f or f' needs
+    them.
 
     f            `Program` of f without operations on parameters alone; D results
     fixed        operations on parameters alone
-    table        numbers of the values of parameters alone that f or f' needs
+    table        the numbers of the values in the table
     places       {number: its place in the table}
     pattern      the places (i, j) of f' where an entry may differ from 0, in order
-    height       how many rows `linked` has
-    derivative   `Program` of f' by itself; results are the entries of `pattern`
-    products     `products_in` f. The results of `derivative` then are derivatives by x and by
-                 entries of products, first of the operands of products, at the places `linked`
+    derivative   `Program` of f' alone; its results are the entries at `linked`
+    linked       the places (i, j) of the results of `derivative`: `pattern` without products
+    products     `products_in` f. If there are some, `derivative` is about `height` values: operands
+                 of products, then f. j is a component or an entry of a product
     column       `Program` of f' v (D) from the results of `derivative` and v (D)
-    of_parameters  `Program` of df/dp for the parameters `by`, with D results for each
+    of_parameters  `Program` of df/dp for the parameters `by`, with `height` results for each
     by           the operands df/dp, which are the results of `of_parameters`
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
-    denominators numbers of values in `f` made of divisors that depend on clocks and parameters
-                 alone; they change sign at poles, see `_signs_of_poles`
-    surfaces     `Program` of the surfaces on which steps end
+    denominators  numbers of values of `f` that change sign at poles, see `_signs_of_poles`
+    surfaces     `Program` of the surfaces at which steps end, and of other functions of the state
     slopes       `Program` of ds_k/dx_j of the surfaces s_k at which f jumps; j = D, ... are `by`
-    slope_places the places (k, j) of these derivatives
+    slope_places  the places (k, j) of these derivatives
     branches, branch_program, watch, double_crossings, aim, derived  see the module `branches`; None
                  if neither branches nor events need them
-    watched      `Program` of the surfaces whose crossings end steps, or None
+    watched      `Program` of the surfaces with crossings that end steps, or None
     longest      operand of the longest step, a function of parameters, see `pulses`
     offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     events       `EventSet` of actions along the motion, or None
@@ -58,53 +57,43 @@ class RightHandSide:
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
         """Plan f, with P parameters, from `Expressions`; the operands `results` are the D rates.
 
-        `by` are numbers of parameters to differentiate by. `surfaces` are other operands to
-        evaluate; the first `jumps` of them are differentiated, too. `kept` are parameters that the
-        table begins with.
+        f is also differentiated with respect to the parameters with the numbers `by`. `surfaces`
+        are other operands to evaluate; the first `jumps` of them are differentiated, too. The table
+        begins with the parameters `kept`.
         """
-        self.D, self.P = len(results), P
-        self._results = [*results]
-        of_f = [*values.operations]
-        self.products = products_in(of_f)
+        D, fixed, of_f = len(results), values.fixed, [*values.operations]
+        self.D, self.P, self.products = D, P, products_in(of_f)
         wanted = [*(a for _, of, _ in self.products for a in of), *results]
         self.height = len(wanted)
-        rows = gradients(values, of_f, [*wanted, *surfaces[:jumps]], self.D, by)
+        rows = gradients(values, of_f, [*wanted, *surfaces[:jumps]], D, by)
         slopes, of_surfaces = rows[: self.height], rows[self.height :]
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
-        place = {p: self.D + k for k, p in enumerate(by)} | {j: j for j in range(self.D)}
-        of_surfaces = {
-            (k, place[j]): a
-            for k, row in enumerate(of_surfaces)
-            for j, a in row.items()
-            if j in place
-        }
         self.linked = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
-        entries = [slopes[i][j] for i, j in self.linked]
-        fixed = values.fixed
-        count = len(values.operations)
-        varying = [operation for operation in values.operations if operation[1] not in fixed]
-        self.f = Program(needed_for(varying, results), self._results)
-        self._fixed = fixed
+        place = {p: D + k for k, p in enumerate(by)} | {j: j for j in range(D)}
+        of_surfaces = [{place[j]: a for j, a in row.items() if j in place} for row in of_surfaces]
+        self.slope_places = [(k, j) for k, row in enumerate(of_surfaces) for j in row]
+
+        def program_of(results, others=()):
+            varying = [operation for operation in values.operations if operation[1] not in fixed]
+            return Program(needed_for(varying, [*results, *others]), results)
+
+        self.f = program_of([*results])
         self._find_properties(values)
         self.longest = longest_step(values, self.f, self.steady)
-        varying += [a for a in values.operations[count:] if a[1] not in fixed]
-        self.f = Program(needed_for(varying, [*results, *self.denominators]), self._results)
-        self.derivative = Program(needed_for(varying, entries), entries)
-        self.surfaces = Program(needed_for(varying, surfaces), [*surfaces])
-        self.of_parameters = Program(needed_for(varying, self.by), self.by)
-        results = [*of_surfaces.values()]
-        self.slope_places = [*of_surfaces]
-        self.slopes = Program(needed_for(varying, results), results)
-        lists = [self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes]
-        used = [a for each in lists for _, _, of in each.operations for a in of]
-        used += [a for each in lists for a in each.results] + [self.longest]
-        used = [a for a in used if type(a) is int]
-        self.table = [a for a in dict.fromkeys([*kept, *used]) if a in fixed or a in kept]
+        self.f = program_of(self.f.results, self.denominators)
+        self.with_denominators = Program(self.f.operations, [*results, *self.denominators])
+        self.derivative = program_of([slopes[i][j] for i, j in self.linked])
+        self.surfaces, self.of_parameters = program_of([*surfaces]), program_of(self.by)
+        self.slopes = program_of([a for row in of_surfaces for a in row.values()])
+        programs = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes
+        used = [a for each in programs for _, _, of in each.operations for a in of]
+        used += [a for each in programs for a in each.results] + [self.longest]
+        used = [*kept, *(a for a in used if type(a) is int and a in fixed)]
+        self.table = [*dict.fromkeys(used)]
         self.places = {number: place for place, number in enumerate(self.table)}
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-        self.with_denominators = Program(self.f.operations, [*self.f.results, *self.denominators])
 
     is_dense, events, offsets, columns = False, None, {}, 0
     of = property(lambda self: self)
@@ -156,24 +145,21 @@ class RightHandSide:
 
     def _find_properties(self, values):
         """Find clocks and components of one sign; add denominators of clocks to `values`."""
-        is_fixed = [isinstance(a, float) or a in self._fixed for a in self._results]
-        # The components that each value depends on, as bits.
-        of = {i: 1 << i for i in range(self.D)}
-        # The components that make each value 0 if they are 0.
-        factors = {i: 1 << i for i in range(self.D)}
+        # For each value the components that it depends on, as bits, and the components that make it
+        # 0 if they are 0.
+        of, factors = {i: 1 << i for i in range(self.D)}, {i: 1 << i for i in range(self.D)}
         for instruction, number, operands in self.f.operations:
             numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
             of[number] = functools.reduce(int.__or__, numbers, 0)
             factors[number] = _common_factors(instruction, operands, factors, self.D)
-        self.reads = [0 if isinstance(a, float) else of.get(a, 0) for a in self._results]
-        self.steady = [i for i in range(self.D) if is_fixed[i] and self._results[i] != 0.0]
+        results = [*enumerate(self.f.results)]
+        self.reads = [0 if isinstance(a, float) else of.get(a, 0) for _, a in results]
+        self.steady = [i for i, a in results if values.is_fixed(a) and a != 0.0]
         self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]
-        clocks = sum(1 << i for i in self.clocks)
         self.of_one_sign = [
-            i
-            for i, a in enumerate(self._results)
-            if not isinstance(a, float) and factors.get(a, 0) >> i & 1
+            i for i, a in results if not isinstance(a, float) and factors.get(a, 0) >> i & 1
         ]
+        clocks = sum(1 << i for i in self.clocks)
         varying = ((number, *of_) for name, number, of_ in self.f.operations if name == "fdiv")
         quotients = [q for q in varying if (mask := of.get(q[2], 0)) and not mask & ~clocks]
         self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []

@@ -157,12 +157,10 @@ class SlidingEquations(_Rates):
         # Only surfaces at which f jumps across have modes, and other contacts with a force.
         trial = _Rates(f, comparisons, pairs, touching, D, P)
         pairs = [pair for g, pair in enumerate(pairs) if trial.changes(D + g, D + g)]
-        touching = {
-            k: actions[k]
-            for k, contact in trial.touching.items()
-            if trial.changes(contact.mode, contact.mode)
-            and not any(same(contact.s.number, s) for s in trial.surfaces)
-        }
+        for k, contact in trial.touching.items():
+            is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
+            if is_of_f or not trial.changes(contact.mode, contact.mode):
+                del touching[k]
         super().__init__(f, comparisons, pairs, touching, D, P)
         changes = sum(self.changes(a, b) for a, b in product(self.constraints, repeat=2))
         if not 0 < changes * len(self.constraints) <= MOST_PAIRS:
@@ -175,17 +173,9 @@ class SlidingEquations(_Rates):
             self.resting = Contacts(self.values, self.touching, self.factors, matrix, sign)
             f, rates_of_modes[-1] = self.resting.held(f), float(sign)
         self.results = f + rates_of_modes
-        self.dependent = [
-            pair for pair in combinations(range(self.count), 2) if self.depends(*pair)
-        ]
-        # ds/dt below and above each surface, while the solution slides along the others.
-        self.toward = [
-            [
-                float(sign) * self.values.dot(slope, self.with_sides({g: is_above})[0])
-                for is_above in (False, True)
-            ]
-            for g, slope in enumerate(self.slopes)
-        ]
+        all_pairs = combinations(range(self.count), 2)
+        self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
+        self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
         start = EventAction(None, self._program(self._with_modes(range(D + self.size))), 0, inf)
         own = [
@@ -194,6 +184,11 @@ class SlidingEquations(_Rates):
         ]
         n = self.surfaces_of_events = sum(action.surface is not None for action in own)
         self.actions = (*own[:n], *modes, start, *own[n:])
+
+    def _toward(self, g):
+        """Return ds/dt below and above surface g, while the solution slides along the others."""
+        rates = (self.with_sides({g: is_above})[0] for is_above in (False, True))
+        return [float(self.sign) * self.values.dot(self.slopes[g], f) for f in rates]
 
     def _program(self, results):
         return EventAction.list_of(self.values, results)
@@ -221,16 +216,15 @@ class SlidingEquations(_Rates):
 
     def _action_of_mode(self, g):
         """Return the `EventAction` that acts where the mode of surface g ends."""
-        number, place, slides, x = self.values.number, self.D + g, self.slides[g], None
+        number, place, x = self.values.number, self.D + g, [*range(self.D + self.size)]
         s, mode, w = number(self.surfaces[g]), number(place), self.factors[place]
+        slides, slope, jump = self.constraints[place]
         surface = slides.select(w * (1.0 - w), mode * s)
-        x = [*range(self.D + self.size)]
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
         # Other modes may end with this one.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [*others, g], at=g)
         # On the surface without errors, which would grow from phase to phase.
-        _, slope, jump = self.constraints[place]
         lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
         for i, a in enumerate(jump):
             if not same(a, 0.0):
@@ -363,12 +357,10 @@ def _comparisons_in(values, program):
         found[number] = (a, b), (name, sign)
     for name, number, operands in program.operations:
         pair, about = found.get(operands[-1], (None, ("", 0.0)))
-        if name != "fdiv" or about[0] != "fabs":
-            continue
-        [x], (_, factors) = values.parts_of(operands[-1])[1], values.parts_of(operands[0])
-        if same(operands[0], x):
-            found[number] = pair, ("fdiv", about[1], 1.0)
-        elif len(factors) == 2 and any(same(a, x) for a in factors):
-            c = factors[0] if same(factors[1], x) else factors[1]
-            found[number] = pair, ("fdiv", about[1], c)
+        if name == "fdiv" and about[0] == "fabs":
+            inner, factors = values.parts_of(operands[0])
+            [x] = values.parts_of(operands[1])[1]
+            a, b = factors if inner == "fmul" else (1.0, operands[0])
+            if same(a, x) or same(b, x):
+                found[number] = pair, ("fdiv", about[1], a if same(b, x) else b)
     return found

@@ -3,10 +3,10 @@
 A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
 `floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which the
 branch changes. On the surface the difference of the compared numbers is 0, or the argument of
-`floor` an integer. The kinks of `abs`, `minimum` and `maximum` are branches, too; f does not jump
-there, so that steps choose these by themselves. The branch of a table is an interval between knots,
-whose ends, height and slope become parameters: f has the straight line through this interval, and
-two surfaces.
+`floor` an integer. The kinks of `abs`, `minimum` and `maximum` are branches, too. As f does not
+jump there, a step that passes a kink only chooses the new branch. The branch of a table is an
+interval between knots. Its ends, height and slope become parameters: f has the straight line of
+this interval, with a surface at each end.
 """
 
 import functools
@@ -180,10 +180,10 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 
 
 def _joined(operations, jumps):
-    """Return {number of a comparison: the group of all that compare the same two numbers a, b}.
+    """Return {number of a comparison: its group}: all comparisons of the same two numbers a and b.
 
-    A group is a dict {number: its truth, 1 or 0, where a > b, and where a < b}; `jumps` has the
-    comparisons. Comparisons without others of their numbers are left out.
+    A group is {number: (its truth where a > b, its truth where a < b)}, with 1.0 for true. `jumps`
+    has the comparisons. A comparison that is alone has no group.
     """
     groups = {}
     for name, number, operands in operations:
@@ -195,12 +195,12 @@ def _joined(operations, jumps):
 
 
 def _passed(tests, number, group, choices, truth, a, b):
-    """Return the operand of comparison `number` of a and b, by its `truth` and by old branches.
+    """Return the operand of the new branch of a comparison of a and b, as a truth value.
 
-    All comparisons of a `group` (`_joined`) change at once: a motion that meets a = b, which the
-    step rounds, is beyond it, as with a single comparison. `np.sign` would be 0 there, and f jump
-    twice. After an action and at the start the old branches are NaN; then `truth` holds. `choices`
-    is {number of a comparison: number of the parameter of its old branch}.
+    Its `truth` holds, except where a motion meets a = b. There all comparisons of its `group`
+    (`_joined`) change at once, as if the motion were already beyond the surface. Otherwise np.sign
+    would be 0 there, and f would jump twice. `choices` is {number of a comparison: number of the
+    parameter of its old branch}; old branches are NaN at the start and after an action.
     """
     meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):

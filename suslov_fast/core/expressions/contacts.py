@@ -1,10 +1,10 @@
-"""Contacts: bodies that bounce from a surface come to rest on it, and leave it when forces pull.
+"""Contacts: bodies that bounce from a surface, come to rest on it, and leave it again.
 
-An event is a contact if its action leaves states on its surface s = 0, and d2s/dt2 depends on what
-the action sets. The mode of a contact is a component: 1 for a free body, 0 for a body at rest above
-the surface, -1 for a body at rest below. At rest a reaction acts in the direction in which the
-action moves a state, with the factor at which d2s/dt2 = 0. A body leaves its rest when the reaction
-would have to pull it to the surface.
+An event is a contact if its action leaves states on its surface s = 0, but changes ds/dt. The mode
+of a contact is a component: 1 for a free body, 0 for a body at rest above the surface, -1 for a
+body at rest below. At rest a reaction acts in the direction in which the action moves a state, with
+the factor at which d2s/dt2 = 0. The body leaves the surface when the reaction would have to pull it
+towards the surface.
 """
 
 from functools import reduce
@@ -112,7 +112,7 @@ class Contacts:
         return surface.number, [*x, *self.values.modes]
 
     def decided(self, x, leaving=None):
-        """Return operands of the state x, in which bodies rest that bounce or move too little.
+        """Return operands of the state x, with modes of contacts: bodies that bounce too low rest.
 
         `leaving` is the number of the event at which a body leaves its rest, if it rests there.
         """

@@ -1,8 +1,9 @@
-"""Products of a constant dense matrix and values of a program, as one operation.
+"""Products of a constant dense matrix and a vector of values, as one operation of a program.
 
-The operation (`DenseMatrix`, number, operands) has a vector of numbers; ("entry", number, (vector,
-float(i))) is its component i. So a list has n operations for n**2 products; machine code has loops.
-Each component is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: the bits of the written sum.
+The value of the operation (`DenseMatrix`, number, operands) is a vector, and ("entry", number,
+(vector, float(i))) is its component i. So a program has n operations for n**2 products, and machine
+code has loops. Component i is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: it has the bits
+of the written sum.
 """
 
 import hashlib
@@ -16,7 +17,7 @@ from .programs import Expressions, dot, renamed
 
 ENTRY, _SUMS = "entry", ("fadd", "fsub")
 AT_ONCE = 16  # rows that machine code may take at once
-# Below so many entries, or with fewer entries that are not 0, sums are written out: see `is_large`.
+# The least number of entries, and the least part of entries that are not 0, for loops (`is_large`).
 LEAST, LEAST_PART = 24 * 24, 0.25
 
 
@@ -34,7 +35,7 @@ class DenseMatrix(str):
         return DenseMatrix, (self.matrix,)
 
     def __call__(self, *operands):
-        """Return the product (n, ...) with numbers or arrays, in the order of the machine code."""
+        """Return the product (n, ...) with numbers or arrays, added as machine code does."""
         operands = [np.asarray(a, np.float64) for a in operands]
         total = np.zeros((len(self.matrix), *np.broadcast_shapes(*map(np.shape, operands))))
         columns = self.matrix.T.reshape(*self.matrix.T.shape, *[1] * (total.ndim - 1))
@@ -96,9 +97,9 @@ def expanded(values, operands):
 def roll(values):
     """Put products of dense matrices in place of written sums, in the dict `of` of `Expressions`.
 
-    A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers; rows that share
-    values are a matrix. All constants may have the same parameters as factors and divisors, as in
-    (g * W) @ x: then the product has them.
+    A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers. Rows that share
+    values become one matrix. If all constants of a row have the same parameters as factors and
+    divisors, as in (g * W) @ x, the entry of the product has them.
     """
     if len(values.of) < 2 * LEAST:
         return
@@ -140,10 +141,11 @@ def roll(values):
 
 
 def _row(values, number, sums):
-    """Return {(factors of c, v): (c, number of the sum that ends with c v)} of terms of a sum.
+    """Return the row {(factors of c, v): (c, number of the sum up to c v)} of a sum.
 
-    These are its first terms with values v in order, whose constants c have the same factors. The
-    numbers `sums` are sums that are written out.
+    It has the first terms of the sum, as long as their values v are in order and their constants c
+    have the same factors. `number` is the number of the sum, and `sums` has the numbers of sums
+    that are a part of one other sum.
     """
     terms, row, parts = [], {}, values.parts_of
     while not terms or number in sums:
@@ -168,7 +170,7 @@ def _row(values, number, sums):
 
 
 def products_in(operations):
-    """Return (matrix, operands, {number of an entry: its place}) of each product, in order."""
+    """Return (matrix, operands, {number of an entry: float(i)}) of each product, in order."""
     found, entries = [], defaultdict(dict)
     for name, number, operands in operations:
         if name == ENTRY:
@@ -179,11 +181,11 @@ def products_in(operations):
 
 
 def along(emit, products, rows, v, totals=()):
-    """Return changes of values along v, and v with changes of entries of `products_in` a list.
+    """Return the changes of values along a direction v, and v with the changes of entries.
 
-    v is {component: operand of its change}. `rows` are derivatives {component or entry: operand},
-    as `gradients` returns them: of the operands of the products in order, then of other values,
-    whose changes are the first result; None means 0. `totals` are operands to add, in this order.
+    v is {component: operand of its change}, and `products` are from `products_in`. `rows` has the
+    `gradients` of all operands of the products in order, then of other values. The first result has
+    the changes of these other values; None is 0. `totals` are operands to which changes are added.
     """
     v = dict(v)
     changes = (

@@ -11,8 +11,7 @@ import numpy as np
 
 from .values import joined
 
-# Elimination without row exchanges is accurate if the least pivot is above this part of the
-# largest.
+# The least pivot, as a part of the largest, with which elimination without exchanges is accurate.
 LEAST_PIVOT = 2.0**-6
 
 
@@ -53,8 +52,8 @@ class Matrix:
                 cross.append((i, j, k, half))
                 self.products[i, j].append((half, self.x[k]))
                 self.products[i, k].append((half, self.x[j]))
-        # A term h v x_j x_k of h f_i is x_j times a part of N_ij, or x_k times a part of N_ik. That
-        # part is added up first, so that the right side can use it: the `early` part of the entry.
+        # A term h v x_j x_k of h f_i is x_j times a part of N_ij, or x_k times a part of N_ik. The
+        # sum of an entry begins with these `early` parts, so that the right side can use them.
         self.early = defaultdict(list)
         for i, j, k, half in cross:
             sizes = [len(self.products[i, m]) + ((i, m) in self.linear) for m in (j, k)]

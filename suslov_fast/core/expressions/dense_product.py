@@ -27,9 +27,9 @@ class DenseMatrix(str):
     def __new__(cls, matrix):
         matrix = np.ascontiguousarray(matrix, np.float64)
         digest = hashlib.blake2b(matrix.tobytes(), digest_size=16).hexdigest()
-        own = super().__new__(cls, f"matrix {digest} {matrix.shape[0]} {matrix.shape[1]}")
-        own.matrix, own.packed = matrix, {}
-        return own
+        self = super().__new__(cls, f"matrix {digest} {matrix.shape[0]} {matrix.shape[1]}")
+        self.matrix, self.packed = matrix, {}
+        return self
 
     def __reduce__(self):
         return DenseMatrix, (self.matrix,)
@@ -132,12 +132,12 @@ def roll(values):
         whole = next(new)
         values.of[whole] = DenseMatrix(matrix), tuple(v for _, v in columns)
         for i, row in enumerate(rows):
-            own = ENTRY, (whole, float(i))
+            operation = ENTRY, (whole, float(i))
             (factors, _), (_, end) = row[-1]
             for name, g in factors:
-                entry = next(new)
-                values.of[entry], own = own, (name, (entry, g))
-            values.of[end] = own
+                number = next(new)
+                values.of[number], operation = operation, (name, (number, g))
+            values.of[end] = operation
 
 
 def _row(values, number, sums):
@@ -171,13 +171,13 @@ def _row(values, number, sums):
 
 def products_in(operations):
     """Return (matrix, operands, {number of an entry: float(i)}) of each product, in order."""
-    found, entries = [], defaultdict(dict)
+    products, entries = [], defaultdict(dict)
     for name, number, operands in operations:
         if name == ENTRY:
             entries[operands[0]][number] = operands[1]
         elif is_matrix(name):
-            found.append((name, operands, entries[number]))
-    return found
+            products.append((name, operands, entries[number]))
+    return products
 
 
 def along(emit, products, rows, v, totals=()):
@@ -193,8 +193,8 @@ def along(emit, products, rows, v, totals=()):
         for row, total in zip_longest(rows, totals)
     )
     for matrix, operands, entries in products:
-        own = [*islice(changes, len(operands))]
-        if any(a is not None for a in own):
-            whole = emit(matrix, *(0.0 if a is None else a for a in own))
+        of_operands = [*islice(changes, len(operands))]
+        if any(a is not None for a in of_operands):
+            whole = emit(matrix, *(0.0 if a is None else a for a in of_operands))
             v |= {a: emit(ENTRY, whole, i) for a, i in entries.items()}
     return [*changes], v

@@ -114,14 +114,14 @@ def _humps(f, operations):
 
     Piecewise polynomials of states, sin, cos and tan have none.
     """
-    found, varying = set(), depending(operations, range(f.D))
+    humps, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]
         is_quotient = name == "fdiv" and (of[-1] is not operands[1] or of[-1] not in varying)
         is_polynomial = name in _OF_POLYNOMIALS or is_quotient or is_matrix(name)
-        if number in varying and (not is_polynomial or not found.isdisjoint(of)):
-            found.add(number)
-    return found
+        if number in varying and (not is_polynomial or not humps.isdisjoint(of)):
+            humps.add(number)
+    return humps
 
 
 def _rates_of(f, humps):
@@ -136,9 +136,9 @@ def _rates_of(f, humps):
     D = f.D
     values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
-    own = emitted(values, Program(needed_for(f.watched.operations, humps), humps), new)
+    surfaces = emitted(values, Program(needed_for(f.watched.operations, humps), humps), new)
     results, of_states = [], values.number(2 * D) + OF_STATES
-    rows, v = gradients_along(values, own, D, {j: D + j for j in range(D)})
+    rows, v = gradients_along(values, surfaces, D, {j: D + j for j in range(D)})
     for row in rows:
         rate = zero = 0.0
         for j, slope in row.items():
@@ -202,18 +202,19 @@ def _turns(operations, arguments):
 
     `arguments` has the phase a at five points for each sin(a), cos(a) or tan(a) in `operations`.
     """
-    found, arguments = {}, iter(arguments)
+    turns, arguments = {}, iter(arguments)
     for name, number, operands in operations:
-        of = [found[a] for a in operands if not isinstance(a, float) and a in found]
+        of = [turns[a] for a in operands if not isinstance(a, float) and a in turns]
         if name in WAVES:
-            own = [abs(b - a) for a, b in pairwise(next(arguments))]
-            found[number] = [2.0 * (a + b) for a, b in zip(*of, own, strict=True)] if of else own
+            turn = [abs(b - a) for a, b in pairwise(next(arguments))]
+            both = zip(*of, turn, strict=True)
+            turns[number] = [2.0 * (a + b) for a, b in both] if of else turn
         elif of:
             how = add if name in ("fmul", "fdiv") else larger
-            own = [functools.reduce(how, each) for each in zip(*of, strict=True)]
+            turn = [functools.reduce(how, each) for each in zip(*of, strict=True)]
             is_plain = name in _OF_POLYNOMIALS or (name == "fdiv" and len(of) == 1)
-            found[number] = own if is_plain else [2.0 * each for each in own]
-    return found
+            turns[number] = turn if is_plain else [2.0 * each for each in turn]
+    return turns
 
 
 def _decided(points, rates, rounding, tolerance):
@@ -247,12 +248,12 @@ def _decided(points, rates, rounding, tolerance):
 
 def _divided(points):
     """Return the coefficients of Newton's polynomial through `points`, values at 0 and POINTS."""
-    found = []
+    coefficients = []
     while points:
-        found.append(points[0])
-        n, pairs = len(found), enumerate(pairwise(points))
+        coefficients.append(points[0])
+        n, pairs = len(coefficients), enumerate(pairwise(points))
         points = [(b - a) * (1.0 / (_FRACTIONS[k + n] - _FRACTIONS[k])) for k, (a, b) in pairs]
-    return found
+    return coefficients
 
 
 def _least_near(coefficients, place):
@@ -278,7 +279,7 @@ def _is_steep(rates, zeros):
     `rates` are ds/du at five points; up to `zeros` they count as 0. A minimum lies between a
     negative and a positive rate. It is sharp if the line through both misses a neighbouring rate.
     """
-    found = None
+    is_steep = None
     for k, (u, v) in enumerate(pairwise(_FRACTIONS)):
         change = rates[k + 1] - rates[k]
         apart = 0.0
@@ -286,9 +287,10 @@ def _is_steep(rates, zeros):
             if 0 <= j < len(_FRACTIONS):
                 line = rates[k] + change * ((_FRACTIONS[j] - u) / (v - u))
                 apart = larger(abs(line - rates[j]), apart)
-        own = (rates[k] < -zeros[k]) & (rates[k + 1] > zeros[k + 1]) & (apart > STRAIGHT * change)
-        found = own if found is None else found | own
-    return found
+        is_minimum = (rates[k] < -zeros[k]) & (rates[k + 1] > zeros[k + 1])
+        is_sharp = is_minimum & (apart > STRAIGHT * change)
+        is_steep = is_sharp if is_steep is None else is_steep | is_sharp
+    return is_steep
 
 
 def sizes_of(values, operations, state, with_branches=True):

@@ -71,11 +71,11 @@ class EventAction(NamedTuple):
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
-        found = set() if self.surface is None else read_by(self.surface, self.surface.results)
+        numbers = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
-            found |= read_by(self.to, new)
-        return found
+            numbers |= read_by(self.to, new)
+        return numbers
 
     @staticmethod
     def list_of(values, results):
@@ -93,8 +93,8 @@ def with_parameters(actions, first):
     for program in programs:
         lists += [of for name, _, of in program.operations if name in _OF_PARAMETERS]
         lists.append(program.results)
-    found = {a: None for of in lists for a in of if type(a) is float}
-    constants = [a for a in found if a == a and a not in _PLAIN]
+    constants = {a: None for of in lists for a in of if type(a) is float}
+    constants = [a for a in constants if a == a and a not in _PLAIN]
     parameters = {a: first + k for k, a in enumerate(constants)}
 
     def new(operands, known=parameters):
@@ -265,8 +265,8 @@ def _of_columns(k, action, D, P, by, q):
         jump = emit("fsub", rate, _product(emit, row, before))
         columns.append(emit("fadd", _product(emit, row, v), emit("fmul", jump, tau)))
     results["column"], parts = columns, {}
-    for name, own in results.items():
-        program = renumbered(Program(needed_for(values.operations, own), own), places)
+    for name, operands in results.items():
+        program = renumbered(Program(needed_for(values.operations, operands), operands), places)
         parts[f"{name}{k}" if q is None else f"{name}{k}_{q}"] = EventProgram(program, 4 * D + 1)
     return parts
 

@@ -104,19 +104,19 @@ class ElapsedTime:
 
     def _pair(self, old):
         """Rewrite the operand `old` as a `_Pair` p + q; return None if it is no such sum."""
-        found = None if isinstance(old, float) else self.known[old]
-        if isinstance(found, _Pair):
-            return found
+        new = None if isinstance(old, float) else self.known[old]
+        if isinstance(new, _Pair):
+            return new
         return _Pair(0.0, self._whole(old)) if self._is_rigid(old) else None
 
     def _whole(self, old):
         """Rewrite operand `old`; return one operand, for a pair p + q the operand of its sum."""
-        found = old if isinstance(old, float) else self.known[old]
-        if not isinstance(found, _Pair):
-            return found
-        if found.whole is not None:
-            return found.whole
-        return self.values.emit("fadd", found.q, found.p)
+        new = old if isinstance(old, float) else self.known[old]
+        if not isinstance(new, _Pair):
+            return new
+        if new.whole is not None:
+            return new.whole
+        return self.values.emit("fadd", new.q, new.p)
 
     def _value(self, name, operands):
         """Rewrite operation `name` on old `operands`; return its new operand or its `_Pair`."""

@@ -46,14 +46,15 @@ class DenseRightHandSide:
         `table` (P, ...) contains the coefficients. Machine code adds terms in the same order.
         """
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
-        x, own = (
+        x, coefficients = (
             np.reshape(a, (D, rows, *[1] * (axes + 1 - np.ndim(a)), *np.shape(a)[1:]))
             for a, rows in ((x, 1), (table, 1 + D + D * D))
         )
-        products = own[:, 1 + D :].reshape(D, D, D, *own.shape[2:]) * x[:, 0]
-        shape = D, *np.broadcast_shapes(own.shape[2:], x.shape[2:])
-        constant = np.broadcast_to(own[:, 0], shape)
-        return x[:, 0], constant, own[:, 1 : 1 + D], np.add.accumulate(products, axis=2)[:, :, -1]
+        constant, linear, quadratic = np.split(coefficients, [1, 1 + D], axis=1)
+        products = quadratic.reshape(D, D, D, *quadratic.shape[2:]) * x[:, 0]
+        shape = D, *np.broadcast_shapes(constant.shape[2:], x.shape[2:])
+        constant = np.broadcast_to(constant[:, 0], shape)
+        return x[:, 0], constant, linear, np.add.accumulate(products, axis=2)[:, :, -1]
 
 
 def dense_parameters(indices, values, D):

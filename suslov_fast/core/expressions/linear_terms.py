@@ -55,11 +55,11 @@ def coefficients(f, table):
 
 
 def _sum(parts):
-    found = {}
+    terms = {}
     for part in parts:
         for key, c in part.items():
-            found[key] = found[key] + c if key in found else c
-    return found
+            terms[key] = terms[key] + c if key in terms else c
+    return terms
 
 
 def _may_expand(a, b):
@@ -68,9 +68,9 @@ def _may_expand(a, b):
 
 
 def _product(a, b):
-    found = {}
+    terms = {}
     for first, c in a.items():
         for second, d in b.items():
             key = (*sorted((*first, *second), key=str),)
-            found[key] = found[key] + c * d if key in found else c * d
-    return found
+            terms[key] = terms[key] + c * d if key in terms else c * d
+    return terms

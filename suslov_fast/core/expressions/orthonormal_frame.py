@@ -13,7 +13,7 @@ counts as 1, even if it is small: the variables are the entries plus SHIFT.
 import functools
 import itertools
 
-from .programs import Expressions, Program, dot, emitted
+from .programs import Expressions, dot, emitted, united
 from .right_hand_side import RightHandSide
 
 SHIFT = 2.0
@@ -30,10 +30,8 @@ def _with_frame(f, moving):
     first = D + n * n + n
     values = Expressions(first + len(f.table), range(first, first + len(f.table)))
     known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
-    operations = {each[1]: each for program in (f.f, f.derivative) for each in program.operations}
-    both = [operations[number] for number in sorted(operations)]
-    found = emitted(values, Program(both, [*f.f.results, *f.derivative.results]), known)
-    of_x, entries = found[:D], found[D:]
+    results = emitted(values, united((f.f, f.derivative)), known)
+    of_x, entries = results[:D], results[D:]
     place = {i: k for k, i in enumerate(moving)}
     slopes = {
         (place[i], place[j]): a
@@ -52,19 +50,19 @@ def _with_frame(f, moving):
     rates = [of_Q.get((i, j), 0.0) for i in rows for j in rows]
     results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in rows)]
     kept = range(first, first + len(f.table))
-    found = RightHandSide(values, results, len(f.table), kept=kept)
-    found.is_written = False
-    return found
+    frame = RightHandSide(values, results, len(f.table), kept=kept)
+    frame.is_written = False
+    return frame
 
 
 def _product(emit, a, b, n):
     """Return the product of n by n matrices a and b, dicts {(i, j): operand} of entries not 0."""
-    found = {}
+    product = {}
     for i, j in itertools.product(range(n), repeat=2):
         pairs = [(a[i, k], b[k, j]) for k in range(n) if (i, k) in a and (k, j) in b]
         if pairs:
-            found[i, j] = dot(emit, pairs)
-    return found
+            product[i, j] = dot(emit, pairs)
+    return product
 
 
 with_frame = functools.lru_cache(64)(_with_frame)

@@ -41,10 +41,10 @@ def sets_of(f):
     sets = [[i for i in moving if colours[i] == colour] for colour in (False, True)]
     if not all(sets) or (kinds := _kinds(f)) is None:
         return None
-    A, B = sorted(sets, key=lambda own: (_has_quotient(f, own, kinds), _work(f, own)))
+    A, B = sorted(sets, key=lambda part: (_has_quotient(f, part, kinds), _work(f, part)))
     if _has_quotient(f, A, kinds):
         return None
-    of_A, of_B = (functools.reduce(int.__or__, [f.reads[i] for i in own]) for own in (A, B))
+    of_A, of_B = (functools.reduce(int.__or__, [f.reads[i] for i in part]) for part in (A, B))
     return ComponentSets(
         sorted([*A, *bits_of(still & of_B)]), sorted([*B, *bits_of(still & (of_A | ~of_B))])
     )
@@ -53,8 +53,8 @@ def sets_of(f):
 def part_of(program, numbers):
     """Return the `Program` of the results at places `numbers` alone; other results are None."""
     of = {*numbers}
-    own = [a if k in of else None for k, a in enumerate(program.results)]
-    return Program(needed_for(program.operations, own), own)
+    results = [a if k in of else None for k, a in enumerate(program.results)]
+    return Program(needed_for(program.operations, results), results)
 
 
 def _colours(reads):

@@ -49,22 +49,22 @@ class Values:
 
     def total_of(self, start, factors):
         """Return the operand of start + a c + ..., as `total`, with `factors` [a, c, ...]."""
-        own, kind = [] if start is None else [start], None
+        operands, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
-            return self.emit("sum", *own, *factors)
+            return self.emit("sum", *operands, *factors)
         for a, c in zip(factors[::2], factors[1::2], strict=True):
             of_pair = self.is_fixed(a) + self.is_fixed(c)
-            if len(own) > 1 and of_pair != kind:
-                own = [self.emit("sum", *own)]
+            if len(operands) > 1 and of_pair != kind:
+                operands = [self.emit("sum", *operands)]
             if of_pair == 2:
                 product = self.emit("fmul", a, c)
-                own = [self.emit("fadd", *own, product) if own else product]
+                operands = [self.emit("fadd", *operands, product) if operands else product]
             else:
-                own += (c, a) if self.is_fixed(c) else (a, c)
+                operands += (c, a) if self.is_fixed(c) else (a, c)
             kind = of_pair
-        if len(own) > 1:
-            return self.emit("sum", *own)
-        return own[0] if own else None
+        if len(operands) > 1:
+            return self.emit("sum", *operands)
+        return operands[0] if operands else None
 
     def number(self, operand):
         """Return the `Number` of an operand, to write formulas with Python's operators."""
@@ -235,11 +235,11 @@ def needed_for(operations, results):
 
 def depending(operations, given):
     """Return the set of `given` numbers of values, and of all values that depend on these."""
-    found = {*given}
+    numbers = {*given}
     for _, number, operands in operations:
-        if any(a in found for a in operands if not isinstance(a, float)):
-            found.add(number)
-    return found
+        if any(a in numbers for a in operands if not isinstance(a, float)):
+            numbers.add(number)
+    return numbers
 
 
 def renamed(operands, new):
@@ -257,6 +257,13 @@ def emitted(values, program, new=None):
     for name, number, operands in program.operations:
         new[number] = values.emit(name, *renamed(operands, new))
     return renamed(program.results, new)
+
+
+def united(programs):
+    """Return one `Program` with the results of several, whose equal numbers are equal values."""
+    operations = {each[1]: each for program in programs for each in program.operations}
+    results = [a for program in programs for a in program.results]
+    return Program([operations[number] for number in sorted(operations)], results)
 
 
 def renumbered(program, given):

@@ -40,21 +40,21 @@ def longest_step(values, f, steady):
     for name, result, operands in f.operations:
         of = operands[1:] if name == "select" else operands
         varying = [a for a in of if not values.is_fixed(a)]
-        own, others = [known.get(a) for a in varying], [a for a in of if values.is_fixed(a)]
-        if not own or None in own or (varying != [of[0]] and name in ("fdiv", "pow")):
+        waves, others = [known.get(a) for a in varying], [a for a in of if values.is_fixed(a)]
+        if not waves or None in waves or (varying != [of[0]] and name in ("fdiv", "pow")):
             continue
-        (size, rate, d), is_sum, more = own[0], name != "fmul", own[1:]
+        (size, rate, d), is_sum, more = waves[0], name != "fmul", waves[1:]
         if more:
             size = size + more[0].size if is_sum else size * more[0].size
         elif name in ("fmul", "fdiv"):
             size = size.then(name, abs(number(others[0])))
-        if all(wave.d is None for wave in own):
+        if all(wave.d is None for wave in waves):
             if name in ("sin", "cos"):
                 known[result] = _Wave(number(1.0), size * size, number(1.0))
             elif name in _LINEAR and (is_sum or not more):
                 known[result] = _Wave(size)
             continue
-        if any(wave.d is None for wave in own):
+        if any(wave.d is None for wave in waves):
             continue
         if more:
             rate = larger(rate, more[0].rate)

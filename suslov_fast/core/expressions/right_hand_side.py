@@ -129,8 +129,8 @@ class RightHandSide:
         """The `Program` of f' v (D) from the parts of f' at the places `linked`, and v (D)."""
         parts, D = range(len(self.linked)), self.D
         values, v = Expressions(len(parts) + D), {j: len(parts) + j for j in range(D)}
-        found, _ = along(values.emit, self.products, self.rows_of(parts), v)
-        return Program(values.operations, [0.0 if a is None else a for a in found])
+        changes, _ = along(values.emit, self.products, self.rows_of(parts), v)
+        return Program(values.operations, [0.0 if a is None else a for a in changes])
 
     @cached_property
     def key(self):
@@ -207,12 +207,12 @@ def _signs_of_poles(values, f, quotients):
     dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f, a `Program`, does not use
     the quotient. They are added to the `Expressions` `values`.
     """
-    emit, is_taken, found = values.emit, _taken(values, f), []
+    emit, is_taken, signs = values.emit, _taken(values, f), []
     for number, a, b in quotients:
         for pair in ((a, 0.0), (0.0, a)):
             truth = folded(emit, "and", (is_taken.get(number, False), folded(emit, "ogt", pair)))
-            found.append(folded(emit, "select", (truth, b, 0.0)))
-    return [*dict.fromkeys(a for a in found if type(a) is int)]
+            signs.append(folded(emit, "select", (truth, b, 0.0)))
+    return [*dict.fromkeys(a for a in signs if type(a) is int)]
 
 
 def _taken(values, f):
@@ -222,9 +222,9 @@ def _taken(values, f):
     the value. They do not where `select` chooses another value, or where the other factor of a
     product is 0; such a factor is a `select`, or depends on parameters alone.
     """
-    emit, found = values.emit, {a: True for a in f.results if not isinstance(a, float)}
+    emit, is_taken = values.emit, {a: True for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):
-        truth = found.get(number, False)
+        truth = is_taken.get(number, False)
         for k, a in enumerate(operands):
             if isinstance(a, float) or truth is False:
                 continue
@@ -236,8 +236,8 @@ def _taken(values, f):
                 if other in values.fixed or values.of.get(other, ("",))[0] == "select":
                     condition = (~values.number(other).equals(0.0)).number
             both = folded(emit, "and", (truth, condition))
-            found[a] = folded(emit, "or", (both, found.get(a, False)))
-    return found
+            is_taken[a] = folded(emit, "or", (both, is_taken.get(a, False)))
+    return is_taken
 
 
 def _common_factors(instruction, operands, factors, D):

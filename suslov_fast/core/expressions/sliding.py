@@ -178,12 +178,12 @@ class SlidingEquations(_Rates):
         self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
         start = EventAction(None, self._program(self._with_modes(range(D + self.size))), 0, inf)
-        own = [
+        events = [
             self._contact(k) if k in self.contacts else self._action(a)
             for k, a in enumerate(actions)
         ]
-        n = self.surfaces_of_events = sum(action.surface is not None for action in own)
-        self.actions = (*own[:n], *modes, start, *own[n:])
+        n = self.surfaces_of_events = sum(action.surface is not None for action in events)
+        self.actions = (*events[:n], *modes, start, *events[n:])
 
     def _toward(self, g):
         """Return ds/dt below and above surface g, while the solution slides along the others."""
@@ -205,8 +205,8 @@ class SlidingEquations(_Rates):
         surface, to = action.surface, action.to
         if surface is not None:
             [s] = emitted(self.values, surface, dict(self.values.inputs))
-            for own, slides in zip(self.surfaces, self.slides, strict=True):
-                if same(s, own):  # along it s is rounding
+            for of_mode, slides in zip(self.surfaces, self.slides, strict=True):
+                if same(s, of_mode):  # along it s is rounding
                     s = slides.select(0.0, self.values.number(s)).number
             surface = self._program([s])
         if to is not None:
@@ -287,9 +287,9 @@ class SlidingEquations(_Rates):
         sliding = [a.select(0.0, mode) for a, mode in zip(near, modes, strict=True)]
         jumps = [values.dot(c.gradient, c.direction) for c in [*self.constraints.values()][:n]]
         factors = [self.factors[D + g] for g in range(n)]
-        found = values.at(with_modes(sliding), [*factors, *jumps])[0]
+        results = values.at(with_modes(sliding), [*factors, *jumps])[0]
         can_slide = values.true if at is None else ~self.slides[at]
-        for a, w, jump in zip(near, found[:n], found[n:], strict=True):
+        for a, w, jump in zip(near, results[:n], results[n:], strict=True):
             can_slide = can_slide & (~a | ((w >= 0.0) & (w <= 1.0) & (jump <= 0.0)))
         modes = [can_slide.select(a, b) for a, b in zip(sliding, modes, strict=True)]
         is_right = self._are_consistent(with_modes(modes), on, -BARELY)
@@ -339,7 +339,7 @@ def _comparisons_in(values, program):
     operand, where the first of the pair is larger; else -1.0. A quotient c x / |x| has "fdiv", the
     value of x / |x| where the first is larger, and c.
     """
-    found = {}
+    comparisons = {}
     for name, number, operands in program.operations:
         if name not in (*_COMPARISONS, *_KINKS) or all(map(values.is_fixed, operands)):
             continue
@@ -354,13 +354,13 @@ def _comparisons_in(values, program):
                 break
         if isinstance(a, float) or (not isinstance(b, float) and b < a):
             a, b, sign = b, a, -sign
-        found[number] = (a, b), (name, sign)
+        comparisons[number] = (a, b), (name, sign)
     for name, number, operands in program.operations:
-        pair, about = found.get(operands[-1], (None, ("", 0.0)))
+        pair, about = comparisons.get(operands[-1], (None, ("", 0.0)))
         if name == "fdiv" and about[0] == "fabs":
             inner, factors = values.parts_of(operands[0])
             [x] = values.parts_of(operands[1])[1]
             a, b = factors if inner == "fmul" else (1.0, operands[0])
             if same(a, x) or same(b, x):
-                found[number] = pair, ("fdiv", about[1], a if same(b, x) else b)
-    return found
+                comparisons[number] = pair, ("fdiv", about[1], a if same(b, x) else b)
+    return comparisons

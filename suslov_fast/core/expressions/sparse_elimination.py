@@ -91,9 +91,9 @@ def _below_and_above(sets):
     """
     columns, rows = [], []
     for k, rows_of_column in enumerate(sets):
-        own = [*bits_of(rows_of_column)]
-        columns += [k] * len(own)
-        rows += own
+        rows_here = [*bits_of(rows_of_column)]
+        columns += [k] * len(rows_here)
+        rows += rows_here
     columns, rows = np.array(columns, np.int64), np.array(rows, np.int64)
     return [(columns[part], rows[part]) for part in (rows > columns, rows < columns)]
 

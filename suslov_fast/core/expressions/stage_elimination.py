@@ -23,17 +23,17 @@ class Elimination:
     def __init__(self, pattern, order, fill):
         D, s = len(order), len(pattern)
         values, first = _Products(s + 1 + D, ()), s + 1
-        own = Factors(_Scaled(values, pattern), order, fill)
-        found = [*own.inverse.values(), *own.lower.values(), *own.upper.values()]
-        self.factors = Program(needed_for(values.operations, found), found)
-        self.pivots = len(own.inverse)
+        factors = Factors(_Scaled(values, pattern), order, fill)
+        numbers = [*factors.inverse.values(), *factors.lower.values(), *factors.upper.values()]
+        self.factors = Program(needed_for(values.operations, numbers), numbers)
+        self.pivots = len(factors.inverse)
         values.operations, v = [], {}
         for k in order:
-            v[k] = own.forward(k, first + k, v)
+            v[k] = factors.forward(k, first + k, v)
         for k in reversed(order):
-            v[k] = own.backward(k, v)
-        given = {number: place for place, number in enumerate(found)}
-        given |= {first + i: len(found) + i for i in range(D)}
+            v[k] = factors.backward(k, v)
+        given = {number: place for place, number in enumerate(numbers)}
+        given |= {first + i: len(numbers) + i for i in range(D)}
         solution = Program(values.operations, [v[i] for i in range(D)])
         self.solution = renumbered(solution, given)
 

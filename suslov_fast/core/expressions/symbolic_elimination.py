@@ -223,8 +223,8 @@ def elimination_order(pattern, D):
         left.remove(k)
         others = neighbours[k]
         for i in bits_of(others):
-            own = neighbours[i] = (neighbours[i] | others) ^ (1 << i | 1 << k)
-            degree[i], depth[i] = own.bit_count(), max(depth[i], depth[k] + 1)
+            others_of_i = neighbours[i] = (neighbours[i] | others) ^ (1 << i | 1 << k)
+            degree[i], depth[i] = others_of_i.bit_count(), max(depth[i], depth[k] + 1)
             heappush(keys, (degree[i], depth[i], i))
     return order
 

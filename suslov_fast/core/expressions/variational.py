@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from .dense_product import along
-from .programs import Expressions, Program, dot, emitted
+from .programs import Expressions, Program, dot, emitted, united
 from .right_hand_side import RightHandSide
 
 # Surfaces, branches and events depend on x alone.
@@ -35,18 +35,16 @@ class Variational(RightHandSide):
         n = D * (1 + columns) + 2 * has_trace
         values, table = Expressions(n + P), range(n, n + P)
         known = {i: i for i in range(D)} | dict(zip(f.table, table, strict=False))
-        lists = f.f, f.derivative, f.of_parameters
-        operations = {each[1]: each for program in lists for each in program.operations}
-        wanted = [*f.f.results, *f.denominators, *f.derivative.results, *f.by]
-        found = emitted(values, Program([operations[k] for k in sorted(operations)], wanted), known)
-        rates, found = found[:D], found[D:]
-        poles, found = found[: len(f.denominators)], found[len(f.denominators) :]
-        rows, by = f.rows_of(found[: len(f.linked)]), found[len(f.linked) :]
+        programs = f.with_denominators, f.derivative, f.of_parameters
+        results = emitted(values, united(programs), known)
+        rates, results = results[:D], results[D:]
+        poles, results = results[: len(f.denominators)], results[len(f.denominators) :]
+        rows, by = f.rows_of(results[: len(f.linked)]), results[len(f.linked) :]
         for c in range(columns):
             q, first, totals = c - columns + self.q, D * (1 + c), []
             if q >= 0:
-                own = by[q * f.height : (q + 1) * f.height]
-                totals = [values.emit("fmul", table[q - self.q], a) for a in own]
+                slopes = by[q * f.height : (q + 1) * f.height]
+                totals = [values.emit("fmul", table[q - self.q], a) for a in slopes]
             v = {j: first + j for j in range(D)}
             changes, _ = along(values.emit, f.products, rows, v, totals)
             rates += [0.0 if a is None else a for a in changes]

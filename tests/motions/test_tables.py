@@ -78,6 +78,21 @@ def test_a_day_that_repeats_from_a_clock_of_dates(rng):
         np.testing.assert_allclose(motion["x"], right, rtol=1e-8)
 
 
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+def test_tables_that_bend_and_jump_each_after_its_own_delay(start):
+    """With derivatives, jumps of tables are conditions before all kinks."""
+    bends = [0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.5, 0.2]
+    jumps = steps([-9.0, 0.5, 1.7], [1.0, 2.0, -1.0])
+
+    def f(s, c):
+        later = np.interp(s[1] - (start + 0.3), *jumps)
+        return c * np.interp(s[1] - start, *bends) + later, 1.0
+
+    motion = sf.flow(field(f, "x t", c=2.0), [0.0, start], time=3.0, derivatives="c")
+    np.testing.assert_allclose(motion.final[0], 2.0 * 1.6 + (0.8 + 2.4 - 1.0), rtol=1e-6)
+    np.testing.assert_allclose(motion.derivatives["c"][-1, 0], 1.6, rtol=1e-6)
+
+
 def test_a_table_of_the_state_to_which_both_sides_lead_back():
     back = field(lambda s: (np.interp(s[0], [0, 0], [1, -1]),), "x")
     with pytest.warns(sf.IntegrationWarning, match="slide"):

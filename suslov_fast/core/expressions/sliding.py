@@ -148,7 +148,8 @@ class SlidingEquations(_Rates):
     """
 
     def __init__(self, values, results, D, P, actions=(), sign=1):
-        f, self.sign, self.size = Program(needed_for(values.operations, results), results), sign, 0
+        f, self.size = Program(needed_for(values.operations, results), results), 0
+        self.sign = sign = float(sign)
         comparisons = _comparisons_in(values, f)
         pairs = [*dict.fromkeys(pair for pair, _ in comparisons.values())]
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
@@ -171,7 +172,7 @@ class SlidingEquations(_Rates):
         rates_of_modes = [0.0] * self.size
         if self.contacts:
             self.resting = Contacts(self.values, self.touching, self.factors, matrix, sign)
-            f, rates_of_modes[-1] = self.resting.held(f), float(sign)
+            f, rates_of_modes[-1] = self.resting.held(f), sign
         self.results = f + rates_of_modes
         all_pairs = combinations(range(self.count), 2)
         self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
@@ -188,7 +189,7 @@ class SlidingEquations(_Rates):
     def _toward(self, g):
         """Return ds/dt below and above surface g, while the solution slides along the others."""
         rates = (self.with_sides({g: is_above})[0] for is_above in (False, True))
-        return [float(self.sign) * self.values.dot(self.slopes[g], f) for f in rates]
+        return [self.sign * self.values.dot(self.slopes[g], f) for f in rates]
 
     def _program(self, results):
         return EventAction.list_of(self.values, results)

@@ -224,7 +224,7 @@ class SlidingEquations(_Rates):
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
         # Other modes may end with this one.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
-        x = self._decided(x, [*others, g], at=g)
+        x = self._decided(x, [g, *others, g] if others else [g], at=g)
         # On the surface without errors, which would grow from phase to phase.
         lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
         for i, a in enumerate(jump):
@@ -245,9 +245,10 @@ class SlidingEquations(_Rates):
     def _decided(self, x, surfaces, at=None):
         """Return operands of the state x, in which f leads to the modes of `surfaces`.
 
-        The solution arrives at the surface `at`, or leaves it, if it is not None; modes off other
-        surfaces stay. First each mode follows from the rates on both sides of its surface: it stays
-        if f leads away on its side. Then several modes are decided together.
+        The solution arrives at the surface `at`, or leaves it, if it is not None; the modes of
+        other surfaces that it is not on stay. First each mode in turn follows from the rates on
+        both sides of its surface: it stays if f leads away on its side. Then several modes are
+        decided together.
         """
         number, D = self.values.number, self.D
         for g in surfaces:

@@ -137,7 +137,7 @@ def choose(code):
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
     with code.text.when(ends.any(), likely=False):
         place = branches.P + branches.jumps
-        _put_choices(code, ends, code.integrator.kinks, work.seen.after(3), place)
+        _put_choices(code, ends, code.integrator.kinks, work.crossings.after(3), place)
         # f may change much even if it is continuous, as along a steep line of a table.
         code.call("f", work.new, code.table, work.f_new)
 
@@ -177,7 +177,7 @@ def _jump(code, jumped):
     back = jumped & (work.chosen[0] >= 0.0)
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.watched):
-            line.far.choose(back, i, work.start[i])
+            line.beyond.choose(back, i, work.start[i])
         code.keep(line, code.apply(SEEK, ahead=ahead["ahead"]), back)
 
 

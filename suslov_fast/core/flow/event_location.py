@@ -23,8 +23,6 @@ as a ball after a bounce, Newton's method starts from its end (`BACK`).
 import itertools
 from math import inf
 
-import numpy as np
-
 from ..expressions.double_crossings import MIDDLE, POINTS
 from ..expressions.values import larger, smaller
 from .memory import LaneState
@@ -233,113 +231,113 @@ def cut(code, before, total):
 
     `before` is the time at which the step begins; `total` is finite if f at its end is.
     """
-    text, line, work, watched = code.text, code.line, code.work, code.integrator.watched
-    taken, count, pair, points = work.taken[0], code.integrator.surfaces, work.between, work.points
-    far = line.far
-    ended, events = text.value(0.0) > 0.0, code.integrator.events
-    if events and events.surfaces:
-        text.copy(line.side, work.sides, 2 * events.surfaces)
-    if events and events.surfaces and not any(events.holds):
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
+    taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
+    ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
+    text.copy(line.side, work.sides, 2 * surfaces)
+    if surfaces and not any(integrator.events.holds):
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):
                 work.new.choose(ended, i, line.x[i])
             for i in text.each(code.extended):
                 work.f_new.choose(ended, i, line.f[i])
-    is_far, from_start, of = (
-        ~(line.outer[0] < np.inf),
-        ~(line.inner[0] > 0.0),
-        code.integrator.double_crossings,
-    )
-    parts, middle = _look_at_points(code, taken, from_start)
-    inputs = {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
-    inputs |= parts | {"mode": code.mode, "goal": code.goal().get("last", code.number("last"))}
+    has_no_search = ~(line.outer[0] < inf)
+    from_start = ~(line.inner[0] > 0.0)
+    inputs = _look_at_points(code, taken, from_start)
+    inputs |= {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
+    inputs |= {"mode": code.mode, "goal": code.goal().get("last", code.number("last"))}
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
-    code.call("surfaces", far, code.table, pair.after(count))
+    code.call("surfaces", line.beyond, code.table, pair.after(count))
     inputs |= _watch(code, "part")
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
     inputs |= _watch(code, "whole_part", "crosses", "jumps")
-    inputs |= {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0}
-    inputs |= {"known": np.inf, "waves": 0.0}
-    if of.decision:
-        middle[watched] = code.number("rtol")
-        code.call("double_crossings", points, code.table, work.told)
-        inputs |= {"hidden": work.told[0], "twice": work.told[1], "waves": work.told[2]}
-        if of.of_clocks:  # a longer step may fit the periods of a clock
-            inputs["known"] = taken
-        if of.of_states:  # differences within the errors of points are no crossings
-            inputs["starts"] = (work.told[1] > 0.0).select(1.0, inputs["crosses"])
-    found = code.apply(CUT, **inputs | _aim(code, inputs, is_far, from_start))
-    _keep_far(code, found.pop("beyond") > 0.0, work.new)
+    inputs |= _double_crossings(code, inputs)
+    found = code.apply(CUT, **inputs | _aim(code, inputs, has_no_search, from_start))
+    _keep_beyond(code, found.pop("beyond") > 0.0, work.new)
     own = "at_surface", "jumped", "accepted", "served"
     code.keep(work, {name: found.pop(name) for name in own})
     code.keep(line, found)
 
 
 def _look_at_points(code, length, from_start):
-    """Return the first crossing between POINTS of a step (results of `LOOK`), and the middle state.
+    """Return the first crossing between POINTS of a step (results of `LOOK`).
 
     `length` is the length of the step. `from_start` marks lanes that know no shorter step without a
-    crossing: there the state beyond the crossing becomes `far`.
+    crossing: there the state after the crossing becomes the row `beyond`.
     """
-    text, line, work, of = code.text, code.line, code.work, code.integrator.double_crossings
-    count, pair, point, points = code.integrator.surfaces, work.between, work.point, work.points
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
+    count, pair, point, points = integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
-    parts, quartic = dict.fromkeys(("crossed", "place", "end"), text.value(0.0)), None
-    phases = points.after((1 + len(POINTS)) * count)
-    rates = phases.after((1 + len(POINTS)) * of.inside[0])
-    middle = rates.after((1 + len(POINTS)) * of.inside[1])
-    if of.of_states and not code.integrator.is_implicit:
-        quartic = work.quartic
-        find_quartic(code)
-    _look_inside(code, 0.0, line.x, phases, rates, quartic)
+    found = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
+    if _has_quartics(integrator):
+        _find_quartic(code)
+    _look_inside(code, 0, 0.0, line.x)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else work.new
         if end < 1.0:
-            put_point(code, text.value(end), point, quartic=quartic)
+            _put_point(code, text.value(end), point)
         code.call("surfaces", state, code.table, points.after(k * count))
-        own = phases.after(k * of.inside[0]), rates.after(k * of.inside[1])
-        _look_inside(code, end, state, *own, quartic)
-        if of.decision and k == MIDDLE:
-            text.copy(point, middle, code.integrator.watched)
+        _look_inside(code, k, end, state)
+        if integrator.double_crossings.decision and k == MIDDLE:
+            text.copy(point, points.after(integrator.at_points), integrator.watched)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
-        inputs = _watch(code, "part", "crosses") | parts | {"u": end, "width": end - begin}
-        parts = code.apply(LOOK, taken=length, **inputs)
-        _keep_far(code, (parts.pop("is_first") > 0.0) & from_start, state)
-    return parts, middle
+        inputs = _watch(code, "part", "crosses") | found | {"u": end, "width": end - begin}
+        found = code.apply(LOOK, taken=length, **inputs)
+        _keep_beyond(code, (found.pop("is_first") > 0.0) & from_start, state)
+    return found
 
 
 def _watch(code, *names):
     """Return, by `names`, at which fraction, and if, a surface is crossed between two points."""
-    code.call("watch", code.work.between, code.table, code.work.seen)
-    return {name: code.work.seen[k] for k, name in enumerate(names)}
+    code.call("watch", code.work.between, code.table, code.work.crossings)
+    return {name: code.work.crossings[k] for k, name in enumerate(names)}
 
 
-def _keep_far(code, truth, state):
-    """Copy a state beyond a surface to the row `far`, in lanes where `truth` is true."""
-    far = code.line.far
+def _keep_beyond(code, truth, state):
+    """Copy a state beyond a surface to the row `beyond`, in lanes where `truth` is true."""
+    beyond = code.line.beyond
     for i in _read(code):
-        far.put_chosen(i, truth.select(state[i], far[i]))
+        beyond.put_chosen(i, truth.select(state[i], beyond[i]))
 
 
-def _look_inside(code, u, x, phases, rates, quartic):
-    """Write the arguments of sin, cos and tan to rows `phases`, and rates of surfaces to `rates`.
+def _look_inside(code, k, u, x):
+    """Write the arguments of sin, cos and tan, and rates of surfaces, at point k of a step.
 
-    x is the state at the fraction u of a step; `quartic` has results of `find_quartic`, or is None.
+    There the state is x, at the fraction u of the step.
     """
-    work, moving, D = code.work, code.work.moving, code.integrator.watched
-    if code.integrator.double_crossings.phases:
-        code.call("phases", x, code.table, phases)
-    if code.integrator.double_crossings.rates:
+    work, integrator, moving = code.work, code.integrator, code.work.moving
+    of, D, points = integrator.double_crossings, integrator.watched, 1 + len(POINTS)
+    phases = work.points.after(points * integrator.surfaces)
+    rates = phases.after(points * of.inside[0] + k * of.inside[1])
+    if of.phases:
+        code.call("phases", x, code.table, phases.after(k * of.inside[0]))
+    if of.rates:
         beside = u - BESIDE if u == 1.0 else u + BESIDE
-        put_point(code, code.text.value(beside), work.start, quartic=quartic)
+        _put_point(code, code.text.value(beside), work.start)
         for i in _read(code):
             moving[i] = x[i]
             moving.after(D)[i] = (work.start[i] - x[i]) * (1.0 / (beside - u))
         moving[2 * D] = code.number("rtol")
         code.call("rates", moving, code.table, rates)
+
+
+def _double_crossings(code, inputs):
+    """Return the inputs of `CUT` that tell whether a step may cross a surface twice."""
+    integrator, decision = code.integrator, code.work.decision
+    of, points = integrator.double_crossings, code.work.points
+    found = {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "waves": 0.0, "known": inf}
+    if of.decision:
+        points[integrator.at_points + integrator.watched] = code.number("rtol")
+        code.call("double_crossings", points, code.table, decision)
+        found |= {"hidden": decision[0], "twice": decision[1], "waves": decision[2]}
+        if of.of_clocks:  # a longer step may fit the periods of a clock
+            found["known"] = inputs["taken"]
+        if of.of_states:  # differences within the errors of points are no crossings
+            found["starts"] = (decision[1] > 0.0).select(1.0, inputs["crosses"])
+    return found
 
 
 def _aim(code, inputs, has_no_search, from_start):
@@ -351,13 +349,13 @@ def _aim(code, inputs, has_no_search, from_start):
     `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
-    events, found = code.integrator.events, work.aim.after(3)
-    for k, value in {0: np.inf, 1: 0.0, 2: inputs["place"], 5: np.inf}.items():
+    found, surfaces = work.aim.after(3), code.integrator.event_surfaces
+    for k, value in {0: inf, 1: 0.0, 2: inputs["place"], 5: inf}.items():
         work.aim.put_chosen(k, value)
     comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
     comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
     looks = ~has_no_search | comes_back
-    if events and events.surfaces:
+    if surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
         is_asked = is_asked | (work.served[0] > 0.0) | (inputs["ended"] > 0.0)
@@ -367,31 +365,30 @@ def _aim(code, inputs, has_no_search, from_start):
         text.copy(work.new, work.end, D)
         for i in text.each(D):
             work.end.after(D)[i] = sign * work.f_new[i]
-        if events and events.surfaces:
-            text.copy(line.side, work.end.after(2 * D), 2 * events.surfaces)
+        text.copy(line.side, work.end.after(2 * D), 2 * surfaces)
         code.call("aim", work.end, code.table, found)
         work.aim.choose(~has_no_search, 0, inputs["taken"] + found[0])
         work.aim.choose(~has_no_search, 1, found[1])
         own = {name: inputs[name] for name in ("taken", "end")}
         place = code.apply(BACK, found=found[0], **own)["place"]
         work.aim.choose(comes_back, 2, place)
-    found = dict(zip(("aim", "since", "place"), (work.aim[k] for k in range(3)), strict=True))
-    has_left = events and events.surfaces
-    return found | {"left": is_asked.select(work.aim[5], np.inf) if has_left else np.inf}
+    found = {name: work.aim[k] for k, name in enumerate(("aim", "since", "place"))}
+    return found | {"left": is_asked.select(work.aim[5], inf) if surfaces else inf}
 
 
-def put_point(code, u, to, quartic=None):
-    """Write the components that surfaces read, at a fraction u of the step, to the state `to`.
+def _has_quartics(integrator):
+    """Return True if components inside a step are of degree 4 in its fraction, see `QUARTIC`."""
+    return integrator.double_crossings.of_states and not integrator.is_implicit
 
-    `quartic`, if given, has results of `find_quartic`: then components are of degree 4 in u.
-    """
-    of_point = POINT if quartic is None else POINT_WITH_QUARTIC
-    is_implicit, inputs = code.integrator.is_implicit, {}
-    if is_implicit:
-        of_point = POINT_IMPLICIT
+
+def _put_point(code, u, to):
+    """Write the components that surfaces read, at a fraction u of the step, to the state `to`."""
+    inputs = {}
+    of_point = POINT_WITH_QUARTIC if _has_quartics(code.integrator) else POINT
     quarters = [code.work.nodes.after(k * code.D) for k in range(3)]
     for i in _read(code):
-        if is_implicit:
+        if code.integrator.is_implicit:
+            of_point = POINT_IMPLICIT
             inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
         to[i] = code.apply(of_point, i, u=u, **inputs)["point"]
 
@@ -401,7 +398,7 @@ def _read(code):
     return code.text.listed(code.integrator.read)()
 
 
-def find_quartic(code):
+def _find_quartic(code):
     """Write `QUARTIC`, factors of u**2 (1 - u)**2 in components inside a step, to `quartic`."""
     text, work = code.text, code.work
     u = text.value(POINTS[0])

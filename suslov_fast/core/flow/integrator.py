@@ -41,7 +41,7 @@ class Integrator:
     read         the numbers of the components on which these surfaces depend
     double_crossings  `DoubleCrossings`, programs that find whether a step hides crossings; they
                  read `at_points` numbers at points of the step, such as values of surfaces
-    events       `EventSet`, or None
+    events       `EventSet`, or None; `event_surfaces` is the number of its surfaces
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
     factors      the number of factors of 1 - s f', 0 in the explicit integrator
     pivots       how many of them, from the first on, are inverse pivots
@@ -65,6 +65,7 @@ class Integrator:
         self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)
         self.kinks = f.branches.kinds_of_kinks if f.branches else []
         self.events = f.events
+        self.event_surfaces = f.events.surfaces if f.events else 0
         self.sets = None if is_implicit else sets_of(f)
         self.columns, p = (IMPLICIT, 1) if is_implicit else (EXPLICIT, 2)
         self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
@@ -94,7 +95,7 @@ class Integrator:
     def _add_surfaces(self):
         """Add functions of the surfaces at which steps end to the dict `functions`."""
         f, D = self.f, self.f.of.D
-        sides = 2 * (f.events.surfaces if f.events else 0)
+        sides = 2 * self.event_surfaces
         for name, program in (("surfaces", f.watched), ("phases", self.double_crossings.phases)):
             if program:
                 self.functions[name] = ProgramFunction(program, D, self.f.of.places)

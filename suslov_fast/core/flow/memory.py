@@ -39,14 +39,14 @@ def rows_of_trajectory(integrator):
     """
     f, watched, events = integrator.f, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
-    surfaces, actions = (events.surfaces, events.count) if acts else (0, 0)
+    surfaces, actions = integrator.event_surfaces, events.count if acts else 0
     return _first_rows(
         x=D,  # the state
         f=D + len(f.denominators),  # f(x), and its denominators of clocks
         largest=D,  # moduli of components so far
         mode=D,  # a vector of the power iteration on f'
         lost=D,  # relative errors of components, or RELATIVE, see `growing_components`
-        far=watched,  # the state after a step of length `outer`
+        beyond=watched,  # the state after a step of length `outer`, beyond a surface
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row they changed at once
         # Of surfaces of events: 1 where the state is at the level or above, 0 below, between both
@@ -96,7 +96,7 @@ def rows_of_work(integrator):
     """
     f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
-    extended, surfaces = D + len(f.denominators), events.surfaces if acts else 0
+    extended, surfaces = D + len(f.denominators), integrator.event_surfaces
     of_ends, entries = len(integrator.columns) * D, 0
     if integrator.is_implicit:
         entries = f.entries + 1
@@ -144,12 +144,12 @@ def rows_of_work(integrator):
         point=watched,  # the state at such a point
         quartic=of_x.D if watched else 0,  # what polynomials of degree 4 have there beside cubics
         moving=2 * watched + 1,  # that state, how it changes in a step, and rtol, for rates
-        told=3,  # what `DoubleCrossings` tells of them
+        decision=3,  # results of `DoubleCrossings.decision`
         end=2 * (watched + surfaces),  # the state, f there, and sides of events, for `aim`
         aim=6,  # when surfaces are crossed, see `event_location`
         between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
         sides=2 * surfaces,  # what the row `side` of the trajectory holds
-        seen=4 + len(integrator.kinks),  # what `watch` finds there
+        crossings=4 + len(integrator.kinks),  # results of `watch` there
         changed=acts * D,  # what functions of events return
         before=acts * D,  # the state before an action
         f_before=acts * D,  # f there

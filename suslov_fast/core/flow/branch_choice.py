@@ -1,6 +1,6 @@
 """The branches of a right-hand side with conditions: fixed along a step, chosen after it.
 
-A step ends just beyond a surface on which a condition changes (`event_location.CUT`). There new
+A step ends just beyond a surface on which a condition changes (`event_location`). There new
 branches are chosen, and f is evaluated with them. Columns v of derivatives become
 
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
@@ -62,15 +62,6 @@ def LOOK_AHEAD(t, last, part, sign):
     """Return a time `ahead` = part * t, or part * last at t = 0; and `signed` = sign * ahead."""
     ahead = part * (t > 0.0).select(t, last)
     return {"ahead": ahead, "signed": sign * ahead}
-
-
-@scalar_kernel
-def SEEK(wanted, ahead):
-    """Return rows that start a search (`CUT`) for a surface within the time `ahead` from now."""
-    return {
-        "whole": wanted, "wanted": ahead, "inner": 0.0, "outer": ahead, "weight": 0.0,
-        "rounds": 0.0,
-    }  # fmt: skip
 
 
 @scalar_kernel
@@ -178,7 +169,9 @@ def _jump(code, jumped):
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.watched):
             line.beyond.choose(back, i, work.start[i])
-        code.keep(line, code.apply(SEEK, ahead=ahead["ahead"]), back)
+        # This starts a search for a surface within that time, see `event_location`.
+        search = {"whole": line.wanted[0], "wanted": ahead["ahead"], "outer": ahead["ahead"]}
+        code.keep(line, search | {"inner": 0.0, "weight": 0.0, "rounds": 0.0}, back)
 
 
 def _put_ahead(code, x, f, signed):

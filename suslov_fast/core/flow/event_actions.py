@@ -4,6 +4,10 @@ At one instant events with given times act first, in the order of their list. Th
 state has crossed their surfaces, by the motion or by another action. A trajectory stores its side
 of each surface. The code is a separate function, because events at time 0 act before the first
 step.
+
+Scalar kernels read four numbers of a surface s = 0 at a state: `value` is s, `rate` is ds/dt, and
+`size` and `rate_size` are the sums of the moduli of their terms. `sign` is the sign of time. A
+state with |s| <= `near` is on the surface.
 """
 
 from math import inf
@@ -41,11 +45,9 @@ def _level(is_above, value, rounding):
 def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
-    `side` is 1 above, 0 below, GAP where s is NaN. `value` is s, and `rate` is ds/dt; `size` and
-    `rate_size` are the sums of the moduli of their terms. A state is on the surface if |s| is
-    rounding, at most `near`, or what the rate makes of NEARLY the time. Its side is where the rate
-    leads, and the level moves, so that s lies on this side. If the rate is rounding, the side is
-    STAYS. `sign` is the sign of time.
+    `side` is 1 above, 0 below, GAP where s is NaN. A state is on the surface also if |s| is
+    rounding, or what the rate makes of NEARLY the time. Its side is where the rate leads, and the
+    level moves, so that s lies on this side. If the rate is rounding, the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
@@ -71,13 +73,11 @@ def TOUCHING_SIDE(
 ):  # fmt: skip
     """Return `side` and `level` of a state at a surface s = 0, if its rate does not decide them.
 
-    `side` is 1 where s >= `level`, 0 below, STAYS if the state stays on the surface. It is 1 if
-    s = 0 all around the state. Only s with branches, such as min(x, 0), can be 0 all around
-    (`has_branches` is 1); cos(x) - 1 just touches 0. Where an event has acted after a crossing up
-    or down (`fired` is 1 or -1) and the rate `later`, after a moment, leads back, the state is back
-    on the side that it came from. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the
-    sums of the moduli of their terms, `slopes` is sum |ds/dx_j|, and `slopes_later` is the same sum
-    a moment later.
+    `side` is 1 if s = 0 all around the state. Only s with branches, such as min(x, 0), can be 0 all
+    around (`has_branches` is 1); cos(x) - 1 just touches 0. Where an event has acted after a
+    crossing up or down (`fired` is 1 or -1) and the rate `later`, after a moment, leads back, the
+    state is back on the side that it came from. `slopes` is sum |ds/dx_j|, and `slopes_later` is
+    the same sum a moment later.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -92,19 +92,17 @@ def TOUCHING_SIDE(
 
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, near, side, level, crossed, is_here, by_motion, holds, t, last,
+    value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
     sign, accepted, at_surface,
 ):  # fmt: skip
-    """Return whether a state crossed a surface s = 0: `up`, `down`; new `side`, `level`, `crossed`.
+    """Return whether a state crossed a surface `up` or `down`; update `side` and its other rows.
 
-    `side` is 1 where s >= `level`, 0 below, STAYS on the surface, GAP where s has no value. A
-    crossing is a change between 1 and 0, where events may act (`is_here` is 1). On the surface the
-    rate decides (`_side`); if it is rounding, the side remains, unless the step led across
-    (`by_motion` is 1). The own action of an event that `holds` states leaves them above, until s is
-    below the level. A state that crossed the surface at the time `crossed`, and was not beyond it
-    by more than rounding, does not cross it back. A state with |s| <= `near` is on the surface;
-    there `near` becomes 2 |s| at least. `value` is s, and `rate` is ds/dt; `size` and `rate_size`
-    are the sums of the moduli of their terms. `last` is the last time of the run.
+    A crossing is a change of the side between 1 and 0, where events may act (`is_here` is 1). On
+    the surface the rate decides (`_side`); if it is rounding, the side remains, unless the step led
+    across (`by_motion` is 1). The own action of an event that `holds` states leaves them above,
+    until s is below the level. A state that crossed the surface at the time `crossed_at`, and was
+    not beyond it by more than rounding, does not cross it back. `near` becomes 2 |s| at least. The
+    last time of the run is `last`.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -119,7 +117,7 @@ def CROSSED(
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(own["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
-    again = (by_motion | on) & (t - crossed <= AT_ONCE * t)
+    again = (by_motion | on) & (t - crossed_at <= AT_ONCE * t)
     moved = on & has_side & (by_motion | of_rest)
     moved = moved.select(_level(now > 0.5, value, ROUNDING * size), 0.0)
     moved = (holds > 1.0).select(level, moved)
@@ -127,7 +125,7 @@ def CROSSED(
     return {
         "side": changes.select(now, side),
         "level": changes.select(stays.select(own["level"], moved), level),
-        "crossed": differs.select((by_motion | on).select(t, -inf), crossed),
+        "crossed_at": differs.select((by_motion | on).select(t, -inf), crossed_at),
         "up": differs & ~again & (now > 0.5),
         "down": differs & ~again & ~(now > 0.5),
         "near": on.select(larger(near, abs(value) + abs(value)), near),
@@ -136,8 +134,8 @@ def CROSSED(
 
 @scalar_kernel
 def AGAIN(
-    fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted, pause,
-    more, limit, sign,
+    fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
+    pause, more, limit, sign,
 ):  # fmt: skip
     """Return `more`, above 0 if an action comes again at once, and `limit`, the time when it rests.
 
@@ -145,12 +143,11 @@ def AGAIN(
     It rises by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at
     once, or stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the
     last action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a
-    crossing up or down, else 0. `value` is s, and `rate` is ds/dt; `size` and `rate_size` are the
-    sums of the moduli of their terms. A state with |s| <= `near` is on the surface. `rate_before`
-    is ds/dt before the action, `later` a MOMENT later. `taken` is the length, `wanted` the next
-    one. `acted` is the time of the last action, `pause` the gap before it; both are updated.
+    crossing up or down, else 0. `rate_before` is ds/dt before the action, `later` a MOMENT later.
+    `taken` is the length, `wanted` the next one. `acted_at` is the time of the last action, `pause`
+    the gap before it; both are updated.
     """
-    is_fired, gap, now = abs(fired) > 0.0, t - acted, larger(t, wanted)
+    is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
     stays = abs(rate) <= ROUNDING * (rate_size + abs(rate_before))
     turn, change = -(fired * sign), later - rate
@@ -158,7 +155,7 @@ def AGAIN(
     comes_back = is_on & bends & (stays | (turn * rate > 0.0)) & (abs(rate) < abs(rate_before))
     parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
     away = comes_back.select(parabola, gap)
-    of_terms = LOW * (size + rate_size * now)  # which are those of a state within rounding of now
+    of_terms = LOW * (size + rate_size * now)  # a state within rounding of now has these terms
     is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
     is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
     counts = is_at_once.select(comes_back.select(ACTIONS_AT_ONCE, 1.0), 0.0)
@@ -167,31 +164,33 @@ def AGAIN(
     return {
         "more": larger(counts, more),
         "limit": is_at_once.select(smaller(t + comes_back.select(of_rates, of_gaps), limit), limit),
-        "acted": is_fired.select(t, acted),
+        "acted_at": is_fired.select(t, acted_at),
         "pause": is_fired.select(gap, pause),
     }
 
 
 @scalar_kernel
-def AFTER_EVENT(
-    size, rate, total, largest, rate_before, number, endless, more, limit, t, wanted, longer, state,
-    stiff, easy, tries, at, often, actions, part, last, longest, most,
-):  # fmt: skip
-    """Return the rows of a lane after actions of events, such as the next length and its state.
+def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
+    """Return `wanted`, or a first length, of the change `part`, if this is longer.
 
-    Without actions (`number` is 0) nothing changes. `wanted` becomes a first length, of the change
-    `part`, if this is longer. Let `rate`, max |f_i|, be FASTER times `rate_before`, at the
-    beginning of the step. Then `wanted` is at most a first length for a state as large as the
-    `largest` so far. `size` is max |x_i|, `total` is sum |x_i| + |f_i|. Actions accumulate if they
-    are `endless` at one instant, or if `often` + `more` in a row, ACTIONS_AT_ONCE, come at once.
-    `at` is the time `limit` at which they end, or t. `longer` bounds the ratio of two lengths.
-    `stiff`, `easy` and `tries` count steps; `most` bounds `actions`.
+    `size` is max |x_i|. Let `rate`, max |f_i|, be FASTER times `rate_before`, at the beginning of
+    the step. Then `wanted` counts as at most a first length for a state as large as the `largest`
+    so far.
     """
-    is_changed = number > 0.0
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
     least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
-    guess = smaller(smaller(larger((rate > 0.0).select(guess, 0.0), least), last), longest)
+    guess = larger((rate > 0.0).select(guess, 0.0), least)
+    return {"wanted": smaller(smaller(guess, last), longest)}
+
+
+@scalar_kernel
+def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
+    """Return `state`, `often`, and the time `at` of actions, or the `limit` where they accumulate.
+
+    They accumulate if they are `endless` at one instant, or if `often` + `more` in a row,
+    ACTIONS_AT_ONCE, come at once. `most` bounds `actions`, and `total` is finite if f is.
+    """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
     too_many = (actions > most).select(float(LaneState.TOO_MANY), state)
@@ -200,14 +199,9 @@ def AFTER_EVENT(
     after = (total < inf).select(after, float(LaneState.ENDED))
     end = (limit < inf).select(smaller(limit, last), t)
     return {
-        "wanted": is_changed.select(guess, wanted),
-        "longer": is_changed.select(AT_FIRST, longer),
-        "state": is_changed.select(after, state),
-        "stiff": is_changed.select(0.0, stiff),
-        "easy": is_changed.select(0.0, easy),
-        "tries": is_changed.select(0.0, tries),
-        "at": is_changed.select(after.equals(float(LaneState.ACCUMULATES)).select(end, t), at),
-        "often": is_changed.select(often_now, often),
+        "state": after,
+        "at": after.equals(float(LaneState.ACCUMULATES)).select(end, t),
+        "often": often_now,
     }
 
 
@@ -243,8 +237,8 @@ def find_sides(code, begins):
         found = _with_touching_side(code, k, found["side"], found["level"], 0.0)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
-        code.line.acted.choose(begins, k * 2, -inf)
-        code.line.crossed.choose(begins, k, -inf)
+        code.line.acted_at.choose(begins, k, -inf)
+        code.line.crossed_at.choose(begins, k, -inf)
         resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
     code.line.resting.choose(begins, 0, resting.resting)
 
@@ -290,8 +284,9 @@ def _at_surface(code, k):
 def _act_of_lanes(code):
     text, work, events = code.text, code.work, code.integrator.events
     is_there, is_at_stop = _is_there(code), _is_at_stop(code)
-    work.noted[0] = 0.0
-    _keep_largest(code, is_there)
+    work.actions_now[0] = 0.0
+    for i in text.each(code.D):  # before an action
+        code.keep_largest(is_there, i, work.new[i])
     if code.f.columns:
         for c in text.each(code.f.columns):
             work.tau[c] = 0.0
@@ -345,33 +340,31 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     text, work, events = code.text, code.work, code.integrator.events
     _look(code)
     for k in text.each(events.surfaces):
-        work.fired[k * 3] = work.fired.after(2)[k * 3] = 0.0
-        near = NEARLY * code.line.t[0] * abs(_at_surface(code, k)["rate"])
-        work.fired.after(1)[k * 3] = near
+        work.fired[k] = work.rate_before[k] = 0.0
+        work.near[k] = NEARLY * code.line.t[0] * abs(_at_surface(code, k)["rate"])
     if events.count == 1:
         _cross(code, 0, is_there, by_motion)
     else:
         for now in text.rounds(Carried()):
-            noted = work.noted[0]
-            few = is_there & (noted < _most(events))
+            before = work.actions_now[0]
+            few = is_there & (before < _most(events))
             for k in range(events.surfaces):
-                _cross(code, k, few, by_motion & work.noted[0].equals(0.0))
-            now.goes_on = (work.noted[0] > noted).any()
+                _cross(code, k, few, by_motion & work.actions_now[0].equals(0.0))
+            now.goes_on = (work.actions_now[0] > before).any()
     again.resting = 0.0
     _look_a_moment_later(code)
     for k in text.each(events.surfaces, again):
-        side, acted, place, fired = code.line.side, code.line.acted, k * 2, work.fired[k * 3]
-        level = side.after(1)
+        side, level, place, fired = code.line.side, code.line.side.after(1), k * 2, work.fired[k]
         found = _with_touching_side(code, k, side[place], level[place], fired)
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
         holds = text.constants([*map(float, events.holds)])[k]
         level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
-        own = {"acted": acted[place], "pause": acted.after(1)[place], "fired": fired}
-        own |= {"near": work.fired.after(1)[k * 3], "rate_before": work.fired.after(2)[k * 3]}
-        own |= _at_surface(code, k) | {"later": work.ahead.after(1)[k * OF_SURFACE]}
-        found = code.apply(AGAIN, **own, more=again.more, limit=again.limit)
-        acted[place], acted.after(1)[place] = found.pop("acted"), found.pop("pause")
+        later = work.ahead.after(1)[k * OF_SURFACE]
+        inputs = _at_surface(code, k) | {"later": later, "more": again.more, "limit": again.limit}
+        found = code.apply(AGAIN, k, **inputs)
+        for name in ("acted_at", "pause"):
+            getattr(code.line, name)[k] = found.pop(name)
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
     code.line.resting[0] = vars(again).pop("resting")
 
@@ -406,22 +399,22 @@ def _cross(code, k, is_there, by_motion):
     place, own, events = 2 * k, _at_surface(code, k), integrator.events
     is_there = is_there & _is_running(code)
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
-    given |= {"side": line.side[place], "level": line.side[place + 1], "crossed": line.crossed[k]}
+    given |= {"side": line.side[place], "level": line.side[place + 1]}
     given["holds"] = text.value(float(events.holds[k]))
-    found = code.apply(CROSSED, near=work.fired[3 * k + 1], **own, **given)
+    found = code.apply(CROSSED, k, **own, **given)
     line.side.put_chosen(place, found["side"])
     line.side.put_chosen(place + 1, found["level"])
-    line.crossed.put_chosen(k, found["crossed"])
-    work.fired.put_chosen(3 * k + 1, found["near"])
+    line.crossed_at.put_chosen(k, found["crossed_at"])
+    work.near.put_chosen(k, found["near"])
     up, direction = found["up"], events.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
     if events.only_records(k):
         _note(code, k, fires, by_motion)
         return
     with text.when(fires.any()):
-        work.fired.choose(fires, 3 * k, up.select(1.0, -1.0))
-        work.fired.choose(fires, 3 * k + 2, own["rate"])
-        work.noted[0] = work.noted[0] + fires.select(1.0, 0.0)
+        work.fired.choose(fires, k, up.select(1.0, -1.0))
+        work.rate_before.choose(fires, k, own["rate"])
+        work.actions_now[0] = work.actions_now[0] + fires.select(1.0, 0.0)
         _act(code, k, fires, by_motion)
         if events.components[k]:
             _look(code)
@@ -436,7 +429,7 @@ def _cross(code, k, is_there, by_motion):
                 found = {"side": text.value(1.0), "level": level}
             line.side.choose(fires, place, found["side"])
             line.side.choose(fires, place + 1, found["level"])
-            line.crossed.choose(fires & found["side"].equals(given["side"]), k, -inf)
+            line.crossed_at.choose(fires & found["side"].equals(given["side"]), k, -inf)
 
 
 def _note(code, k, counts, by_motion):
@@ -542,23 +535,19 @@ def _next_stop(code, bits):
         own.stop[0], own.stop_which[0] = numbers[0], numbers[1]
 
 
-def _keep_largest(code, truth):
-    """Update largest moduli before an action in lanes `truth`."""
-    for i in code.text.each(code.D):
-        code.keep_largest(truth, i, code.work.new[i])
-
-
 def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
-    work, branches = code.work, code.f.branches
+    line, work, branches = code.line, code.work, code.f.branches
     zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
     sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)
     # The largest states, and f where the step began.
-    before = code.reduce(BEGIN_COMPONENT, lambda i: {"x": code.line.largest[i]}, **zeros)
-    endless = (work.noted[0] >= _most(code.integrator.events)).select(1.0, 0.0)
-    inputs = {"number": at_given_time.select(1.0, work.noted[0]), "endless": endless} | vars(again)
-    inputs |= {"largest": before.size, "rate_before": before.rate}
+    before = code.reduce(BEGIN_COMPONENT, lambda i: {"x": line.largest[i]}, **zeros)
+    endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)
+    is_changed = at_given_time | (work.actions_now[0] > 0.0)
     if branches and branches.jumps:
-        is_changed = (inputs["number"] > 0.0) & code.line.state[0].equals(code.mode)
-        work.jumped.choose(is_changed, 0, 1.0)
-    code.keep(code.line, code.apply(AFTER_EVENT, **inputs, **vars(sums)))
+        work.jumped.choose(is_changed & line.state[0].equals(code.mode), 0, 1.0)
+    inputs = vars(sums) | vars(again) | {"endless": endless}
+    inputs |= {"largest": before.size, "rate_before": before.rate}
+    found = code.apply(LENGTH_AFTER_ACTIONS, **inputs) | code.apply(STATE_AFTER_ACTIONS, **inputs)
+    found |= {"longer": AT_FIRST, "stiff": 0.0, "easy": 0.0, "tries": 0.0}
+    code.keep(line, found, is_changed)

@@ -9,15 +9,15 @@ between points, see `double_crossings`, is taken again, shorter. Then states the
 accurate, by f at one of them. In an implicit step they lie on the polynomial of degree 4 through
 the states at its quarters.
 
-A step that crosses a surface is taken again and again from the same state (`CUT`). Its lengths lie
-between `inner`, at which no surface is crossed, and `outer`, at which one is. Newton's method uses
-values and rates at the ends of these steps (`step_to_surface`). If it fails, the next length is
-where a straight line between the states at `inner` and `outer` crosses the surface. If always the
-same end moves, the other end gets half the weight, a quarter, ... (the Illinois rule); after ROUNDS
-the length is the midpoint. Once both lengths differ by less than PLACE of the time, or a surface
-was crossed less than that ago, the step of length `outer` is accepted. Points inside an implicit
-step are inaccurate, so there the first length is that of the part. If a step begins on a surface,
-as a ball after a bounce, Newton's method starts from its end (`BACK`).
+A step that crosses a surface is taken again and again from the same state (`SEARCH`). Its lengths
+lie between `inner`, at which no surface is crossed, and `outer`, at which one is. Newton's method
+uses values and rates at the ends of these steps (`step_to_surface`). If it fails, the next length
+is where a straight line between the states at `inner` and `outer` crosses the surface. If always
+the same end moves, the other end gets half the weight, a quarter, ... (the Illinois rule); after
+ROUNDS the length is the midpoint. Once both lengths differ by less than PLACE of the time, or a
+surface was crossed less than that ago, the step of length `outer` is accepted. Points inside an
+implicit step are inaccurate, so there the first length is that of the part. If a step begins on a
+surface, as a ball after a bounce, Newton's method starts from its end.
 """
 
 import itertools
@@ -108,126 +108,169 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     }
 
 
-def _guess(cut, part, weight, rounds, lengths, aim, accuracy, is_rough):
-    """Return the next length to try for a step to a surface, and the Illinois weights of `lengths`.
-
-    `lengths` are (without a crossing of the surface, with a crossing). A line between the states
-    there crosses it at the fraction `part`. `cut` is true if the last step crossed it. `weight` is
-    the last weight, `rounds` is the number of tries, `aim` is the length by Newton's method. If
-    both differ by less than `accuracy`, or if `is_rough`, the longer one is next.
-    """
-    (inner, outer), heavier = lengths, smaller(2.0 * abs(weight), MOST_WEIGHT)
-    starts_on = cut & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
-    part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
-    part, width = starts_on.select(0.5, part), outer - inner
-    of_inner, of_outer = (weight >= 1.0).select(heavier, 1.0), (weight <= -1.0).select(heavier, 1.0)
-    a, b = cut.select(1.0, of_outer) * part, cut.select(of_inner, 1.0) * (1.0 - part)
-    guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
-    guess = has_aim.select(aim + 0.5 * accuracy, guess)
-    guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
-    guess = is_rough.select(outer, (width > accuracy).select(guess, outer))
-    return guess, of_inner, of_outer
-
-
 @scalar_kernel
-def CUT(
-    before, t, taken, accepted, served, state, wanted, steps, tries, total, crossed, place, end,
-    crosses, jumps, starts, hidden, twice, waves, known, whole_part, part, inner, outer, weight,
-    rounds, whole, longer, mode, most, last, goal, aim, since, left, next, ended,
+def CROSSES(
+    before, taken, total, last, crosses, twice, starts, hidden, waves, inner, outer, since,
 ):  # fmt: skip
-    """Return whether a step near a surface is `accepted`, and the next length, which leads to it.
+    """Return whether a step `crosses` a surface, ends close to it, or may hide crossings.
 
-    If `starts` is 1, a search starts: the step is taken again with other lengths, until it ends on
-    the surface. A step aside, to a requested time, moves the state only if it ends on a surface.
-    The results, and inputs that are not explained here, are rows of a lane (`memory`).
-
-    before, total     time at the beginning of the step; finite if f at its end is
-    crossed to end    results of `LOOK`: the first crossing between points of the step
-    crosses, jumps    1 if a line from x to x_next crosses a surface, and if f jumps there
-    hidden            from 1 on, two crossings may be hidden between points: a shorter step is next
-    twice, waves      1: two crossings are seen; above 1: waves are too fast, a shorter step is next
-    known             limit of `whole`, the length after a search, unless this step is very short
-    whole_part, part  where lines cross, as fractions: x to x_next; x_next to the state at `outer`
-    inner, outer      lengths without and with a crossing; 0 and infinity without a search
-    aim               length of the step that ends on the surface, see `step_to_surface`
-    since, goal       the longest time since a surface was crossed; the time that no step passes
-    left              time to a surface of an event, less rounding; if it is NEARLY 0, the step ends
-    ended             1 if the solution ends where the step began: f has no value beyond
+    In a search the states at both ends decide (`crosses`), or two crossings between points
+    (`twice`). Other steps begin a search where `starts` is 1. The end `is_close` to the surface if
+    the lengths of a search, or the time `since` the crossing, agree to the `accuracy` of a length.
+    In a step that is not very short (`is_long`), the surface may be crossed twice if `hidden` is
+    from 1 on (`hides`), and oscillates too fast for the points if `waves` is above 1 (`has_waves`).
+    Then the length `shorter` is next.
     """
-    is_near = outer < inf
-    sought = PLACE * (before + taken) + PLACE_AT_0 * last
-    seen = is_near.select(larger(crosses, twice), starts) > 0.0
-    seen = seen & (taken > 0.0) & (total < inf)
-    is_last = is_near & ((taken - inner <= sought) | (since <= sought))
-    is_long = taken > HIDDEN_FROM * last
-    is_right = accepted + served > 0.0
-    has_waves = (waves > 1.0) & is_long & ~is_near
-    cut = seen & ~is_last & ~has_waves
-    ends = (ended > 0.0) & (left <= EDGE * before)  # f has no value beyond the surface
-    arrives = is_right & ~(seen | has_waves) & (left <= NEARLY * (before + taken)) | ends
-    is_aside = (arrives | (seen & is_last & is_right)) & (served > 0.0)
-    again = ((hidden >= 1.0) & is_long & is_right & ~(cut | arrives)) | has_waves
-    is_right = is_right & ~(seen | again | arrives)
-    holds = is_near & is_right & (taken < larger(outer, 0.25 * whole)) & (t < goal)
-    misses = holds & (taken >= outer)  # the surface lies farther
-    searches = cut | holds
-    told = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
-    told = smaller(taken * (OF_WAVES / waves), has_waves.select(inf, told))
-    forgets = ~searches & (taken > 0.0)
-    searches = searches | again
-    moved = ~searches & (accepted + is_aside.select(1.0, 0.0) > 0.0) | ends
-    first = (crossed > 0.0).select(end, 1.0) * taken
-    outer_now = cut.select(first, misses.select(4.0 * taken, outer))
-    inner_now = holds.select(taken, inner)
-    of_step = (crossed > 0.0).select(place, whole_part)
-    own = cut.select((of_step * taken - inner_now) / (outer_now - inner_now), part)
-    is_known = (inner <= 0.0) & (crossed > 0.0)  # the state at the end of a part
-    is_rough = misses | ((end < 1.0) & ~is_near & (mode > 0.0))
-    lengths, aim = (inner_now, outer_now), is_near.select(aim, inf)
-    guess, of_inner, of_outer = _guess(cut, own, weight, rounds, lengths, aim, sought, is_rough)
-    after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
-    after_this = (moved & is_near).select(after_surface, wanted)
-    after_this = (moved & is_long).select(smaller(after_this, told), after_this)
-    of_hold = holds.select(-of_outer, forgets.select(0.0, weight))
-    running = (tries > most).select(float(LaneState.TOO_MANY), mode)
-    stopped = (state >= LaneState.DONE).select(running, state)
-    jumped = moved & seen & (jumps > 0.0) & (t < last)
-    after = (jumped | ends).select(running, state)
+    searched, is_long = outer < inf, taken > HIDDEN_FROM * last
+    accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
+    is_crossed = searched.select(larger(crosses, twice), starts) > 0.0
+    has_waves = (waves > 1.0) & is_long & ~searched
+    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
     return {
-        "accepted": moved.select(1.0, 0.0),
-        "served": (cut | again | is_aside).select(0.0, served),
-        "t": searches.select(before, is_aside.select(next, t)),
-        "steps": searches.select(steps - accepted, steps + is_aside.select(1.0, 0.0)),
-        "state": searches.select(stopped, after),
-        "wanted": again.select(smaller(told, wanted), searches.select(guess, after_this)),
-        "longer": again.select(AFTER_REFUSED, longer),
-        "inner": forgets.select(0.0, inner_now),
-        "outer": forgets.select(inf, outer_now),
-        "weight": cut.select(is_rough.select(0.0, of_inner), of_hold),
-        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
-        "whole": is_near.select(whole, is_long.select(smaller(wanted, known), wanted)),
-        "beyond": (cut & is_near & ~is_known).select(1.0, 0.0),
-        "at_surface": (moved & (seen | arrives)).select(
-            ends.select(3.0, arrives.select(2.0, 1.0)), 0.0
-        ),
-        "jumped": jumped.select(1.0, 0.0),
+        "crosses": is_crossed & (taken > 0.0) & (total < inf),
+        "is_close": searched & ((taken - inner <= accuracy) | (since <= accuracy)),
+        "accuracy": accuracy,
+        "is_long": is_long,
+        "hides": (hidden >= 1.0) & is_long,
+        "has_waves": has_waves,
+        "shorter": smaller(taken * (OF_WAVES / waves), has_waves.select(inf, shorter)),
     }
 
 
 @scalar_kernel
-def BACK(found, taken, end):
-    """Return `place`, the fraction of a step at which it returns to the surface of its start.
+def OUTCOME(
+    before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, is_close, hides,
+    has_waves,
+):  # fmt: skip
+    """Return whether a step is taken again, or moves the state, and rows that say where it ends.
 
-    It is 1 + `found` / `taken`: `found` is the time from the end of the step, `taken` its length.
-    If it is not between 0 and `end`, the end of the part with a crossing, it is `end` / 2.
+    cuts     it crosses a surface and does not end close to it: a shorter one is next
+    holds    it does not reach the surface of a search: a longer one is next
+    again    it may hide crossings: a shorter one is next
+    ends     it has no end (`ended` is 1), because f has no value beyond the surface at its start
+    lands    a step aside, which has `served`, ends on a surface, and so moves the state
+    moves    the state moves to the end of the step
+
+    A step arrives at the surface of an event if the time `left` to it is rounding.
     """
-    place = 1.0 + found / taken
-    return {"place": ((place > 0.0) & (place < end)).select(place, 0.5 * end)}
+    is_right = accepted + served > 0.0
+    cuts = crosses & ~is_close & ~has_waves
+    ends = (ended > 0.0) & (left <= EDGE * before)
+    arrives = is_right & ~(crosses | has_waves) & (left <= NEARLY * (before + taken)) | ends
+    lands = (arrives | (crosses & is_close & is_right)) & (served > 0.0)
+    again = (hides & is_right & ~(cuts | arrives)) | has_waves
+    holds = (outer < inf) & is_right & ~(crosses | again | arrives)
+    holds = holds & (taken < larger(outer, 0.25 * whole)) & (t < goal)
+    is_over = ~(cuts | holds | again) & (accepted + lands.select(1.0, 0.0) > 0.0)
+    moves, where = is_over | ends, ends.select(3.0, arrives.select(2.0, 1.0))
+    return {
+        "cuts": cuts,
+        "holds": holds,
+        "again": again,
+        "ends": ends,
+        "lands": lands,
+        "moves": moves,
+        "at_surface": (moves & (crosses | arrives)).select(where, 0.0),
+        "serves": (cuts | again | lands).select(0.0, served),
+    }
+
+
+@scalar_kernel
+def SEARCH(
+    taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
+    is_implicit, cuts, holds,
+):  # fmt: skip
+    """Return the `length` to try next in a search for a surface, and new rows of the search.
+
+    A line between the states at the lengths `inner` and `outer`, without and with a crossing, meets
+    the surface at the fraction `part`; from x to x_next at `whole_part`, or at `place` within the
+    first part of the step that crosses (`crossed`), which ends at `end`. `weight` is positive if
+    the state at `inner` had it, `rounds` counts the tries, `aim` is the length by Newton's method.
+    Once the lengths differ by less than `accuracy`, the longer one is next.
+    """
+    searched, misses = outer < inf, holds & (taken >= outer)  # the surface lies farther
+    of_end = (crossed > 0.0).select(end, 1.0) * taken
+    of_place = (crossed > 0.0).select(place, whole_part) * taken
+    is_beyond = cuts & searched & ~((inner <= 0.0) & (crossed > 0.0))
+    is_rough = misses | ((end < 1.0) & ~searched & (is_implicit > 0.0))
+    outer = cuts.select(of_end, misses.select(4.0 * taken, outer))
+    inner = holds.select(taken, inner)
+    part = cuts.select((of_place - inner) / (outer - inner), part)
+
+    heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
+    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
+    part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    part, width = starts_on.select(0.5, part), outer - inner
+    of_inner = (weight >= 1.0).select(heavier, 1.0)
+    of_outer = (weight <= -1.0).select(heavier, 1.0)
+    a, b = cuts.select(1.0, of_outer) * part, cuts.select(of_inner, 1.0) * (1.0 - part)
+    guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
+    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
+    guess = has_aim.select(aim + 0.5 * accuracy, guess)
+    guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
+    return {
+        "length": is_rough.select(outer, (width > accuracy).select(guess, outer)),
+        "inner": inner,
+        "outer": outer,
+        "weight": cuts.select(is_rough.select(0.0, of_inner), holds.select(-of_outer, weight)),
+        "searched": searched,
+        "is_beyond": is_beyond,
+    }
+
+
+@scalar_kernel
+def NEXT_LENGTH(
+    taken, wanted, longer, length, shorter, known, inner, outer, weight, rounds, whole, searched,
+    is_long, cuts, holds, again, moves,
+):  # fmt: skip
+    """Return `wanted`, the next length, and the rows of a search, which begins, goes on, or ends.
+
+    It is `length` in a search, and `shorter` if crossings may be hidden. After a search it is
+    `whole`, the next length of the first step, at most `known`, and not much longer than the step
+    to the surface: the next surface may be as near.
+    """
+    searches = cuts | holds
+    forgets = ~searches & (taken > 0.0)
+    after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
+    after_this = (moves & searched).select(after_surface, wanted)
+    after_this = (moves & is_long).select(smaller(after_this, shorter), after_this)
+    after_this = searches.select(length, after_this)
+    return {
+        "wanted": again.select(smaller(shorter, wanted), after_this),
+        "longer": again.select(AFTER_REFUSED, longer),
+        "inner": forgets.select(0.0, inner),
+        "outer": forgets.select(inf, outer),
+        "weight": forgets.select(0.0, weight),
+        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
+        "whole": searched.select(whole, is_long.select(smaller(wanted, known), wanted)),
+    }
+
+
+@scalar_kernel
+def TIME_AND_STATE(
+    before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, cuts, holds,
+    again, ends, lands, moves,
+):  # fmt: skip
+    """Return `t`, `steps` and `state` after a step, and whether f may have `jumped` at its end.
+
+    A step that is taken again leaves no trace; `before` is its beginning. A step aside that `lands`
+    on a surface is a step to the time `next`. `jumps` is 1 if f jumps at the surface. There, or if
+    f ends there, a lane goes on in the state `mode`, unless there are more than `most` tries.
+    """
+    refused = cuts | holds | again
+    jumped = moves & crosses & (jumps > 0.0) & (t < last)
+    running = (tries > most).select(float(LaneState.TOO_MANY), mode)
+    stopped = (state >= LaneState.DONE).select(running, state)
+    return {
+        "t": refused.select(before, lands.select(next, t)),
+        "steps": refused.select(steps - accepted, steps + lands.select(1.0, 0.0)),
+        "state": refused.select(stopped, (jumped | ends).select(running, state)),
+        "jumped": jumped.select(1.0, 0.0),
+    }
 
 
 def cut(code, before, total):
-    """Repeat a step that crosses a surface, or seeks one, with a better length (`CUT`).
+    """Repeat a step that crosses a surface, or seeks one, with a better length.
 
     `before` is the time at which the step begins; `total` is finite if f at its end is.
     """
@@ -246,7 +289,11 @@ def cut(code, before, total):
     from_start = ~(line.inner[0] > 0.0)
     inputs = _look_at_points(code, taken, from_start)
     inputs |= {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
-    inputs |= {"mode": code.mode, "goal": code.goal().get("last", code.number("last"))}
+    inputs |= {
+        "mode": code.mode,
+        "is_implicit": float(integrator.is_implicit),
+        "goal": code.goal().get("last", code.number("last")),
+    }
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
@@ -255,10 +302,14 @@ def cut(code, before, total):
     text.copy(of_new, pair.after(count), count)
     inputs |= _watch(code, "whole_part", "crosses", "jumps")
     inputs |= _double_crossings(code, inputs)
-    found = code.apply(CUT, **inputs | _aim(code, inputs, has_no_search, from_start))
-    _keep_beyond(code, found.pop("beyond") > 0.0, work.new)
-    own = "at_surface", "jumped", "accepted", "served"
-    code.keep(work, {name: found.pop(name) for name in own})
+    inputs |= _aim(code, inputs, has_no_search, from_start)
+    for kernel in (CROSSES, OUTCOME, SEARCH):
+        inputs |= code.apply(kernel, **inputs)
+    _keep_beyond(code, inputs["is_beyond"], work.new)
+    found = code.apply(NEXT_LENGTH, **inputs) | code.apply(TIME_AND_STATE, **inputs)
+    of_step = {"accepted": inputs["moves"].select(1.0, 0.0), "served": inputs["serves"]}
+    of_step |= {"at_surface": inputs["at_surface"], "jumped": found.pop("jumped")}
+    code.keep(work, of_step)
     code.keep(line, found)
 
 
@@ -325,7 +376,7 @@ def _look_inside(code, k, u, x):
 
 
 def _double_crossings(code, inputs):
-    """Return the inputs of `CUT` that tell whether a step may cross a surface twice."""
+    """Return the inputs of `CROSSES` that tell whether a step may cross a surface twice."""
     integrator, decision = code.integrator, code.work.decision
     of, points = integrator.double_crossings, code.work.points
     found = {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "waves": 0.0, "known": inf}
@@ -341,39 +392,42 @@ def _double_crossings(code, inputs):
 
 
 def _aim(code, inputs, has_no_search, from_start):
-    """Return the inputs of `CUT` that Newton's method finds: `aim`, `since`, `left` and `place`.
+    """Return inputs of kernels that Newton's method finds: `aim`, `since`, `place` and `left`.
 
-    These are the length of a step to the surface; the longest time since a surface was crossed; the
-    time left to a surface; and the fraction of the step at the first crossing. `inputs` are inputs
-    of `CUT` so far. `has_no_search` marks lanes that have looked for no surface before this step,
-    `from_start` lanes that know no shorter step without a crossing.
+    They are the length of a step to the surface, the longest time since a surface was crossed, the
+    fraction of the step at the first crossing, and the time left to a surface of an event. `inputs`
+    are the inputs so far. `has_no_search` marks lanes that have looked for no surface before this
+    step, `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
-    found, surfaces = work.aim.after(3), code.integrator.event_surfaces
-    for k, value in {0: inf, 1: 0.0, 2: inputs["place"], 5: inf}.items():
-        work.aim.put_chosen(k, value)
-    comes_back = from_start & (inputs["crossed"] > 0.0) & (inputs["end"] <= POINTS[0])
-    comes_back = comes_back & (inputs["place"] <= ON * inputs["end"])
+    taken, place, end = (inputs[name] for name in ("taken", "place", "end"))
+    surfaces = code.integrator.event_surfaces
+    comes_back = from_start & (inputs["crossed"] > 0.0) & (end <= POINTS[0])
+    comes_back = comes_back & (place <= ON * end)
     looks = ~has_no_search | comes_back
     if surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
         is_asked = is_asked | (work.served[0] > 0.0) | (inputs["ended"] > 0.0)
         looks = looks | is_asked
-    with text.when(looks.any(), likely=False):
+
+    def by_newton():
         sign = code.number("sign")
         text.copy(work.new, work.end, D)
         for i in text.each(D):
             work.end.after(D)[i] = sign * work.f_new[i]
         text.copy(line.side, work.end.after(2 * D), 2 * surfaces)
-        code.call("aim", work.end, code.table, found)
-        work.aim.choose(~has_no_search, 0, inputs["taken"] + found[0])
-        work.aim.choose(~has_no_search, 1, found[1])
-        own = {name: inputs[name] for name in ("taken", "end")}
-        place = code.apply(BACK, found=found[0], **own)["place"]
-        work.aim.choose(comes_back, 2, place)
-    found = {name: work.aim[k] for k, name in enumerate(("aim", "since", "place"))}
-    return found | {"left": is_asked.select(work.aim[5], inf) if surfaces else inf}
+        code.call("aim", work.end, code.table, work.aim)
+        to_surface, since, left = (work.aim[k] for k in range(3))
+        aim = has_no_search.select(inf, taken + to_surface)
+        since = has_no_search.select(0.0, since)
+        back = 1.0 + to_surface / taken  # where the step returns to the surface of its start
+        back = ((back > 0.0) & (back < end)).select(back, 0.5 * end)
+        return aim, since, comes_back.select(back, place), left
+
+    found = text.otherwise(~looks.any(), (inf, 0.0, place, inf), by_newton)
+    found = dict(zip(("aim", "since", "place", "left"), found, strict=True))
+    return found | {"left": is_asked.select(found["left"], inf) if surfaces else inf}
 
 
 def _has_quartics(integrator):

@@ -53,11 +53,11 @@ def rows_of_trajectory(integrator):
         # where it stays on it, `GAP` where it has no value. And the level, 0 but for rounding.
         side=2 * surfaces,
         counts=actions,  # how often each event has acted
-        # When each event at a surface has acted last, and how much later than the time before.
-        acted=2 * surfaces,
+        acted_at=surfaces,  # when each event at a surface has acted last
+        pause=surfaces,  # and how much later than the time before
         # When each surface was crossed last; -infinity if the state has turned back there, or was
         # beyond it by more than rounding.
-        crossed=surfaces,
+        crossed_at=surfaces,
         stop=acts,  # modulus of the next time of an event, infinity after the last
         stop_which=acts,  # number of that event
         stop_place=acts,  # the place of the time, an integer
@@ -81,7 +81,7 @@ def rows_of_trajectory(integrator):
         watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
         inner=1,  # length of a step that crosses no surface, while one is looked for
         outer=1,  # and of one that does, infinity if none is looked for
-        weight=1,  # of the last guess where it is crossed, see `event_location.CUT`
+        weight=1,  # of the Illinois rule, see `event_location.SEARCH`
         rounds=1,  # how many lengths have been tried
         whole=1,  # length of the next step after that to the surface
         place=1,  # number of the next time, an integer
@@ -146,7 +146,7 @@ def rows_of_work(integrator):
         moving=2 * watched + 1,  # that state, how it changes in a step, and rtol, for rates
         decision=3,  # results of `DoubleCrossings.decision`
         end=2 * (watched + surfaces),  # the state, f there, and sides of events, for `aim`
-        aim=6,  # when surfaces are crossed, see `event_location`
+        aim=3,  # results of `step_to_surface.aim_of`
         between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
         sides=2 * surfaces,  # what the row `side` of the trajectory holds
         crossings=4 + len(integrator.kinks),  # results of `watch` there
@@ -156,10 +156,10 @@ def rows_of_work(integrator):
         pair=acts * (4 * of_x.D + 1),  # a state and f there, and what columns need beside them
         toward=OF_SURFACE * surfaces,  # `OF_SURFACE` numbers of surfaces of events at that state
         ahead=OF_SURFACE * surfaces,  # the same a moment later
-        # 1 where an event acts after a crossing upward at this instant, -1 downward, else 0; |s|,
-        # up to which a state is on the surface; and ds/dt before the event acts.
-        fired=3 * surfaces,
-        noted=acts,  # number of actions at surfaces at this instant
+        fired=surfaces,  # 1 if an event acts after a crossing upward at this instant, -1 downward
+        near=surfaces,  # |s|, up to which a state is on the surface
+        rate_before=surfaces,  # ds/dt before the event acts
+        actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches are chosen
         chosen=of_branches,  # what `branches` returns
         derived=of_derived,  # numbers of the table that depend on branches

@@ -212,7 +212,20 @@ def add_actions(text, integrator, name, for_each):
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
-        _act_of_lanes(code)
+        work, events = code.work, integrator.events
+        is_there, is_at_stop = _is_there(code), _is_at_stop(code)
+        work.actions_now[0] = 0.0
+        for i in text.each(code.D):  # before an action
+            code.keep_largest(is_there, i, work.new[i])
+        for c in text.each(code.f.columns):
+            work.tau[c] = 0.0
+        if events.at_times:
+            with text.when(is_at_stop.any()):
+                _act_at_times(code)
+        again = Carried(more=0.0, limit=inf)
+        if events.surfaces:
+            _act_at_surfaces(code, is_there, is_there & ~is_at_stop, again)
+        _go_on(code, is_at_stop, again)
 
 
 def act(code):
@@ -230,10 +243,10 @@ def find_sides(code, begins):
     if not code.integrator.events.surfaces:
         return
     side, resting = code.line.side, Carried(resting=0.0)
-    _look(code)
+    _look_at_end(code)
     _look_a_moment_later(code)
     for k in code.text.each(code.integrator.events.surfaces, resting):
-        found = code.apply(SIDE, near=0.0, **_at_surface(code, k))
+        found = code.apply(SIDE, near=0.0, **_at_surface(code.work.toward, k))
         found = _with_touching_side(code, k, found["side"], found["level"], 0.0)
         side.choose(begins, k * 2, found["side"])
         side.after(1).choose(begins, k * 2, found["level"])
@@ -263,41 +276,33 @@ def _is_there(code):
     return is_at_stop | ((code.work.accepted[0] > 0.0) & at_surface)
 
 
-def _look(code):
-    """Write s, ds/dt and sizes of their terms, of each surface, at the next state, to `toward`."""
-    _look_at(code, code.work.new, code.work.f_new, code.work.toward)
-
-
-def _look_at(code, x, f, to):
+def _look(code, x, f, to):
+    """Write s, ds/dt and the other numbers of each surface at the state x to `to`; f is f(x)."""
     pair, D = code.work.pair, code.f.of.D
     code.text.copy(x, pair, D)
     code.text.copy(f, pair.after(D), D)
     code.call("toward", pair, code.table, to)
 
 
-def _at_surface(code, k):
-    """Return a dict of s, ds/dt and the sizes of their terms at surface k, written by `_look`."""
-    names = enumerate(("value", "rate", "size", "rate_size"))
-    return {name: code.work.toward.after(n)[k * OF_SURFACE] for n, name in names}
+def _look_at_end(code):
+    """Write the numbers of surfaces at the next state to the row `toward`."""
+    _look(code, code.work.new, code.work.f_new, code.work.toward)
 
 
-def _act_of_lanes(code):
-    text, work, events = code.text, code.work, code.integrator.events
-    is_there, is_at_stop = _is_there(code), _is_at_stop(code)
-    work.actions_now[0] = 0.0
-    for i in text.each(code.D):  # before an action
-        code.keep_largest(is_there, i, work.new[i])
-    if code.f.columns:
-        for c in text.each(code.f.columns):
-            work.tau[c] = 0.0
-    if events.at_times:
-        with text.when(is_at_stop.any()):
-            _act_at_times(code)
-    again = Carried(more=0.0, limit=inf)
-    if events.surfaces:
-        by_motion = is_there & ~is_at_stop
-        _act_at_surfaces(code, is_there, by_motion, again)
-    _go_on(code, is_at_stop, again)
+def _look_a_moment_later(code):
+    """Write the numbers of surfaces at MOMENT * step length after the step to the row `ahead`."""
+    work = code.work
+    signed = code.number("sign") * (MOMENT * work.taken[0])
+    for i in code.text.each(code.D):
+        work.start[i] = work.new[i] + signed * work.f_new[i]
+    code.call("f", work.start, code.table, work.f)
+    _look(code, work.start, work.f, work.ahead)
+
+
+def _at_surface(rows, k):
+    """Return the numbers of surface k, a dict; `rows` are `toward` or `ahead`."""
+    names = "value", "rate", "size", "rate_size", "slopes"
+    return {name: rows.after(n)[k * OF_SURFACE] for n, name in enumerate(names)}
 
 
 def _act_at_times(code):
@@ -338,10 +343,10 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     action, led there. `again` gets results of `AGAIN`: whether actions come again at once.
     """
     text, work, events = code.text, code.work, code.integrator.events
-    _look(code)
+    _look_at_end(code)
     for k in text.each(events.surfaces):
         work.fired[k] = work.rate_before[k] = 0.0
-        work.near[k] = NEARLY * code.line.t[0] * abs(_at_surface(code, k)["rate"])
+        work.near[k] = NEARLY * code.line.t[0] * abs(_at_surface(code.work.toward, k)["rate"])
     if events.count == 1:
         _cross(code, 0, is_there, by_motion)
     else:
@@ -360,9 +365,8 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         stays = found["side"].equals(STAYS)
         holds = text.constants([*map(float, events.holds)])[k]
         level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
-        later = work.ahead.after(1)[k * OF_SURFACE]
-        inputs = _at_surface(code, k) | {"later": later, "more": again.more, "limit": again.limit}
-        found = code.apply(AGAIN, k, **inputs)
+        inputs = _at_surface(work.toward, k) | {"later": _at_surface(work.ahead, k)["rate"]}
+        found = code.apply(AGAIN, k, **inputs, more=again.more, limit=again.limit)
         for name in ("acted_at", "pause"):
             getattr(code.line, name)[k] = found.pop(name)
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})
@@ -371,22 +375,11 @@ def _act_at_surfaces(code, is_there, by_motion, again):
 
 def _with_touching_side(code, k, side, level, fired):
     """Return `side` and `level` of surface k as `TOUCHING_SIDE` does."""
-    slopes, ahead = code.work.toward.after(OF_SURFACE - 1), code.work.ahead
-    own = _at_surface(code, k) | {"slopes": slopes[k * OF_SURFACE], "fired": fired}
-    own |= {"later": ahead.after(1)[k * OF_SURFACE]}
-    own |= {"slopes_later": ahead.after(OF_SURFACE - 1)[k * OF_SURFACE]}
-    has_branches = code.text.constants([*map(float, code.integrator.events.flats)])[k]
-    return code.apply(TOUCHING_SIDE, side=side, level=level, has_branches=has_branches, **own)
-
-
-def _look_a_moment_later(code):
-    """Write s, ds/dt and sizes of surfaces to `ahead`, at MOMENT * step length after the step."""
-    work = code.work
-    signed = code.number("sign") * (MOMENT * work.taken[0])
-    for i in code.text.each(code.D):
-        work.start[i] = work.new[i] + signed * work.f_new[i]
-    code.call("f", work.start, code.table, work.f)
-    _look_at(code, work.start, work.f, work.ahead)
+    own, ahead = _at_surface(code.work.toward, k), _at_surface(code.work.ahead, k)
+    own |= {"side": side, "level": level, "fired": fired}
+    own |= {"later": ahead["rate"], "slopes_later": ahead["slopes"]}
+    own["has_branches"] = code.text.constants([*map(float, code.integrator.events.flats)])[k]
+    return code.apply(TOUCHING_SIDE, **own)
 
 
 def _cross(code, k, is_there, by_motion):
@@ -396,7 +389,7 @@ def _cross(code, k, is_there, by_motion):
     there.
     """
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
-    place, own, events = 2 * k, _at_surface(code, k), integrator.events
+    place, own, events = 2 * k, _at_surface(code.work.toward, k), integrator.events
     is_there = is_there & _is_running(code)
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
     given |= {"side": line.side[place], "level": line.side[place + 1]}
@@ -417,8 +410,8 @@ def _cross(code, k, is_there, by_motion):
         work.actions_now[0] = work.actions_now[0] + fires.select(1.0, 0.0)
         _act(code, k, fires, by_motion)
         if events.components[k]:
-            _look(code)
-            after = _at_surface(code, k)  # where it acted, the state was on the surface
+            _look_at_end(code)
+            after = _at_surface(code.work.toward, k)  # where it acted, the state was on the surface
             after["near"] = found["near"] + LOW * after["size"]
             after["rate_size"] = after["rate_size"] + abs(own["rate"])
             found = code.apply(SIDE, **after)
@@ -441,8 +434,8 @@ def _note(code, k, counts, by_motion):
     line, work = code.line, code.work
     counts = counts & (line.t[0] > code.number("since"))
     with code.text.when(counts.any()):
-        _take_columns(code, k, counts, by_motion, work.new, work.f_new, False)
-        record(code, counts, k, line.t, work.new, work.new, *_of_columns(code, work.f_new))
+        _take_columns(code, k, counts, by_motion, work.new, work.f_new)
+        record(code, counts, k, work.new, work.f_new)
         line.recorded[0] = recorded = line.recorded[0] + counts.select(1.0, 0.0)
         line.tries.choose(counts, 0, 0.0)
         line.state.choose(counts & (recorded >= code.number("enough")), 0, float(LaneState.STOPPED))
@@ -460,18 +453,15 @@ def _act(code, k, truth, by_motion=None):
     text.copy(work.f_new, work.f_before, D)
     if own:
         code.call(f"to{k}", work.new, code.table, work.changed)
-        if own == tuple(range(D)):
-            for i in text.each(D):
-                work.new.choose(truth, i, work.changed[i])
-        else:
-            for n, i in enumerate(own):
-                work.new.choose(truth, i, work.changed[n])
+        places = text.constants(own)
+        for n in text.each(len(own)):
+            work.new.choose(truth, places[n], work.changed[n])
         for i in text.each(D):
             code.line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
         if integrator.f.branches:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
-    _take_columns(code, k, truth, by_motion, work.before, work.f_before, bool(own))
+    _take_columns(code, k, truth, by_motion, work.before, work.f_before)
     if own and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
     counts = code.line.counts[k] + truth.select(1.0, 0.0)
@@ -481,31 +471,17 @@ def _act(code, k, truth, by_motion=None):
     if integrator.events.most[k] < np.inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
         code.line.state.choose(is_over, 0, float(LaneState.STOPPED))
-    record(code, truth, k, code.line.t, work.before, work.new, *_of_columns(code, work.f_before))
+    record(code, truth, k, work.before, work.f_before)
 
 
-def _of_columns(code, f_before):
-    """Return the rows of columns of derivatives that `record` writes, as pairs (rows, how many).
-
-    They are tau of each column, and f before (`f_before`) and after the action. A solution
-    displaced by dx times the column acts a time tau dx earlier.
-    """
-    if not code.f.columns:
-        return ()
-    work, D = code.work, code.f.of.D
-    return (work.tau, code.f.columns), (f_before, D), (work.f_new, D)
-
-
-def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
+def _take_columns(code, k, truth, by_motion, before, f_before):
     """Add code that finds tau of each column of derivatives, and changes columns in lanes `truth`.
 
     A solution displaced by dx times the column reaches event k a time tau dx earlier. tau is found
     in lanes `by_motion`, which the step led to a surface; `by_motion` is None at given times.
-    Columns change if the action changes the state (`is_changed`), `before` with f = `f_before`.
+    Columns change if the action changes the state, which was `before` with f = `f_before`.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
-    if not f.columns:
-        return
     for c in range(f.columns):
         q, column = c - (f.columns - f.q), D * (1 + c)
         end, parts = f"_{q}" if q >= 0 else "", (before, before.after(column), f_before, work.f_new)
@@ -514,7 +490,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before, is_changed):
         if by_motion is not None:
             code.call(f"tau{k}{end}", work.pair, code.table, work.changed)
             work.tau.choose(truth & by_motion, c, work.changed[0])
-        if is_changed:
+        if code.integrator.events.components[k]:
             work.pair[4 * D] = work.tau[c]
             code.call(f"column{k}{end}", work.pair, code.table, work.changed)
             for i in text.each(D):

@@ -10,13 +10,18 @@ def size_of(f):
     return 3 + 2 * f.D + of_columns
 
 
-def record(code, truth, k, time, before, after, *of_columns):
-    """Write a record in lanes `truth`: trajectory, number k of the event, time, and both states.
+def record(code, truth, k, before, f_before):
+    """Write a record of event k in lanes `truth`: trajectory, k, time, and the states at the event.
 
-    `time` is a row, `before` and `after` are D rows; `of_columns` are pairs (rows, how many).
+    They are `before`, D rows, and the row `new`. With columns of derivatives follow, of each, how
+    much earlier displaced solutions reach the event (`tau`), then f before and after the action.
     """
     text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)
+    parts = [(before, D), (work.new, D)]
+    if code.f.columns:
+        of_x = code.f.of.D
+        parts += [(work.tau, code.f.columns), (f_before, of_x), (work.f_new, of_x)]
     for offset in code.lanes_with(truth.bits()):
         base = work.line.at() + offset
         number = code.arguments[SLOT.recorded]
@@ -24,9 +29,9 @@ def record(code, truth, k, time, before, after, *of_columns):
         integers, numbers = Integers(text, to), Shared(one, to)
         integers[0] = Integers(text, code.line.trajectory.at() + offset)[0]
         integers[1] = k
-        numbers[2] = one.array(time.at() + offset)[0]
+        numbers[2] = one.array(code.line.t.at() + offset)[0]
         place = 3
-        for rows, count in ((before, D), (after, D), *of_columns):
+        for rows, count in parts:
             source, target = one.array(base, rows.first), numbers.after(place)
             for i in text.each(count):
                 target[i] = source[i]

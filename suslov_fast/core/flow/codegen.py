@@ -6,7 +6,6 @@
 from math import inf
 
 from ..llvm.text import Carried, Integers, Shared, Truth
-from . import step_length
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 from .memory import LaneState
 
@@ -107,8 +106,12 @@ class StepCode(FunctionCode):
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return {'last': time that no step passes}, an input of kernels, or {} without events."""
-        return self.apply(step_length.GOAL) if self.integrator.events else {}
+        """Return {"last": time that no step passes}: the last time, or the next one of an event."""
+        last = self.number("last")
+        if self.integrator.events:
+            stop = self.line.stop[0]
+            last = (last < stop).select(last, stop)
+        return {"last": last}
 
     def keep_largest(self, truth, i, x):
         """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.
@@ -145,6 +148,11 @@ class StepCode(FunctionCode):
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))
+
+
+def larger_of(a, b):
+    """Return the larger of two `Value`s; b if one of them is NaN."""
+    return (a > b).select(a, b)
 
 
 def weighted(factors, values):

@@ -35,13 +35,6 @@ _SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
 _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 
-@scalar_kernel
-def QUARTER(t, after, taken, next, accepted, sign):
-    """Return sign * taken / 4 if an accepted step, to time `after`, passes time `next`; else 0."""
-    is_inside = (accepted > 0.0) & (next < after)
-    return {"signed": is_inside.select(0.25 * (sign * taken), 0.0)}
-
-
 def weights_at(v):
     """Return weights of x_j - x (`state1` ...) and h / 4 f(x_j) (`rate0` ...) in p(v) - x, by name.
 
@@ -55,12 +48,6 @@ def weights_at(v):
         if j:
             of_states[f"state{j}"] = (1.0 - _SLOPES[j] * own) * square
     return of_states | of_rates
-
-
-@scalar_kernel
-def BETWEEN(t, taken, next):
-    """Return `weights_at` the requested time `next`, in a step of length `taken` from time t."""
-    return weights_at(4.0 * ((next - t) / taken))
 
 
 def weights_of_test(v):
@@ -134,7 +121,8 @@ def add_between(text, integrator, name, for_each):
         code = StepCode(text, integrator, name, for_each)
         _find_nodes(code)
         for now in text.rounds(Carried()):
-            _put_between(code, code.apply(BETWEEN, t=code.work.t[0]))
+            quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
+            _put_between(code, weights_at(quarters))
             save(code, _passed(code, Value.__gt__).bits(), code.work.start)
             now.goes_on = _passed(code, Value.__gt__).any()
 
@@ -182,7 +170,8 @@ def _until(code):
 def _find_nodes(code):
     """Write states and f after quarters of a step to `nodes`; reject it if interpolation fails."""
     text, line, work, D = code.text, code.line, code.work, code.D
-    code.keep(work, code.apply(QUARTER, t=work.t[0], after=_until(code)))
+    quarter = 0.25 * (code.number("sign") * work.taken[0])
+    work.signed[0] = _passed(code, Value.__gt__).select(quarter, 0.0)
     few, more = WEIGHTS
     of_few = few - weights(EXPLICIT, 2)
 

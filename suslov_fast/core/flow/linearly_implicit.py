@@ -31,7 +31,7 @@ from operator import add, mul
 
 from ..expressions.values import larger
 from ..llvm.text import Carried, Index
-from .codegen import FunctionCode
+from .codegen import FunctionCode, larger_of
 from .scalar_kernels import TINY, scalar_kernel
 from .step_length import MOST_APART
 from .tolerance import LARGER_RATIO
@@ -44,38 +44,10 @@ AT_END = 16.0
 
 
 @scalar_kernel
-def FINITE(entry):
-    """Return `entry`, of f', or 0 if it is not finite: the rule takes any matrix for f'."""
-    return {"entry": (abs(entry) < inf).select(entry, 0.0)}
-
-
-@scalar_kernel
-def SIZE(largest, top):
-    """Update `top`, the largest modulus so far of all components, by `largest` of one component."""
-    return {"top": larger(largest, top)}
-
-
-@scalar_kernel
 def SCALE(largest, top, mode):
     """Return `scale`, the `largest` |x_i| or a part of `top`, and `scaled` = scale * `mode`."""
     scale = larger(largest, SMALLEST_SCALE * top) + TINY
     return {"scale": scale, "scaled": scale * mode}
-
-
-@scalar_kernel
-def RATE(product, scale, size):
-    """Return `product` / `scale`, of f' times a vector, and `size`, the largest modulus so far."""
-    own = product / scale
-    return {"product": own, "size": larger(abs(own), size)}
-
-
-@scalar_kernel
-def MODE(product, size, seeds, mode):
-    """Return a component of `mode`, the vector of the power iteration: product / size + seeds.
-
-    `product`: f' times the last vector, `size` its maximum; if 0, `mode` stays. `seeds` is fixed.
-    """
-    return {"mode": (size > 0.0).select(product / size + seeds, mode)}
 
 
 @scalar_kernel
@@ -205,8 +177,9 @@ def find_apart_at_end(code, errors):
     return text.otherwise(~counts.any(), [errors["apart"]], with_end)[0]
 
 
-def _finite(a):
-    return a.text.apply(FINITE, entry=a)["entry"]  # a may be wider than the text of the code
+def _finite(entry):
+    """Return an entry of f', or 0 if it is not finite: the rule takes any matrix for f'."""
+    return (abs(entry) < inf).select(entry, 0.0)
 
 
 def _put_jacobian(code, x):
@@ -222,7 +195,9 @@ def derive(code):
     entries = code.f.entries
     jacobian, right, scale, scaled = work.jacobian, work.right, work.start, work.a
     _put_jacobian(code, line.x)
-    largest = code.reduce(SIZE, top=0.0)
+    largest = Carried(top=0.0)
+    for i in text.each(code.D, largest):
+        largest.top = larger_of(line.largest[i], largest.top)
     for i in text.each(code.D):
         found = code.apply(SCALE, i, top=largest.top)
         scale[i], scaled[i] = found["scale"], found["scaled"]
@@ -234,9 +209,10 @@ def derive(code):
             right[i] = right[i] + jacobian[k] * scaled[columns[k]]
     size = Carried(size=0.0)
     for i in text.each(code.D, size):
-        found = text.apply(RATE, product=right[i], scale=scale[i], size=size.size)
-        right[i], size.size = found["product"], found["size"]
+        right[i] = own = right[i] / scale[i]
+        size.size = larger_of(abs(own), size.size)
+    has_rate = size.size > 0.0
     for i in text.each(code.D):
-        found = code.apply(MODE, i, product=right[i], size=size.size)
-        line.mode.put_chosen(i, found["mode"])
+        mode = right[i] / size.size + code.component("seeds", i)
+        line.mode.choose(has_rate, i, mode)
     return size.size

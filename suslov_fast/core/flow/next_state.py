@@ -22,12 +22,6 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 
 @scalar_kernel
-def CLOCK(x, new, f, signed, steady):
-    """Return `new`, or x + signed * f, rounded less, if the rate f is constant (`steady` = 1)."""
-    return {"new": (steady > 0.0).select(x + signed * f, new)}
-
-
-@scalar_kernel
 def SAME_SIGN(x, new, kept):
     """Return `kept`, or 0 if a denominator made of clocks changes its sign from x to `new`."""
     changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
@@ -49,7 +43,8 @@ def find_next_state(code):
             x, ends = line.x[i], code.of_columns(work.ends, i)
             new = x + weighted(own, ends)
             if code.f.steady:
-                new = code.apply(CLOCK, i, x=x, new=new)["new"]
+                exact = x + work.signed[0] * line.f[i]
+                new = (code.component("steady", i) > 0.0).select(exact, new)
             if code.f.of_one_sign:
                 size = abs(x) if integrator.has_atol else line.largest[i]
                 found = code.apply(KEPT, i, x=x, new=new, kept=sums.kept, size=size)

@@ -17,6 +17,7 @@ from math import inf
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
+from .codegen import larger_of
 from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
@@ -59,12 +60,6 @@ def TOP(x, largest, counts, top):
 
 
 @scalar_kernel
-def ON_LINE(x, new, u):
-    """Return `point` = x + u (new - x), a component on the straight line from x to `new`."""
-    return {"point": x + u * (new - x)}
-
-
-@scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
 
@@ -77,12 +72,6 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     place = multiple * seeds
     part = place - place.then("floor") - 0.5  # as if by chance
     return {"beside": (counts > 0.0).select(state + BESIDE_SIZE * part * size + move, later)}
-
-
-@scalar_kernel
-def MOST(change, most):
-    """Update `most`, the largest |change| of f beside a point so far, without NaN."""
-    return {"most": larger(abs(change), most)}
 
 
 @scalar_kernel
@@ -194,8 +183,7 @@ def _changes_beside(code, is_noise):
     samples = is_noise.any().select(text.value(len(BESIDES)), text.value(1))
     for point in text.each(points):
         for i in text.each(code.D):
-            on_line = code.apply(ON_LINE, i, x=line.x[i], u=along[point])
-            state.put_chosen(i, on_line["point"])
+            state.put_chosen(i, line.x[i] + along[point] * (work.new[i] - line.x[i]))
             most[i] = 0.0
         code.call("f", state, code.table, base)
         for k in text.each(samples):
@@ -212,8 +200,7 @@ def _changes_beside(code, is_noise):
             if integrator.is_implicit:
                 code.call("solve", work.factors, code.table, change)
             for i in text.each(code.D):
-                of_lane = {"change": counts.select(change[i], 0.0), "most": most[i]}
-                most.put_chosen(i, text.apply(MOST, **of_lane)["most"])
+                most.put_chosen(i, larger_of(abs(counts.select(change[i], 0.0)), most[i]))
         for i in text.each(code.D):
             of_point = {"most": most[i], "least": least[i], "largest": largest[i]}
             of_point |= {"second": second[i], "is_end": ends[point]}

@@ -125,12 +125,6 @@ def NEAR(outer):
 
 
 @scalar_kernel
-def GOAL(last, stop):
-    """Return `last`, the time that no step passes: at most `stop`, an event's next given time."""
-    return {"last": smaller(last, stop)}
-
-
-@scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     """Return `taken`, the length of this step, or 0 if lanes use the other integrator, and `aside`.
 

@@ -106,12 +106,12 @@ class StepCode(FunctionCode):
         return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
 
     def goal(self):
-        """Return {"last": time that no step passes}: the last time, or the next one of an event."""
+        """Return the time that no step passes: the last one, or the next given time of an event."""
         last = self.number("last")
-        if self.integrator.events:
-            stop = self.line.stop[0]
-            last = (last < stop).select(last, stop)
-        return {"last": last}
+        if not self.integrator.events:
+            return last
+        stop = self.line.stop[0]
+        return (last < stop).select(last, stop)
 
     def keep_largest(self, truth, i, x):
         """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.

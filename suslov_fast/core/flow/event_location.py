@@ -292,7 +292,7 @@ def cut(code, before, total):
     inputs |= {
         "mode": code.mode,
         "is_implicit": float(integrator.is_implicit),
-        "goal": code.goal()["last"],
+        "goal": code.goal(),
     }
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)

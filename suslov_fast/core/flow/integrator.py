@@ -78,7 +78,8 @@ class Integrator:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
                 self.functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
         self.surfaces = len(f.watched.results) if self.watched else 0
-        self.read = _read(f.watched, self.watched) if self.watched else []
+        read = read_by(f.watched, f.watched.results) if self.watched else []
+        self.read = sorted({*range(self.watched)}.intersection(read))
         self.double_crossings = f.double_crossings or DoubleCrossings()
         self.at_points = (1 + len(POINTS)) * (self.surfaces + sum(self.double_crossings.inside))
         if self.watched:
@@ -158,8 +159,3 @@ class Integrator:
     def key(self):
         """A tuple that identifies the code of this integrator."""
         return self.f.key, self.is_implicit, self.has_atol, self.is_relative, self.sets is None
-
-
-def _read(program, D):
-    """Return which of the first D inputs (components) a `Program` reads, as ascending numbers."""
-    return sorted(read_by(program, program.results).intersection(range(D)))

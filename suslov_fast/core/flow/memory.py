@@ -97,14 +97,8 @@ def rows_of_work(integrator):
     f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
-    of_ends, entries = len(integrator.columns) * D, 0
-    if integrator.is_implicit:
-        entries = f.entries + 1
-    of_branches = of_derived = of_slopes = of_gradient = 0
-    if chooses:
-        of_branches, of_derived = len(of_x.branch_program.results), len(of_x.derived.results)
-    if chooses and f.branches.jumps and f.columns:
-        of_slopes, of_gradient = len(of_x.slope_places), of_x.D + f.q
+    of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
+    has_slopes = chooses and f.branches.jumps and f.columns
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories
         own=1,  # their numbers, integers
@@ -116,7 +110,7 @@ def rows_of_work(integrator):
         f_last=extended,  # f(y_N)
         ends=of_ends,  # y_c - x at the ends of columns
         # What shows false steps, of each explicit column or of all implicit ones.
-        apart=D if integrator.is_implicit else of_ends,
+        apart=D if is_implicit else of_ends,
         # States at the ends of the first three quarters of an explicit step, and f. Those of an
         # implicit step are less x, and states of the last columns follow.
         nodes=6 * D,
@@ -125,11 +119,11 @@ def rows_of_work(integrator):
         f_new=extended,  # f there
         error=D,  # the estimated error of the step
         inverse=D,  # 1 / allowed error
-        jacobian=entries,  # entries of f', s, and a vector
+        jacobian=f.entries + 1 if is_implicit else 0,  # entries of f', and s
         factors=integrator.factors,  # of 1 - s f'
         right=D,  # the right side, after the factors
         of_end=integrator.factors,  # factors with f' at the end of a step
-        at_end=D if integrator.is_implicit else 0,  # the right side, after them
+        at_end=D if is_implicit else 0,  # the right side, after them
         taken=1,  # length of this step
         signed=1,  # the same with the sign of time
         aside=1,  # 1 where it is a step aside
@@ -161,11 +155,11 @@ def rows_of_work(integrator):
         rate_before=surfaces,  # ds/dt before the event acts
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches are chosen
-        chosen=of_branches,  # what `branches` returns
-        derived=of_derived,  # numbers of the table that depend on branches
+        chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
+        derived=len(of_x.derived.results) if chooses else 0,  # numbers of the table, by branches
         f_old=chooses * of_x.D,  # f before a jump
-        slopes=of_slopes,  # of surfaces where f jumps, if there are columns
-        gradient=of_gradient,  # of the surface that is crossed, by x and parameters
+        slopes=len(of_x.slope_places) if has_slopes else 0,  # of surfaces where f jumps
+        gradient=of_x.D + f.q if has_slopes else 0,  # of a surface, for x and parameters
         tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
         scratch=max(each.scratch for each in integrator.functions.values())

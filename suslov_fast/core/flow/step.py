@@ -115,7 +115,7 @@ def _accept(code, errors, t):
     `errors` is the dict of `_estimate_errors`; it receives the result `accepted`.
     """
     line, work = code.line, code.work
-    found = code.apply(step_length.AFTER, **errors, **code.goal())
+    found = code.apply(step_length.AFTER, **errors, last=code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
     if code.integrator.events:

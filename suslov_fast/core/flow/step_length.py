@@ -310,6 +310,6 @@ def choose_length(code):
     """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
     # An implicit step aside goes to each time, because a fast mode may decay within a step.
     second = inf if code.integrator.is_implicit else code.line.second[0]
-    inputs = code.apply(NEAR) | code.goal()
-    found = code.apply(LENGTH, mode=code.mode, second=second, **inputs)
+    reach = code.apply(NEAR)["reach"]
+    found = code.apply(LENGTH, mode=code.mode, second=second, reach=reach, last=code.goal())
     code.keep(code.work, found)

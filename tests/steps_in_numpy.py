@@ -14,7 +14,7 @@ def attempts(f, table, x, last, settings):
     motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
     motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
     rows, mode = motion._rows(slice(0, 1)), int(bool(settings.stiff))
-    take = motion._taker(motion.integrator(mode), rows, motion._table(np.zeros(1, np.int64)), 1)
+    take = motion._runner(motion.integrator(mode), rows, np.zeros(1, np.int64), 1).take
     while True:
         own = rows[0, : f.D].copy()
         if motion.starts is not None:

@@ -81,18 +81,18 @@ def components_of(f, settings):
 def numbers_of(settings, sign):
     """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
     return array("d", SharedNumbers(
-        settings.rtol,
-        inf,
-        sign,
-        first_part(settings.rtol),
-        inf,
-        limit_of(settings.rtol),
-        float(settings.stiff is None),
-        float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
-        MOST_STEPS,
-        many_of(settings.rtol),
-        loose_of(settings.rtol),
-        float(settings.atol is None or bool(np.any(settings.atol))),
+        rtol=settings.rtol,
+        last=inf,
+        sign=sign,
+        part=first_part(settings.rtol),
+        longest=inf,
+        limit=limit_of(settings.rtol),
+        switches=float(settings.stiff is None),
+        first_state=float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
+        most=MOST_STEPS,
+        many=many_of(settings.rtol),
+        loose=loose_of(settings.rtol),
+        acts=float(settings.atol is None or bool(np.any(settings.atol))),
     ))  # fmt: skip
 
 
@@ -101,11 +101,6 @@ def set_times(numbers, integrator, settings, times):
     numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
     longest = settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
-
-
-def set_limits(numbers, request):
-    """Copy the limits on crossings, `most` and `since` of a `SolverRequest`, to `numbers`."""
-    numbers[NUMBER.enough], numbers[NUMBER.since] = request.most, request.since
 
 
 def code_of(integrator, W, for_each):
@@ -226,7 +221,8 @@ class BatchSolver:
         if f.events:
             event_times = request.event_times or NO_EVENT_TIMES
             self.event_times, self.equal = event_times.array
-            set_limits(self.numbers, request)
+            self.numbers[NUMBER.enough] = request.most
+            self.numbers[NUMBER.since] = request.since
         if f.branches:  # trajectories have branches of their own, which the code chooses
             self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
@@ -311,21 +307,14 @@ class BatchSolver:
             limit = flat[:, rows.at]
             self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
 
-    def _table(self, which):
-        """Return f's table (n,), or tables (K, n) for the trajectories with the numbers `which`."""
-        if self.table.ndim == 1:
-            return self.table.copy()
-        return np.ascontiguousarray(self.table[which])
-
     def _steps(self, integrator, rows, which, W, abandoned):
         """Take steps with one integrator, until no trajectory uses it or `abandoned` has an entry.
 
         The trajectories have the rows `rows` (K, -) and the numbers `which`; W lanes take them.
         """
-        table = self._table(which)
-        take = self._taker(integrator, rows, table, W)
+        runner = self._runner(integrator, rows, which, W)
         while not abandoned:
-            is_done = take()
+            is_done = runner.take()
             if (report := self.request.report) is not None:
                 reached = rows[:, integrator.rows.place].view(np.int64)
                 self.places[which] = reached
@@ -335,15 +324,17 @@ class BatchSolver:
             if is_done:
                 break
         if self.f.branches:  # which the code has written to the tables of trajectories
-            self.table[which] = table
+            self.table[which] = runner.table
 
-    def _taker(self, integrator, rows, table, W):
-        """Return a function that takes steps of trajectories `rows`, and returns True when done."""
+    def _runner(self, integrator, rows, which, W):
+        """Return the `StepRunner` of trajectories `which` with `rows`; it has copies of tables."""
+        table = self.table.copy() if self.table.ndim == 1 else self.table[which]
+        table = np.ascontiguousarray(table)
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.event_times is not None:
             runner.point_to_events(self.event_times, self.equal, self.records)
-        return runner.take
+        return runner
 
 
 class StepRunner:

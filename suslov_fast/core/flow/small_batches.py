@@ -21,10 +21,9 @@ from .batch_solver import (
     counted_from_start,
     integrator_of,
     numbers_of,
-    set_limits,
     set_times,
 )
-from .code_arguments import SLOT
+from .code_arguments import NUMBER, SLOT
 from .memory import BEGINS, LaneState
 
 _KEPT = 1024  # times that memory is kept of
@@ -75,7 +74,8 @@ class _PreparedRunner(StepRunner):
             self.stops, (times, equal) = self.rows[:, first : first + 2], given.array
             self.first_stops = times[:, 0]
             self.point_to_events(times, equal, None)
-        set_limits(self.numbers, request)
+        self.numbers[NUMBER.enough] = request.most
+        self.numbers[NUMBER.since] = request.since
         self.stops[:], self.records = self.first_stops, []
 
     def turn(self, runner):

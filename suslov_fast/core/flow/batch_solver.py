@@ -192,8 +192,8 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state of each trajectory: modulus of the time at which it ended, and its `LaneState`
     columns  the rows `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: as given
-             at the start, and at the end if they were given, or if there was an alarm
+    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: at the
+             start, 0 by default, then at the end
     doubtful (B,), True for an alarm that does not act
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
@@ -202,7 +202,6 @@ class BatchSolver:
     def __init__(self, f, table, x0, request, states, lost=None, acts=True):
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
-        self.begins_lost = lost is not None
         self.lost = np.zeros((B, f.of.D)) if lost is None else lost
         self.is_relative = bool(np.any(self.lost < 0.0))
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
@@ -245,11 +244,7 @@ class BatchSolver:
             size, (rows, table, self.records) = B, begun
             self.table = self.table if table is None else table
         blocks = [slice(first, min(first + size, B)) for first in range(0, B, size)]
-        if threads == 1 or len(blocks) == 1:
-            for block in blocks:
-                self._take(block, abandoned, rows)
-        else:
-            in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned), abandoned, threads)
+        in_parts(len(blocks), lambda k: self._take(blocks[k], abandoned, rows), abandoned, threads)
         if self.starts is not None:
             add_starts(self.f, self.starts, self.states, self.records)
 
@@ -264,24 +259,20 @@ class BatchSolver:
     def _rows(self, block):
         """Return an array (K, -): rows of trajectories in the slice `block`, before any step."""
         rows, found = self.rows, np.zeros((block.stop - block.start, self.rows.size))
-        found[:, : self.f.D], found[:, rows.state] = self.x0[block], BEGINS
+        found[:, : self.f.D] = self.x0[block]
+        found[:, rows.state] = BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        if self.begins_lost:
-            self._set_lost(found, self.lost[block])
+        lost, D = self.lost[block], self.lost.shape[1]
+        lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
+        found[:, rows.lost : rows.lost + D] = lost
+        for c in range(self.f.columns):  # of derivatives, which are relative with x
+            first = rows.lost + D * (1 + c)
+            found[:, first : first + D] = np.minimum(lost, 0.0)
+        found[:, rows.watches] = lost.max(axis=1, initial=0.0)
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
         return found
-
-    def _set_lost(self, found, lost):
-        """Write `lost` (K, D) to rows `found`; columns of derivatives are relative with x."""
-        rows, D = self.rows, lost.shape[1]
-        lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-        found[:, rows.lost : rows.lost + D] = lost
-        for c in range(self.f.columns):
-            first = rows.lost + D * (1 + c)
-            found[:, first : first + D] = np.minimum(lost, 0.0)
-        found[:, rows.watches] = lost.max(axis=1, initial=0.0)
 
     def _take(self, block, abandoned, flat=None):
         """Take all steps of slice `block`, from rows `flat` if given; stop if `abandoned` fills."""
@@ -301,11 +292,9 @@ class BatchSolver:
         for name, column in self.columns.items():
             column[block] = flat[:, getattr(rows, name)]
         self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
-        if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
-            self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
-        if self.event_times is not None and np.count_nonzero(state == LaneState.ACCUMULATES):
-            limit = flat[:, rows.at]
-            self.t[block] = np.where(state == LaneState.ACCUMULATES, limit, t)
+        self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
+        if self.event_times is not None:
+            self.t[block] = np.where(state == LaneState.ACCUMULATES, flat[:, rows.at], t)
 
     def _steps(self, integrator, rows, which, W, abandoned):
         """Take steps with one integrator, until no trajectory uses it or `abandoned` has an entry.
@@ -345,18 +334,25 @@ class StepRunner:
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):
-        self.integrator, self.W, self.for_each = integrator, W, table.ndim > 1
-        work = zeros(integrator.work.size, W)
+        self.W, self.for_each = W, table.ndim > 1
         self.arguments = array("q", CodeArguments(
             rows=address_of(rows), count=len(rows), following=0, budget=0, table=address_of(table),
-            table_bytes=table.strides[0], work=address_of(work),
-            numbers=numbers.buffer_info()[0], components=address_of(components),
+            table_bytes=table.strides[0], work=0, numbers=numbers.buffer_info()[0],
+            components=address_of(components),
         ))  # fmt: skip
-        self.rows, self.table, self.numbers = rows, table, numbers
-        self.kept = work, components  # the arguments point to all of these
-        self.at, self.budget = self.arguments.buffer_info()[0], max(BUDGET // integrator.f.work, 1)
-        self.code = code_of(integrator, W, self.for_each)  # which lasts as long
-        self.call, self.records = self.code.call, None
+        # The arguments point to all of these, and to the workspace of each integrator.
+        self.rows, self.table, self.numbers, self.components = rows, table, numbers, components
+        self.at, self.records, self.works = self.arguments.buffer_info()[0], None, {}
+        self.use(integrator)
+
+    def use(self, integrator):
+        """Let `take` take steps with this integrator, in a workspace of its own."""
+        if integrator not in self.works:
+            self.works[integrator] = zeros(integrator.work.size, self.W)
+        self.arguments[SLOT.work] = address_of(self.works[integrator])
+        self.integrator, self.budget = integrator, max(BUDGET // integrator.f.work, 1)
+        self.code = code_of(integrator, self.W, self.for_each)  # which lasts as long
+        self.call = self.code.call
 
     def point_to(self, times, states, state_bytes):
         """Set the addresses of times and states; states at two times are `state_bytes` apart."""

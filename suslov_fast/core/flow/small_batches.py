@@ -27,19 +27,20 @@ from .code_arguments import NUMBER, SLOT
 from .memory import BEGINS, LaneState
 
 _KEPT = 1024  # times that memory is kept of
-# What calls of a runner set.
-_OF_CALLS = SLOT.times, SLOT.states, SLOT.state_bytes, *range(SLOT.event_times, SLOT.full + 1)
 _NAN = array("d", [math.nan])
+
+
+def _integrator_of(f, settings, is_implicit):
+    return integrator_of(f, is_implicit, settings.atol is not None)
 
 
 class _PreparedRunner(StepRunner):
     """A `StepRunner` of B trajectories, kept for later calls; each has a table if `for_each`."""
 
-    other = None  # of the other integrator, with a workspace of its own
     event_times = None
 
     def __init__(self, f, settings, sign, B, for_each):
-        integrator = integrator_of(f, bool(settings.stiff), settings.atol is not None)
+        self.begins_with = integrator = _integrator_of(f, settings, bool(settings.stiff))
         places, count = integrator.rows, B * integrator.rows.size
         shape = (B, len(f.table)) if for_each else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
@@ -57,6 +58,8 @@ class _PreparedRunner(StepRunner):
 
     def begin(self, x0, table, request):
         """Begin a call: set states x0 (B, D), the table of f, and times of a `SolverRequest`."""
+        if self.integrator is not self.begins_with:
+            self.use(self.begins_with)
         if (source := table.tobytes()) != self.source:
             self.first_table[:], self.source = table, source
         if (moduli := request.times.tobytes()) != self.moduli:
@@ -77,21 +80,6 @@ class _PreparedRunner(StepRunner):
         self.numbers[NUMBER.enough] = request.most
         self.numbers[NUMBER.since] = request.since
         self.stops[:], self.records = self.first_stops, []
-
-    def turn(self, runner):
-        """Return the runner of the other integrator than `runner`, for the same trajectory."""
-        if runner is not self:
-            return self
-        own = self.integrator
-        if self.other is None:
-            integrator = integrator_of(own.f, not own.is_implicit, own.has_atol)
-            both = self.numbers, self.kept[1]
-            self.other = StepRunner(integrator, self.W, self.rows, self.table, *both)
-        for slot in _OF_CALLS:
-            self.other.arguments[slot] = self.arguments[slot]
-        if own.f.events:
-            self.other.records, self.other.buffer = self.records, self.buffer
-        return self.other
 
 
 @functools.lru_cache(64)
@@ -132,10 +120,10 @@ def solve_small_batch(f, table, x0, request):
         records = runner.records
     while not runner.take():
         pass
-    own, ends = runner, runner.state.tolist()
-    while B == 1 and ends[0] < LaneState.DONE:  # it turned to the other integrator
-        own = runner.turn(own)
-        while not own.take():
+    ends = runner.state.tolist()
+    while B == 1 and ends[0] < LaneState.DONE:  # it turns to the other integrator
+        runner.use(_integrator_of(f, request.settings, not runner.integrator.is_implicit))
+        while not runner.take():
             pass
         ends = runner.state.tolist()
     states = np.ndarray((count, B, f.D), np.float64, states)

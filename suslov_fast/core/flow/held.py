@@ -59,6 +59,7 @@ class Plan(NamedTuple):
     is_bounded: int  # 1 if steps are at most a part of the time
     by_starts: int  # columns of derivatives by x0, the first ones: D or 0
     columns: int  # of derivatives
+    D: int  # components of x
     clocks: int  # where parameters that columns are by begin below, after pairs for clocks
     # In `constants`, after the rows of `ComponentNumbers`:
     components_again: int  # the same rows of motions that are computed again
@@ -136,7 +137,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     most = max(of_this, *(integrator.work.size for integrator in integrators))
     sizes = [_ARGUMENTS, 2, f.D, *map(len, parts), len(f.table), most, most, at_once]
     plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
-    plan += [f.columns - len(by), f.columns, _CLOCKS + 2 * len(f.offsets)]
+    plan += [f.columns - len(by), f.columns, f.of.D, _CLOCKS + 2 * len(f.offsets)]
     plan += [ends[0], ends[1], ends[2] * bool(f.events), ends[3]]
     plan += [*np.cumsum(sizes).tolist(), size, rows.t, rows.state, rows.at, rows.lost]
     for clock, number in f.offsets.items():
@@ -170,7 +171,7 @@ def _begin(system, x0, memory, inputs, x):
     first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
         memory[first + k] = constants[plan[PLAN.template] + k]
-    D, size = _dimension(system), 0.0
+    D, size = plan[PLAN.D], 0.0
     for i in range(D):
         x[i], size = x0[i], max(size, abs(x0[i]))
     size = _power_of_2(size)
@@ -199,7 +200,7 @@ def _begin(system, x0, memory, inputs, x):
 @function
 def _set_again(system, tries, memory, x, relative):
     """Set numbers for a motion that is computed again; components with -1 are `relative`."""
-    plan, constants, D = system.plan, system.constants, _dimension(system)
+    plan, constants, D = system.plan, system.constants, system.plan[PLAN.D]
     numbers = memory[plan[PLAN.numbers] :]
     for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many, NUMBER.loose):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
@@ -216,7 +217,7 @@ def motion_of_one(system, x0, out, memory):
     plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
     if (len(memory) != plan[PLAN.size]) | (arguments[len(SLOT)] != system.address):
         return OF_ANOTHER
-    D, time, sign = _dimension(system), abs(system.time), -1.0 if system.time < 0.0 else 1.0
+    D, time, sign = plan[PLAN.D], abs(system.time), -1.0 if system.time < 0.0 else 1.0
     x, is_finite = memory[plan[PLAN.rows] :], time - time == 0.0
     inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
     for i in range(D):
@@ -282,7 +283,7 @@ def motion_of_one(system, x0, out, memory):
 @function
 def _write(system, state, memory, inputs, out):
     """Write the state at the last time, or after the event that ended the motion, to `out`."""
-    plan, D, C = system.plan, _dimension(system), system.plan[PLAN.columns]
+    plan, D, C = system.plan, system.plan[PLAN.D], system.plan[PLAN.columns]
     x, tau, rates = memory[plan[PLAN.state] :], memory, memory
     if state == _STOPPED:  # the last record is that of the event
         number = memory[:_ARGUMENTS].view(np.int64)[SLOT.recorded] - 1
@@ -303,12 +304,6 @@ def _write(system, state, memory, inputs, out):
             if state == _STOPPED:
                 column -= tau[c] * rates[i]
             out[D + i * C + c] = column / size
-
-
-@function
-def _dimension(system):
-    """Return the number of components of x."""
-    return system.dimension // (1 + system.plan[PLAN.columns])
 
 
 @function

@@ -73,7 +73,7 @@ def _begin(code, begins):
     for i in text.each(code.D, sums):
         x, f = line.x[i], f_new[i]
         line.largest.choose(begins, i, abs(x))
-        line.mode.choose(begins, i, 1.0)
+        line.power_vector.choose(begins, i, 1.0)
         sums.update(code.apply(step_length.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
     times = Shared(text, code.of.times)
     first = {"first_next": times[0], "second_next": times[1]}

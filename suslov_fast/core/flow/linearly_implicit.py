@@ -44,10 +44,10 @@ AT_END = 16.0
 
 
 @scalar_kernel
-def SCALE(largest, top, mode):
-    """Return `scale`, the `largest` |x_i| or a part of `top`, and `scaled` = scale * `mode`."""
+def SCALE(largest, top, power_vector):
+    """Return `scale`, the `largest` |x_i| or a part of `top`, and `scaled`, the vector times it."""
     scale = larger(largest, SMALLEST_SCALE * top) + TINY
-    return {"scale": scale, "scaled": scale * mode}
+    return {"scale": scale, "scaled": scale * power_vector}
 
 
 @scalar_kernel
@@ -213,6 +213,6 @@ def derive(code):
         size.size = larger_of(abs(own), size.size)
     has_rate = size.size > 0.0
     for i in text.each(code.D):
-        mode = right[i] / size.size + code.component("seeds", i)
-        line.mode.choose(has_rate, i, mode)
+        turned = right[i] / size.size + code.component("seeds", i)
+        line.power_vector.choose(has_rate, i, turned)
     return size.size

@@ -44,7 +44,7 @@ def rows_of_trajectory(integrator):
         x=D,  # the state
         f=D + len(f.denominators),  # f(x), and its denominators of clocks
         largest=D,  # moduli of components so far
-        mode=D,  # a vector of the power iteration on f'
+        power_vector=D,  # of the power iteration on f'
         lost=D,  # relative errors of components, or RELATIVE, see `growing_components`
         beyond=watched,  # the state after a step of length `outer`, beyond a surface
         chosen_at=chooses,  # time at which branches of f changed last

@@ -153,12 +153,12 @@ class JacobianColumns:
     """f' of an f with products of dense matrices: a column f' v for each unit vector v."""
 
     def __init__(self, f):
-        self.f, self.is_full = f, f.entries == f.D * f.D
+        self.f = f
         self.parts = ProgramFunction(f.derivative, f.D, f.places)
         self.inputs = len(f.linked) + f.D
         self.column = ProgramFunction(f.column, self.inputs)
         inner = max(self.parts.scratch, self.column.scratch)
-        self.scratch = self.inputs + f.D + f.D * f.D * (not self.is_full) + inner
+        self.scratch = self.inputs + f.D + f.D * f.D + inner
 
     def add(self, text, name, for_each):
         D = self.f.D
@@ -167,8 +167,7 @@ class JacobianColumns:
         with text.function(name):
             given = text.array("%scratch")
             v, column = given.after(self.inputs - D), given.after(self.inputs)
-            whole = text.array("%to") if self.is_full else column.after(D)
-            inner = column.after(D + D * D * (not self.is_full))
+            whole, inner = column.after(D), column.after(D + D * D)
             text.invoke(f"{name}_parts", "%from", "%table", given, inner)
             text.fill(v, D, lambda: 0.0)
             for j in text.each(D):
@@ -177,10 +176,9 @@ class JacobianColumns:
                 v[j] = 0.0
                 for i in text.each(D):
                     whole[i * D + j] = column[i]
-            if not self.is_full:
-                places = text.constants([i * D + j for i, j in self.f.pattern] or [0])
-                for k in text.each(Index(text, len(self.f.pattern))):
-                    text.array("%to")[k] = whole[places[k]]
+            places = text.constants([i * D + j for i, j in self.f.pattern])
+            for k in text.each(self.f.entries):
+                text.array("%to")[k] = whole[places[k]]
 
 
 class SparseLoops:

@@ -48,7 +48,7 @@ def closer(settings):
 
 
 class SolverRequest(NamedTuple):
-    """Data of a call, except f: times, settings, and limits: `most` crossings after `since`."""
+    """What a call of the engine asks for: times, settings, threads, limits of crossings."""
 
     times: Any  # (n,), moduli, ascending; `flow` also has them in any order
     sign: int  # -1 backwards in time, else 1
@@ -97,7 +97,7 @@ def numbers_of(settings, sign):
 
 
 def set_times(numbers, integrator, settings, times):
-    """Set the last time and longest step in `numbers` (`numbers_of`); `times` end with NO_TIMES."""
+    """Set the last time and longest step in `numbers`, from `times` that end with NO_TIMES."""
     numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
     longest = settings.max_step or inf
     numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
@@ -175,7 +175,7 @@ def counted_from_start(f, table, x0):
 
 
 def add_starts(f, starts, states, records):
-    """Add start values (B, clocks) of clocks to states (count, B, D), also to states in records."""
+    """Add the start values (B, clocks) of clocks to states (count, B, D), also in `records`."""
     clocks = np.array([*f.offsets])
     for clock, start in zip(f.offsets, starts.T, strict=True):
         states[..., clock] += start
@@ -275,7 +275,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take all steps of slice `block`, from rows `flat` if given; stop if `abandoned` fills."""
+        """Take all steps of a slice, from rows `flat` if given, until `abandoned` has an entry."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH

@@ -27,11 +27,10 @@ from .scalar_kernels import AT_ONCE, scalar_kernel
 
 _BEFORE = 2  # results of `branches` before the branches
 
-# A solution slides if it changes its branches this often at once. Parts of the time: if a solution
-# ends before a surface, the surface lies within these, NEAREST first; if it ends so again within
-# AGAIN, it slides.
-BACK_AND_FORTH = 12.0
+BACK_AND_FORTH = 12.0  # a solution that changes its branches this often at once slides
 EARLY = 2.0**-12  # part of the last time, which times of changes count as at least
+# Parts of the time. If a solution ends before a surface, the surface lies within NEAREST or AHEAD.
+# If it ends so again within AGAIN, that counts as a change at once.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
@@ -39,10 +38,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
-    `chosen_at` is the last such time without an event: right after one that `acted` (1) a solution
-    may end before a surface, and go on. `chosen_often` counts changes in a row, each within AT_ONCE
-    of the time after the last, which counts as EARLY of the time `last` or more; an event ends the
-    row. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING. `wanted` is the next length.
+    `chosen_at` is the last such time at which no event `acted` (1). `chosen_often` counts changes
+    in a row, each within AT_ONCE of the time after the last; an event ends the row. The time counts
+    as EARLY of `last` or more. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
@@ -66,11 +64,11 @@ def LOOK_AHEAD(t, last, part, sign):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
-    """Return the rows of a trajectory that goes on at the time t + ahead, beyond a surface.
+    """Return the rows of a trajectory that continues at the time t + ahead, beyond a surface.
 
     It does not pass `stop`, an event's next given time; `signed` is its time from t, with `sign`.
-    `chosen_often` counts changes within AGAIN t after `chosen_at`. After BACK_AND_FORTH of them the
-    state is SLIDING; else it is `first_state`, running, or DONE at the time `last`.
+    The state is SLIDING after BACK_AND_FORTH changes in a row, each within AGAIN t of the last
+    one; else it is `first_state`, running, or DONE at the time `last`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
@@ -99,9 +97,9 @@ def TRACE(before, after, jumps, u):
 
 
 def add_branches(text, integrator, name, for_each):
-    """Add the function void choose(arguments) to `text`: it chooses branches at the state `new`.
+    """Add the function void choose(arguments), which chooses branches at the state `new`.
 
-    It does so where `chooses` is 1. `name` begins all names; `for_each`: each lane has a table.
+    It does so in lanes where `chooses` is 1. See `StepCode` for the arguments.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -151,11 +149,12 @@ def renew(code):
 
 
 def _look(code, x):
-    """Write whether branches change at the state x, and which hold there, to the rows `chosen`."""
+    """Write to the rows `chosen` whether branches change at the state x, and the branches there."""
     code.call("branches", x, code.table, code.work.chosen)
 
 
 def _jump(code, jumped):
+    """Choose branches in lanes where f has `jumped`; seek a surface that is just ahead."""
     line, work = code.line, code.work
     acted = code.text.value(0.0)
     if code.integrator.events:
@@ -199,7 +198,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """In lanes `truth` add (f_new - f_old) tau to columns: f jumps for them a time tau earlier."""
+    """Add (f_new - f_old) tau to columns in lanes `truth`: for them f jumps a time tau earlier."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -287,10 +286,10 @@ def _put_all(code, truth):
 
 
 def _put_choices(code, truth, kinds, rows, place):
-    """Write branches of surfaces of these `kinds` to f's table, in lanes where `truth` is true.
+    """Write branches of surfaces to f's table from `place` on, in lanes where `truth` is true.
 
-    Kinds are comparisons, "floor" and `Table`s. The `rows` of branches go to the table from `place`
-    on. For a `Table` the row is its argument, and the interval that holds it goes there.
+    `kinds` are comparisons, "floor" and `Table`s, and `rows` are their branches. The row of a
+    `Table` is its argument, and the interval that holds it goes to f's table.
     """
     text, f = code.text, code.f.of
     first = len(f.branches.kinds) - len(kinds)

@@ -45,7 +45,7 @@ class StepCode(FunctionCode):
         self.table = self.work.table.at() if for_each else self.of.table
 
     def has_trajectories(self):
-        """Return whether any lane has a trajectory: the row `own` is 0 in lanes without one."""
+        """Return True if any lane has a trajectory: the row `own` is 0 in lanes without one."""
         text = self.text
         own, zero = text.load(text.I, self.work.own.at()), "0" if text.W == 1 else "zeroinitializer"
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()

@@ -36,46 +36,32 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 
 def weights_at(v):
-    """Return weights of x_j - x (`state1` ...) and h / 4 f(x_j) (`rate0` ...) in p(v) - x, by name.
+    """Return the weights in p(v) - x: a list for x_j - x, j = 1 ... 4, and one for h / 4 f(x_j).
 
     p interpolates states x_j and rates f(x_j) after j = 0 ... 4 quarters of a step, where v = j.
     """
-    of_states, of_rates = {}, {}
+    of_states, of_rates = [], []
     for j in _NODES:
         product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
         square, own = product * product, v - float(j)
-        of_rates[f"rate{j}"] = own * square
+        of_rates.append(own * square)
         if j:
-            of_states[f"state{j}"] = (1.0 - _SLOPES[j] * own) * square
-    return of_states | of_rates
+            of_states.append((1.0 - _SLOPES[j] * own) * square)
+    return of_states, of_rates
 
 
 def weights_of_test(v):
-    """Return two dicts like `weights_at`: for the interpolation p - x at v quarters, and for p'."""
-    weights = weights_at(complex(v, 2.0**-60)).items()  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
+    """Return weights as `weights_at` does: for p - x at v quarters, and for the derivative p'."""
+    weights = weights_at(complex(v, 2.0**-60))  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
     return (
-        {name: weight.real for name, weight in weights},
-        {name: weight.imag * 2.0**60 for name, weight in weights},
+        [[weight.real for weight in each] for each in weights],
+        [[weight.imag * 2.0**60 for weight in each] for each in weights],
     )
 
 
 @scalar_kernel
-def INTERPOLATED(
-    x, x1, x2, x3, x4, f, f1, f2, f3, f4, signed, state1, state2, state3, state4,
-    rate0, rate1, rate2, rate3, rate4,
-):  # fmt: skip
-    """Return sum_j state_j (x_j - x) + signed sum_j rate_j f_j, a component of p(v) - x or p'(v).
-
-    x_j is the state after j quarters of a step, f_j is f there; `signed` is h / 4. p: `weights_at`.
-    """
-    rates = rate0 * f + rate1 * f1 + rate2 * f2 + rate3 * f3 + rate4 * f4
-    states = state1 * (x1 - x) + state2 * (x2 - x) + state3 * (x3 - x) + state4 * (x4 - x)
-    return {"value": states + signed * rates}
-
-
-@scalar_kernel
 def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Update `ratio`, the largest error of interpolation p / allowed error, and sum |f|, `total`.
+    """Update `ratio`, the error of the interpolation p / allowed error, and `total`, sum |f|.
 
     `slope` is p'_i, f is f_i(p), `signed` is h / 4, and `inverse` is 1 / allowed error.
     """
@@ -114,8 +100,8 @@ def WITH_SIGN(value, x, keeps):
 def add_between(text, integrator, name, for_each):
     """Add the function void between(arguments), which saves states at times within a step.
 
-    It is a separate function, because LLVM's time grows faster than the length of a function.
-    `name` begins the names of functions; `for_each` is True if each lane has its own table.
+    It is a separate function, because LLVM's time grows faster than the length of a function. See
+    `StepCode` for the arguments.
     """
     with text.function(f"{name}_between", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -213,13 +199,13 @@ def _find_nodes(code):
 
 
 def _between(code, weights, i):
-    """Return component i of the interpolation p(v) - x or p'(v), by `weights` of `weights_at`."""
-    work, inputs = code.work, {}
-    for k in range(3):
-        node = work.nodes.after(2 * k * code.D)
-        inputs |= {f"x{k + 1}": node[i], f"f{k + 1}": node.after(code.D)[i]}
-    inputs |= {"x4": work.new[i], "f4": work.f_new[i]}
-    return code.apply(INTERPOLATED, i, **inputs, **weights)["value"]
+    """Return component i of p(v) - x, or of p'(v), by its weights, see `weights_at`."""
+    line, work, D = code.line, code.work, code.D
+    nodes = [work.nodes.after(2 * k * D) for k in range(3)]
+    x, (of_states, of_rates) = line.x[i], weights
+    states = [state[i] - x for state in (*nodes, work.new)]
+    rates = [rate[i] for rate in (line.f, *(node.after(D) for node in nodes), work.f_new)]
+    return weighted(of_states, states) + work.signed[0] * weighted(of_rates, rates)
 
 
 def _put_between(code, weights):

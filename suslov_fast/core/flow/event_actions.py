@@ -23,7 +23,7 @@ from .event_records import record
 from .growing_components import RAISED
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
-from .step_length import AT_FIRST, BEGIN_COMPONENT, first_length
+from .step_length import AT_FIRST, first_length, sizes_of
 
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
@@ -37,7 +37,7 @@ FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the
 
 
 def _level(is_above, value, rounding):
-    """Return the level of a surface s = 0, for which s = `value` is above, or below: 0 if it is."""
+    """Return the level at which s = `value` counts as above, or as below: 0 if it does so at 0."""
     below = (value < 0.0).select(0.0, value + (rounding + LEAST))
     return is_above.select(smaller(value, 0.0), below)
 
@@ -206,9 +206,9 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
 
 
 def add_actions(text, integrator, name, for_each):
-    """Add the function void change(arguments) to `text`, in which events act on the state `new`.
+    """Add the function void change(arguments), in which events act on the state `new`.
 
-    They act where `accepted` is 1. `name` begins all names; `for_each`: each lane has a table.
+    They act in lanes where `accepted` is 1. See `StepCode` for the arguments.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -319,7 +319,7 @@ def _act_at_times(code):
 
 
 def _most(events):
-    """Return how many events of an `EventSet` may act on surfaces at one instant."""
+    """Return how many actions on surfaces the events of an `EventSet` may make at one instant."""
     return MOST_AT_ONCE + events.surfaces
 
 
@@ -337,10 +337,10 @@ def most_records(events, equal):
 
 
 def _act_at_surfaces(code, is_there, by_motion, again):
-    """Add code that lets events act on the surfaces that a state has crossed, until no event acts.
+    """Let events act on the surfaces that a state has crossed, until no event acts.
 
     `is_there` marks lanes in which events may act, and `by_motion` lanes in which the step, not an
-    action, led there. `again` gets results of `AGAIN`: whether actions come again at once.
+    action, led there. `again` receives results of `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)
@@ -385,8 +385,7 @@ def _with_touching_side(code, k, side, level, fired):
 def _cross(code, k, is_there, by_motion):
     """Let event k act, or record it, in lanes where the state crossed surface k in its direction.
 
-    `is_there` marks lanes where events may act, `by_motion` lanes that a step, no action, led
-    there.
+    `is_there` and `by_motion` mark lanes as in `_act_at_surfaces`.
     """
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, own, events = 2 * k, _at_surface(code.work.toward, k), integrator.events
@@ -402,7 +401,7 @@ def _cross(code, k, is_there, by_motion):
     up, direction = found["up"], events.directions[k]
     fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
     if events.only_records(k):
-        _note(code, k, fires, by_motion)
+        _record_crossing(code, k, fires, by_motion)
         return
     with text.when(fires.any()):
         work.fired.choose(fires, k, up.select(1.0, -1.0))
@@ -425,11 +424,10 @@ def _cross(code, k, is_there, by_motion):
             line.crossed_at.choose(fires & found["side"].equals(given["side"]), k, -inf)
 
 
-def _note(code, k, counts, by_motion):
-    """Add code that records a crossing of surface k by an event that leaves the state as it is.
+def _record_crossing(code, k, counts, by_motion):
+    """Record a crossing of surface k by an event that leaves the state as it is, in lanes `counts`.
 
-    `counts` marks lanes that cross it in the event's direction, `by_motion` lanes that a step led
-    there, not an action. Enough crossings end a trajectory.
+    The surface was crossed by a step in lanes `by_motion`. Enough crossings end a trajectory.
     """
     line, work = code.line, code.work
     counts = counts & (line.t[0] > code.number("since"))
@@ -444,8 +442,7 @@ def _note(code, k, counts, by_motion):
 def _act(code, k, truth, by_motion=None):
     """Let event k act in lanes `truth`: change the state, count the action and record it.
 
-    `by_motion` marks lanes that the step, not another action, led to the surface. Only there tau is
-    found: how much earlier displaced solutions act. At given times `by_motion` is None.
+    A step led to the surface in lanes `by_motion`, which is None for an event at given times.
     """
     text, work, integrator = code.text, code.work, code.integrator
     own, D = integrator.events.components[k], integrator.f.of.D
@@ -475,10 +472,10 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before):
-    """Add code that finds tau of each column of derivatives, and changes columns in lanes `truth`.
+    """Find tau of each column of derivatives, and change columns in lanes `truth`.
 
     A solution displaced by dx times the column reaches event k a time tau dx earlier. tau is found
-    in lanes `by_motion`, which the step led to a surface; `by_motion` is None at given times.
+    in lanes `by_motion`, see `_act`; if another action caused the event, both have the same tau.
     Columns change if the action changes the state, which was `before` with f = `f_before`.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
@@ -514,10 +511,8 @@ def _next_stop(code, bits):
 def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
     line, work, branches = code.line, code.work, code.f.branches
-    zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
-    sums = code.reduce(BEGIN_COMPONENT, lambda i: {"x": work.new[i], "f": work.f_new[i]}, **zeros)
-    # The largest states, and f where the step began.
-    before = code.reduce(BEGIN_COMPONENT, lambda i: {"x": line.largest[i]}, **zeros)
+    sums = sizes_of(code, work.new, work.f_new)
+    before = sizes_of(code, line.largest, line.f)  # f where the step began
     endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     is_changed = at_given_time | (work.actions_now[0] > 0.0)
     if branches and branches.jumps:

@@ -114,12 +114,12 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step `crosses` a surface, ends close to it, or may hide crossings.
 
-    In a search the states at both ends decide (`crosses`), or two crossings between points
-    (`twice`). Other steps begin a search where `starts` is 1. The end `is_close` to the surface if
-    the lengths of a search, or the time `since` the crossing, agree to the `accuracy` of a length.
-    In a step that is not very short (`is_long`), the surface may be crossed twice if `hidden` is
-    from 1 on (`hides`), and oscillates too fast for the points if `waves` is above 1 (`has_waves`).
-    Then the length `shorter` is next.
+    If a surface is `searched`, the states at both ends decide (`crosses`), or two crossings between
+    points (`twice`). Other steps begin a search where `starts` is 1. The end `is_close` to the
+    surface if both lengths of the search agree to the `accuracy`, or the time `since` the crossing
+    is less. In a step that is not very short (`is_long`), the surface may be crossed twice if
+    `hidden` is from 1 on (`hides`), and oscillates too fast for the points if `waves` is above 1
+    (`has_waves`). Then the length `shorter` is next.
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -130,6 +130,7 @@ def CROSSES(
         "crosses": is_crossed & (taken > 0.0) & (total < inf),
         "is_close": searched & ((taken - inner <= accuracy) | (since <= accuracy)),
         "accuracy": accuracy,
+        "searched": searched,
         "is_long": is_long,
         "hides": (hidden >= 1.0) & is_long,
         "has_waves": has_waves,
@@ -139,8 +140,8 @@ def CROSSES(
 
 @scalar_kernel
 def OUTCOME(
-    before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, is_close, hides,
-    has_waves,
+    before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, searched,
+    is_close, hides, has_waves,
 ):  # fmt: skip
     """Return whether a step is taken again, or moves the state, and rows that say where it ends.
 
@@ -159,7 +160,7 @@ def OUTCOME(
     arrives = is_right & ~(crosses | has_waves) & (left <= NEARLY * (before + taken)) | ends
     lands = (arrives | (crosses & is_close & is_right)) & (served > 0.0)
     again = (hides & is_right & ~(cuts | arrives)) | has_waves
-    holds = (outer < inf) & is_right & ~(crosses | again | arrives)
+    holds = searched & is_right & ~(crosses | again | arrives)
     holds = holds & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     is_over = ~(cuts | holds | again) & (accepted + lands.select(1.0, 0.0) > 0.0)
     moves, where = is_over | ends, ends.select(3.0, arrives.select(2.0, 1.0))
@@ -178,7 +179,7 @@ def OUTCOME(
 @scalar_kernel
 def SEARCH(
     taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
-    is_implicit, cuts, holds,
+    is_implicit, searched, cuts, holds,
 ):  # fmt: skip
     """Return the `length` to try next in a search for a surface, and new rows of the search.
 
@@ -188,7 +189,7 @@ def SEARCH(
     the state at `inner` had it, `rounds` counts the tries, `aim` is the length by Newton's method.
     Once the lengths differ by less than `accuracy`, the longer one is next.
     """
-    searched, misses = outer < inf, holds & (taken >= outer)  # the surface lies farther
+    misses = holds & (taken >= outer)  # the surface lies farther
     of_end = (crossed > 0.0).select(end, 1.0) * taken
     of_place = (crossed > 0.0).select(place, whole_part) * taken
     is_beyond = cuts & searched & ~((inner <= 0.0) & (crossed > 0.0))
@@ -213,7 +214,6 @@ def SEARCH(
         "inner": inner,
         "outer": outer,
         "weight": cuts.select(is_rough.select(0.0, of_inner), holds.select(-of_outer, weight)),
-        "searched": searched,
         "is_beyond": is_beyond,
     }
 

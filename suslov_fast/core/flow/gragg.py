@@ -114,7 +114,7 @@ class ExplicitColumns(FunctionCode):
                     with text.when(is_end):
                         ends = inner.array(of_work.ends.at(column * D))
                         apart = inner.array(of_work.apart.at(column * D))
-                        self.end(of_work, of_work.a, of_work.b, x, ends, apart, *self.loops())
+                        self.end(of_work.a, of_work.b, x, ends, apart, *self.loops())
                         for i, value in of_b.items():
                             of_work.f_last[i] = value
         if self.integrator.sets:
@@ -149,7 +149,7 @@ class ExplicitColumns(FunctionCode):
         for i in of_b:
             b[i] = x[i] + s * f[i]
 
-    def end(self, work, a, b, x, ends, apart, of_a, of_b):
+    def end(self, a, b, x, ends, apart, of_a, of_b):
         """Write an end minus x, (a + b) / 2 - x, to `ends`, a - b to `apart`, for i in `of_a`."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
@@ -227,7 +227,7 @@ class ExplicitColumns(FunctionCode):
                 if 2 * m + 2 == N:
                     first = EXPLICIT.index(N) * D
                     to = work.ends.after(first), work.apart.after(first)
-                    self.end(work, of_lane(a, k), of_lane(b, k), x, *to, *self.loops())
+                    self.end(of_lane(a, k), of_lane(b, k), x, *to, *self.loops())
         text.copy(of_lane(a, 0), work.a, D)
         text.copy(of_lane(rates, 0), work.f_last, self.extended)
 
@@ -253,7 +253,7 @@ class ExplicitColumns(FunctionCode):
                 if is_end:
                     first = EXPLICIT.index(N) * D
                     ends, apart = work.ends.after(first), work.apart.after(first)
-                    self.end(work, a, b, x, ends, apart, *self.rows)
+                    self.end(a, b, x, ends, apart, *self.rows)
             f_last |= self.rates_at_end(a, b, table, self.rows[1])
             for i in range(D):
                 work.a[i] = a[i]

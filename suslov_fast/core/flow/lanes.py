@@ -4,7 +4,7 @@ When the trajectory of a lane ends, the lane writes it back, and takes the next 
 memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
 """
 
-from ..llvm.text import Carried, Integers, Shared
+from ..llvm.text import Integers, Shared
 from . import branch_choice, dense_output, event_actions, step_length
 from .code_arguments import SLOT
 from .memory import LaneState
@@ -69,15 +69,12 @@ def _begin(code, begins):
     code.call("f", line.x, code.table, f_new)
     for i in text.each(code.extended):
         line.f.choose(begins, i, f_new[i])
-    sums = Carried(size=0.0, rate=0.0, total=0.0)
-    for i in text.each(code.D, sums):
-        x, f = line.x[i], f_new[i]
-        line.largest.choose(begins, i, abs(x))
+    for i in text.each(code.D):
+        line.largest.choose(begins, i, abs(line.x[i]))
         line.power_vector.choose(begins, i, 1.0)
-        sums.update(code.apply(step_length.BEGIN_COMPONENT, i, x=x, f=f, **vars(sums)))
-    times = Shared(text, code.of.times)
-    first = {"first_next": times[0], "second_next": times[1]}
-    code.keep(line, code.apply(step_length.BEGIN, **first, **vars(sums)), begins)
+    sums, times = step_length.sizes_of(code, line.x, f_new), Shared(text, code.of.times)
+    found = code.apply(step_length.BEGIN, first_next=times[0], second_next=times[1], **vars(sums))
+    code.keep(line, found, begins)
     if code.integrator.events:
         _begin_with_events(code, begins)
 

@@ -130,9 +130,8 @@ def try_again(code, own, sums):
     if not integrator.has_atol:
         is_noisy = code.apply(IS_NOISY, **sums)["is_noisy"]
         tried = refused | (is_noisy > 0.0) & is_finite
-    names = ["ratio", "of_length", "apart", "on_trial"] + (
-        [] if integrator.is_implicit else ["rates"]
-    )
+    names = "ratio", "of_length", "apart", "on_trial", "rates"
+    before = {name: sums[name] for name in names if name in sums}
 
     def trial():
         if integrator.is_implicit:
@@ -157,12 +156,11 @@ def try_again(code, own, sums):
             found.update(now)
         # Rounding, if it decides, does not make equations stiff: rates are 0.
         counts = refused | tried & (found.of_length < sums["ratio"])
-        others = found.ratio, found.of_length, found.of_apart, text.value(1.0), text.value(0.0)
-        pairs = zip(names, others, strict=False)
-        return [counts.select(value, sums[name]) for name, value in pairs]
+        after = {"ratio": found.ratio, "of_length": found.of_length, "apart": found.of_apart}
+        after |= {"on_trial": 1.0, "rates": 0.0}
+        return [counts.select(after[name], value) for name, value in before.items()]
 
-    found = text.otherwise(~tried.any(), [sums[name] for name in names], trial)
-    return dict(zip(names, found, strict=True))
+    return dict(zip(before, text.otherwise(~tried.any(), before.values(), trial), strict=True))
 
 
 def _changes_beside(code, is_noise):

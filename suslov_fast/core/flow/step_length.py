@@ -87,6 +87,12 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
 
+def sizes_of(code, x, f):
+    """Return the sums of `BEGIN_COMPONENT` over all components of a state x with rates f."""
+    zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
+    return code.reduce(BEGIN_COMPONENT, lambda i: {"x": x[i], "f": f[i]}, **zeros)
+
+
 def first_length(size, rate, part, last):
     """Return `part` * max |x_i| (`size`) / max |f_i| (`rate`), or part of time `last` if x = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
@@ -229,7 +235,7 @@ def _is_stiff(rates, states, limit):
 
 
 @scalar_kernel
-def LOOKS(t, taken, wanted, tries, rates, states, stiff, ratio, apart, shortest, limit, most):
+def LOOKS(t, taken, wanted, tries, rates, states, stiff, apart, shortest, limit, most):
     """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end.
 
     rates / states is (h |mu|)**2 with eigenvalues mu of f', stiff above `limit`**2. `stiff` counts

@@ -31,7 +31,7 @@ class StormerColumns(ExplicitColumns):
         """Return a third of Gragg's estimate, so that code three times as long is unrolled."""
         return super().work_of_pair() / 3.0  # saves 12 to 25 % of the time, costs LLVM 50 ms
 
-    def end(self, work, a, b, x, ends, apart, of_a, of_b):
+    def end(self, a, b, x, ends, apart, of_a, of_b):
         """Write the end minus x to `ends`: a - x for i in `of_a`, b - x in `of_b`. Skip `apart`."""
         for i in of_a:
             ends[i] = a[i] - x[i]

@@ -291,8 +291,10 @@ def _put_choices(code, truth, kinds, rows, place):
     `kinds` are comparisons, "floor" and `Table`s, and `rows` are their branches. The row of a
     `Table` is its argument, and the interval that holds it goes to f's table.
     """
-    text, f = code.text, code.f.of
-    first = len(f.branches.kinds) - len(kinds)
+    text, f, branches = code.text, code.f.of, code.f.of.branches
+    first = len(branches.kinds) - len(kinds)
+    shifts = f.surfaces.results[len(branches.kinds) + code.integrator.event_surfaces :]
+    places = {k: f.places[q] for k, q in zip(branches.shifts, shifts, strict=False)}
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]
         if not are_tables:
@@ -301,19 +303,9 @@ def _put_choices(code, truth, kinds, rows, place):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
-        for k, kind in group:
-            shift = shift_of(f, first + k)
-            _put_interval(code, kind, truth.bits(), rows.after(k), place, shift)
+        for k, kind in group:  # of p + q, where q is the shift
+            _put_interval(code, kind, truth.bits(), rows.after(k), place, places.get(first + k))
             place += Table.ROWS
-
-
-def shift_of(f, number):
-    """Return q's place in f's table, for a `Table` of p + q at surface `number`; None without q."""
-    branches = f.branches
-    if number not in branches.shifts:
-        return None
-    first = len(branches.kinds) + (f.events.surfaces if f.events else 0)
-    return f.places[f.surfaces.results[first + branches.shifts.index(number)]]
 
 
 def _put_interval(code, table, bits, argument, place, shift):

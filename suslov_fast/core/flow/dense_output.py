@@ -136,21 +136,19 @@ def save_at_end(code):
 
 
 def _passed(code, how):
-    """Return which accepted steps end past the next requested time; `how` compares: >, >= or =."""
-    return (code.work.accepted[0] > 0.0) & how(_until(code), code.line.next[0])
+    """Return which accepted steps end past the next requested time; `how` compares: >, >= or =.
+
+    An action of an event at the end of a step comes before a state that is saved at that time.
+    """
+    end = code.line.t[0]
+    if code.integrator.events:
+        end = (code.work.at_surface[0] > 0.0).select(end - NEARLY * end, end)
+    return (code.work.accepted[0] > 0.0) & how(end, code.line.next[0])
 
 
 def _reached(code):
     """Return which lanes have accepted a step that reaches their next requested time."""
     return (code.work.accepted[0] > 0.0) & (code.line.t[0] >= code.line.next[0])
-
-
-def _until(code):
-    """Return the time up to which states are inside the step, before any action of an event."""
-    t = code.line.t[0]
-    if not code.integrator.events:
-        return t
-    return (code.work.at_surface[0] > 0.0).select(t - NEARLY * t, t)
 
 
 def _find_nodes(code):

@@ -29,7 +29,6 @@ w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 from math import inf
 from operator import add, mul
 
-from ..expressions.values import larger
 from ..llvm.text import Carried, Index
 from .codegen import FunctionCode, larger_of
 from .scalar_kernels import TINY, scalar_kernel
@@ -41,13 +40,6 @@ SMALLEST_SCALE = 2.0**-60
 # How much more a sum that f' at the end makes large counts: f' still decreases there. Of 300 layers
 # of friction at rtol 1e-4 with 1 17 solutions stick too long, with 16 3; more steps are rare.
 AT_END = 16.0
-
-
-@scalar_kernel
-def SCALE(largest, top, power_vector):
-    """Return `scale`, the `largest` |x_i| or a part of `top`, and `scaled`, the vector times it."""
-    scale = larger(largest, SMALLEST_SCALE * top) + TINY
-    return {"scale": scale, "scaled": scale * power_vector}
 
 
 @scalar_kernel
@@ -199,8 +191,8 @@ def derive(code):
     for i in text.each(code.D, largest):
         largest.top = larger_of(line.largest[i], largest.top)
     for i in text.each(code.D):
-        found = code.apply(SCALE, i, top=largest.top)
-        scale[i], scaled[i] = found["scale"], found["scaled"]
+        scale[i] = own = larger_of(line.largest[i], SMALLEST_SCALE * largest.top) + TINY
+        scaled[i] = own * line.power_vector[i]
     text.fill(right, code.D, lambda: 0.0)
     if entries:
         rows, columns = map(text.constants, zip(*code.f.pattern, strict=True))

@@ -5,8 +5,12 @@ A component whose rate contains it as a factor keeps its sign, and so do denomin
 
 from ..llvm.text import Carried
 from . import tolerance
-from .codegen import weighted
-from .scalar_kernels import scalar_kernel
+from .codegen import larger_of, weighted
+from .scalar_kernels import TINY, scalar_kernel
+
+
+def _changes_sign(x, new):
+    return ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
 
 
 @scalar_kernel
@@ -15,17 +19,9 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
     Large is above extra + rtol * size, of the `size` of x. Other components may have any sign.
     """
-    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    changes = changes & (keeps > 0.0)
+    changes = _changes_sign(x, new) & (keeps > 0.0)
     is_large = abs(new) > extra + rtol * size
     return {"kept": (changes & is_large).select(0.0, kept), "new": changes.select(-new, new)}
-
-
-@scalar_kernel
-def SAME_SIGN(x, new, kept):
-    """Return `kept`, or 0 if a denominator made of clocks changes its sign from x to `new`."""
-    changes = ((x < 0.0) & (new > 0.0)) | ((x > 0.0) & (new < 0.0))
-    return {"kept": changes.select(0.0, kept)}
 
 
 def find_next_state(code):
@@ -55,12 +51,13 @@ def find_next_state(code):
         size = {name: getattr(sums, name) for name in integrator.largest.results}
         if size:
             smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
-            size |= code.apply(tolerance.LEAST_ALLOWED, smallest=smallest, **size)
+            least = code.number("rtol") * (smallest * sums.top)
+            size |= {"least": larger_of(least, TINY), "noisy": tolerance.NOISY * sums.top}
         sizes.append(size)
     kept = sums.kept
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators of clocks
-        kept = code.apply(SAME_SIGN, x=line.f[k], new=work.f_new[k], kept=kept)["kept"]
+        kept = _changes_sign(line.f[k], work.f_new[k]).select(0.0, kept)
     return kept, sizes
 
 

@@ -54,12 +54,6 @@ def IS_NOISY(ratio, large, steps, longer):
 
 
 @scalar_kernel
-def TOP(x, largest, counts, top):
-    """Update `top`, the largest modulus, by x and its `largest` modulus so far, without clocks."""
-    return {"top": (counts > 0.0).select(larger(larger(abs(x), largest), top), top)}
-
-
-@scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
 
@@ -136,9 +130,10 @@ def try_again(code, own, sums):
     def trial():
         if integrator.is_implicit:
             text.copy(work.right, work.b, code.D)
-        top = Carried(top=0.0)
+        top = Carried(top=0.0)  # the largest modulus, without clocks
         for i in text.each(code.D, top):
-            top.top = code.apply(TOP, i, top=top.top)["top"]
+            size = larger_of(larger_of(abs(line.x[i]), line.largest[i]), top.top)
+            top.top = (code.component("counts", i) > 0.0).select(size, top.top)
         others = Carried(large=0.0)
         for i in text.each(code.D, others):
             noisy = NOISY * top.top

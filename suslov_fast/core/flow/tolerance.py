@@ -43,12 +43,6 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 
 @scalar_kernel
-def LEAST_ALLOWED(top, rtol, smallest):
-    """Return `least` = rtol * smallest * top, top = max |x_i|, and `noisy`, the rounding of top."""
-    return {"least": larger(rtol * (smallest * top), TINY), "noisy": NOISY * top}
-
-
-@scalar_kernel
 def ALLOWED(new, largest, least, moved, extra, rtol):
     """Return 1 / allowed error: max(extra + max(rtol |new|, rtol largest, least), 2**-50 moved)."""
     allowed = extra + larger(rtol * larger(abs(new), largest), least)

@@ -15,13 +15,11 @@ from math import inf, prod
 
 import numpy as np
 
-from ..expressions.values import larger
 from ..llvm.text import Carried, Integers, Shared, Value
-from .codegen import StepCode, weighted
+from .codegen import StepCode, larger_of, weighted
 from .memory import LaneState
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
-from .tolerance import LARGER_RATIO
 from .weights import EXPLICIT, ORDER, weights
 
 # The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
@@ -57,37 +55,6 @@ def weights_of_test(v):
         [[weight.real for weight in each] for each in weights],
         [[weight.imag * 2.0**60 for weight in each] for each in weights],
     )
-
-
-@scalar_kernel
-def DEFECT(slope, f, signed, inverse, ratio, total):
-    """Update `ratio`, the error of the interpolation p / allowed error, and `total`, sum |f|.
-
-    `slope` is p'_i, f is f_i(p), `signed` is h / 4, and `inverse` is 1 / allowed error.
-    """
-    ratio = larger(OF_DEFECT * abs(slope - signed * f) * inverse, ratio)
-    return {"ratio": ratio, "total": total + abs(f)}
-
-
-@scalar_kernel
-def FAILS(t, taken, next, signed, ratio, total, steps, state):
-    """Return `fails` = 1 if the interpolation in a step is inaccurate, and rows to take it again.
-
-    The step has the length `taken` from time t; the new step ends at the requested time `next`.
-    `ratio` and `total` are results of `DEFECT`. `signed` is 0 if no requested time is inside.
-    """
-    length = next - t
-    is_inside = (abs(signed) > 0.0) & (length > AT_END * taken) & (taken - length > AT_END * taken)
-    is_known = (ratio <= 1.0) & (total < inf)
-    return {
-        "fails": (is_inside & ~is_known).select(1.0, 0.0),
-        "wanted": length,
-        "second": inf,
-        "t": t,
-        "steps": steps - 1.0,
-        "state": state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT)),
-        "longer": AFTER_REFUSED,
-    }
 
 
 @scalar_kernel
@@ -158,12 +125,10 @@ def _find_nodes(code):
     work.signed[0] = _passed(code, Value.__gt__).select(quarter, 0.0)
     few, more = WEIGHTS
     of_few = few - weights(EXPLICIT, 2)
-
-    def errors(i):
+    largest = Carried(ratio=0.0)
+    for i in text.each(D, largest):
         error = weighted(of_few, code.of_columns(work.ends, i))
-        return {"error": error, "inverse": work.inverse[i]}
-
-    largest = code.reduce(LARGER_RATIO, errors, ratio=0.0)
+        largest.ratio = larger_of(abs(error) * work.inverse[i], largest.ratio)
     needs = largest.ratio > OF_FEW
     count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
@@ -186,13 +151,17 @@ def _find_nodes(code):
         _put_between(code, of_value)
         code.call("f", work.start, code.table, work.f)
         for i in text.each(D, sums):
-            inputs = {"slope": _between(code, of_slope, i), "f": work.f[i]}
-            inputs |= {"inverse": work.inverse[i]}
-            sums.update(code.apply(DEFECT, **inputs, **vars(sums)))
-    found = code.apply(FAILS, t=work.t[0], **vars(sums))
-    fails = found.pop("fails") > 0.0
+            defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f[i])
+            sums.ratio = larger_of(OF_DEFECT * defect * work.inverse[i], sums.ratio)
+            sums.total = sums.total + abs(work.f[i])
+    length, least = line.next[0] - work.t[0], AT_END * work.taken[0]
+    is_inside = (abs(work.signed[0]) > 0.0) & (length > least) & (work.taken[0] - length > least)
+    fails = is_inside & ~((sums.ratio <= 1.0) & (sums.total < inf))
     with text.when(fails.any(), likely=False):
-        code.keep(line, found, fails)
+        state = line.state[0]
+        state = state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT))
+        again = {"wanted": length, "second": inf, "t": work.t[0], "steps": line.steps[0] - 1.0}
+        code.keep(line, again | {"state": state, "longer": AFTER_REFUSED}, fails)
         work.accepted.choose(fails, 0, 0.0)
 
 

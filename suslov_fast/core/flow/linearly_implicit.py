@@ -33,7 +33,6 @@ from ..llvm.text import Carried, Index
 from .codegen import FunctionCode, larger_of
 from .scalar_kernels import TINY, scalar_kernel
 from .step_length import MOST_APART
-from .tolerance import LARGER_RATIO
 from .weights import IMPLICIT, QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
@@ -162,8 +161,7 @@ def find_apart_at_end(code, errors):
         for i in text.each(D, largest):
             own = work.at_end[i] * AT_END
             work.right.choose(counts & (abs(own) > abs(work.right[i])), i, own)
-            inputs = {"error": work.right[i], "inverse": work.inverse[i]}
-            largest.update(code.apply(LARGER_RATIO, **inputs, **vars(largest)))
+            largest.ratio = larger_of(abs(work.right[i]) * work.inverse[i], largest.ratio)
         return [largest.ratio]
 
     return text.otherwise(~counts.any(), [errors["apart"]], with_end)[0]

@@ -42,18 +42,6 @@ TINY_STEP = 2.0**-40  # part of the time
 
 
 @scalar_kernel
-def IS_NOISY(ratio, large, steps, longer):
-    """Return `is_noisy` = 1 if a step is due and errors as small as rounding decide its `ratio`.
-
-    `ratio` is the largest error / allowed error, `large` the same of larger errors alone. Every
-    eighth of the `steps` is due, and a step after a second trial, which `longer` shows.
-    """
-    eighth = steps * 0.125
-    is_due = eighth.then("floor").equals(eighth) | longer.equals(AFTER_TRIAL)
-    return {"is_noisy": (is_due & (ratio > SHORTENS) & (large < ratio)).select(1.0, 0.0)}
-
-
-@scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
 
@@ -122,8 +110,11 @@ def try_again(code, own, sums):
     is_finite = sums["total"] < inf
     refused = tried = refused & is_finite & again
     if not integrator.has_atol:
-        is_noisy = code.apply(IS_NOISY, **sums)["is_noisy"]
-        tried = refused | (is_noisy > 0.0) & is_finite
+        # Every eighth step is due, and each step after a second trial.
+        eighth, ratio = line.steps[0] * 0.125, sums["ratio"]
+        is_due = eighth.floor().equals(eighth) | line.longer[0].equals(AFTER_TRIAL)
+        is_noisy = is_due & (ratio > SHORTENS) & (sums["large"] < ratio)
+        tried = refused | is_noisy & is_finite
     names = "ratio", "of_length", "apart", "on_trial", "rates"
     before = {name: sums[name] for name in names if name in sums}
 

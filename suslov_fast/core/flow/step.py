@@ -48,6 +48,7 @@ from . import (
     step_length,
     tolerance,
 )
+from .codegen import larger_of
 from .linearly_implicit import derive, find_apart, find_apart_at_end
 from .next_state import find_next_state, move
 
@@ -118,10 +119,12 @@ def _accept(code, errors, t):
     found = code.apply(step_length.AFTER, **errors, last=code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
-    if code.integrator.events:
-        own = {"before": line.wanted[0], "state_before": line.state[0]}
-        own |= {name: found[name] for name in ("t", "wanted", "state")}
-        found |= code.apply(step_length.AT_STOP, accepted=errors["accepted"], **own)
+    if code.integrator.events:  # a step to an event's time does not make the next one shorter
+        is_there = (errors["accepted"] > 0.0) & (found["t"] >= line.stop[0])
+        wanted = larger_of(found["wanted"], line.wanted[0])
+        found["wanted"] = is_there.select(wanted, found["wanted"])
+        is_before = found["t"] < code.number("last")
+        found["state"] = is_before.select(line.state[0], found["state"])
     code.keep(line, found)
     if not code.integrator.is_implicit:
         # An explicit step aside needs f there. Without it longer steps pass this time: `LENGTH`.

@@ -208,20 +208,6 @@ def AFTER(
     }
 
 
-@scalar_kernel
-def AT_STOP(t, accepted, wanted, state, before, state_before, stop, last):
-    """Correct `wanted`, the next length, and `state`, if a step ends at an event's time `stop`.
-
-    Then `wanted` is at least `before`, its value before the step. A lane is done only at the time
-    `last` of the run: at t < `last` it gets `state_before`, its state before the step.
-    """
-    is_there = (accepted > 0.0) & (t >= stop)
-    return {
-        "wanted": is_there.select(larger(wanted, before), wanted),
-        "state": (t < last).select(state_before, state),
-    }
-
-
 def _ends(t, taken, wanted, state, tries, shortest, most):
     """Return which lanes run; states, ENDED if wanted < shortest * t; and where tries > most."""
     runs = (taken > 0.0) & (state < LaneState.DONE)

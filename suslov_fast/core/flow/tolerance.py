@@ -15,7 +15,7 @@ or the rounding of the weighted sum of columns, if that is more.
 
 from ..expressions.values import larger
 from ..llvm.text import Carried
-from .codegen import weighted
+from .codegen import larger_of, weighted
 from .growing_components import LOSES
 from .scalar_kernels import TINY, scalar_kernel
 
@@ -70,12 +70,6 @@ def RATIO(error, inverse, f_new, ratio, total, aside):
 
 
 @scalar_kernel
-def LARGER_RATIO(error, inverse, ratio):
-    """Update `ratio` = max |error| * `inverse`, where `inverse` is 1 / allowed error."""
-    return {"ratio": larger(abs(error) * inverse, ratio)}
-
-
-@scalar_kernel
 def LARGE(error, inverse, noisy, large):
     """Update `large` = max |error| * `inverse` (1 / allowed error), from errors > `noisy` alone."""
     return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
@@ -126,8 +120,8 @@ def find_errors(code, own, sizes):
                 inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
                 found |= code.apply(DIFFERENCES, i, **vars(sums) | inputs)
             if not integrator.sets:
-                inputs = {"error": apart_in(code, own, i), "inverse": inverse, "ratio": sums.apart}
-                found["apart"] = code.apply(LARGER_RATIO, **inputs)["ratio"]
+                ratio = abs(apart_in(code, own, i)) * inverse
+                found["apart"] = larger_of(ratio, sums.apart)
             sums.update(found)
             work.inverse[i] = inverse
     return vars(sums)

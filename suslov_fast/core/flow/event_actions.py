@@ -83,10 +83,10 @@ def TOUCHING_SIDE(
     is_flat = is_flat & (has_branches > 0.5)
     lifts = side.equals(STAYS) & (-(fired * sign) * (later - rate) > ROUNDING * rate_size)
     back = (fired < 0.0).select(1.0, 0.0)
-    own = _level(fired < 0.0, value, ROUNDING * size)
+    level_back = _level(fired < 0.0, value, ROUNDING * size)
     return {
         "side": is_flat.select(1.0, lifts.select(back, side)),
-        "level": is_flat.select(0.0, lifts.select(own, level)),
+        "level": is_flat.select(0.0, lifts.select(level_back, level)),
     }
 
 
@@ -109,13 +109,13 @@ def CROSSED(
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
     near = (at_surface > 2.0).select(larger(near, EDGE * t * abs(rate)), near)
     of_terms = stays.select(LOW, NOISE) * size
-    own = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
-    on, is_slow = own["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
-    of_rest = is_slow | own["side"].equals(STAYS)
+    near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
+    on, is_slow = near_surface["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
+    of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
-    here = of_rest.select((by_motion & ~is_back).select(of_value, side), own["side"])
+    here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
-    now = has_side.select(on.select(here, of_value), stays.select(own["side"], of_value))
+    now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
     again = (by_motion | on) & (t - crossed_at <= AT_ONCE * t)
     moved = on & has_side & (by_motion | of_rest)
@@ -124,7 +124,7 @@ def CROSSED(
     changes = is_here | (stays & (accepted > 0.0))
     return {
         "side": changes.select(now, side),
-        "level": changes.select(stays.select(own["level"], moved), level),
+        "level": changes.select(stays.select(near_surface["level"], moved), level),
         "crossed_at": differs.select((by_motion | on).select(t, -inf), crossed_at),
         "up": differs & ~again & (now > 0.5),
         "down": differs & ~again & ~(now > 0.5),
@@ -246,13 +246,13 @@ def find_sides(code, begins):
     _look_at_end(code)
     _look_a_moment_later(code)
     for k in code.text.each(code.integrator.events.surfaces, resting):
-        found = code.apply(SIDE, near=0.0, **_at_surface(code.work.toward, k))
-        found = _with_touching_side(code, k, found["side"], found["level"], 0.0)
-        side.choose(begins, k * 2, found["side"])
-        side.after(1).choose(begins, k * 2, found["level"])
+        start = code.apply(SIDE, near=0.0, **_at_surface(code.work.toward, k))
+        start = _with_touching_side(code, k, start["side"], start["level"], 0.0)
+        side.choose(begins, k * 2, start["side"])
+        side.after(1).choose(begins, k * 2, start["level"])
         code.line.acted_at.choose(begins, k, -inf)
         code.line.crossed_at.choose(begins, k, -inf)
-        resting.resting = resting.resting + found["side"].equals(STAYS).select(1.0, 0.0)
+        resting.resting = resting.resting + start["side"].equals(STAYS).select(1.0, 0.0)
     code.line.resting.choose(begins, 0, resting.resting)
 
 
@@ -311,9 +311,9 @@ def _act_at_times(code):
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
         for k in range(events.surfaces, events.count):
-            own = acts & _is_running(code) & code.line.stop_which[0].equals(float(k))
-            with text.when(own.any()):
-                _act(code, k, own)
+            acting = acts & _is_running(code) & code.line.stop_which[0].equals(float(k))
+            with text.when(acting.any()):
+                _act(code, k, acting)
         _next_stop(code, acts.bits())
         now.goes_on = _is_at_stop(code).any()
 
@@ -375,11 +375,11 @@ def _act_at_surfaces(code, is_there, by_motion, again):
 
 def _with_touching_side(code, k, side, level, fired):
     """Return `side` and `level` of surface k as `TOUCHING_SIDE` does."""
-    own, ahead = _at_surface(code.work.toward, k), _at_surface(code.work.ahead, k)
-    own |= {"side": side, "level": level, "fired": fired}
-    own |= {"later": ahead["rate"], "slopes_later": ahead["slopes"]}
-    own["has_branches"] = code.text.constants([*map(float, code.integrator.events.flats)])[k]
-    return code.apply(TOUCHING_SIDE, **own)
+    inputs, ahead = _at_surface(code.work.toward, k), _at_surface(code.work.ahead, k)
+    inputs |= {"side": side, "level": level, "fired": fired}
+    inputs |= {"later": ahead["rate"], "slopes_later": ahead["slopes"]}
+    inputs["has_branches"] = code.text.constants([*map(float, code.integrator.events.flats)])[k]
+    return code.apply(TOUCHING_SIDE, **inputs)
 
 
 def _cross(code, k, is_there, by_motion):
@@ -388,40 +388,40 @@ def _cross(code, k, is_there, by_motion):
     `is_there` and `by_motion` mark lanes as in `_act_at_surfaces`.
     """
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
-    place, own, events = 2 * k, _at_surface(code.work.toward, k), integrator.events
+    place, numbers, events = 2 * k, _at_surface(code.work.toward, k), integrator.events
     is_there = is_there & _is_running(code)
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
     given |= {"side": line.side[place], "level": line.side[place + 1]}
     given["holds"] = text.value(float(events.holds[k]))
-    found = code.apply(CROSSED, k, **own, **given)
-    line.side.put_chosen(place, found["side"])
-    line.side.put_chosen(place + 1, found["level"])
-    line.crossed_at.put_chosen(k, found["crossed_at"])
-    work.near.put_chosen(k, found["near"])
-    up, direction = found["up"], events.directions[k]
-    fires = up if direction > 0 else found["down"] if direction < 0 else up | found["down"]
+    crossing = code.apply(CROSSED, k, **numbers, **given)
+    line.side.put_chosen(place, crossing["side"])
+    line.side.put_chosen(place + 1, crossing["level"])
+    line.crossed_at.put_chosen(k, crossing["crossed_at"])
+    work.near.put_chosen(k, crossing["near"])
+    up, direction = crossing["up"], events.directions[k]
+    fires = up if direction > 0 else crossing["down"] if direction < 0 else up | crossing["down"]
     if events.only_records(k):
         _record_crossing(code, k, fires, by_motion)
         return
     with text.when(fires.any()):
         work.fired.choose(fires, k, up.select(1.0, -1.0))
-        work.rate_before.choose(fires, k, own["rate"])
+        work.rate_before.choose(fires, k, numbers["rate"])
         work.actions_now[0] = work.actions_now[0] + fires.select(1.0, 0.0)
         _act(code, k, fires, by_motion)
         if events.components[k]:
             _look_at_end(code)
             after = _at_surface(code.work.toward, k)  # where it acted, the state was on the surface
-            after["near"] = found["near"] + LOW * after["size"]
-            after["rate_size"] = after["rate_size"] + abs(own["rate"])
-            found = code.apply(SIDE, **after)
+            after["near"] = crossing["near"] + LOW * after["size"]
+            after["rate_size"] = after["rate_size"] + abs(numbers["rate"])
+            now = code.apply(SIDE, **after)
             if events.holds[k]:
                 is_above = after["value"] > 0.0
                 level = is_above.select(0.0, after["value"])
                 level = level - ROUNDING * (after["size"] + after["rate_size"] * line.t[0])
-                found = {"side": text.value(1.0), "level": level}
-            line.side.choose(fires, place, found["side"])
-            line.side.choose(fires, place + 1, found["level"])
-            line.crossed_at.choose(fires & found["side"].equals(given["side"]), k, -inf)
+                now = {"side": text.value(1.0), "level": level}
+            line.side.choose(fires, place, now["side"])
+            line.side.choose(fires, place + 1, now["level"])
+            line.crossed_at.choose(fires & now["side"].equals(given["side"]), k, -inf)
 
 
 def _record_crossing(code, k, counts, by_motion):
@@ -445,13 +445,13 @@ def _act(code, k, truth, by_motion=None):
     A step led to the surface in lanes `by_motion`, which is None for an event at given times.
     """
     text, work, integrator = code.text, code.work, code.integrator
-    own, D = integrator.events.components[k], integrator.f.of.D
+    components, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
     text.copy(work.f_new, work.f_before, D)
-    if own:
+    if components:
         code.call(f"to{k}", work.new, code.table, work.changed)
-        places = text.constants(own)
-        for n in text.each(len(own)):
+        places = text.constants(components)
+        for n in text.each(len(components)):
             work.new.choose(truth, places[n], work.changed[n])
         for i in text.each(D):
             code.line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
@@ -459,7 +459,7 @@ def _act(code, k, truth, by_motion=None):
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before)
-    if own and integrator.f.columns:
+    if components and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
     counts = code.line.counts[k] + truth.select(1.0, 0.0)
     code.line.counts[k] = counts
@@ -499,13 +499,13 @@ def _next_stop(code, bits):
     text, of = code.text, code.of
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
-        own = one.arrays(code.line.x.at() + offset, code.integrator.rows)
+        lane = one.arrays(code.line.x.at() + offset, code.integrator.rows)
         trajectory = Integers(text, code.line.trajectory.at() + offset)[0]
-        place_at = Integers(text, own.stop_place.at())
+        place_at = Integers(text, lane.stop_place.at())
         place = place_at[0] + 1
         place_at[0] = place
         numbers = Shared(one, of.event_times + trajectory * of.event_time_bytes + place * 16)
-        own.stop[0], own.stop_which[0] = numbers[0], numbers[1]
+        lane.stop[0], lane.stop_which[0] = numbers[0], numbers[1]
 
 
 def _go_on(code, at_given_time, again):

@@ -98,11 +98,11 @@ def SECOND(
     }
 
 
-def try_again(code, own, sums):
+def try_again(code, sums):
     """Test steps with errors that may be rounding again, by larger allowed errors; return a dict.
 
     It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has them before the trial,
-    see `find_errors`; lanes without a trial keep them. `own` are the weights of columns.
+    see `find_errors`; lanes without a trial keep them.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
@@ -132,7 +132,7 @@ def try_again(code, own, sums):
         least, largest, second = _changes_beside(code, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(code.D, found):
-            apart = work.b[i] if integrator.is_implicit else apart_in(code, own, i)
+            apart = work.b[i] if integrator.is_implicit else apart_in(code, i)
             inputs = {"apart": apart, "least": least[i], "largest": largest[i]}
             inputs |= {"second": second[i], "top": top.top}
             inputs |= {"t": line.t[0], "taken": work.taken[0]}

@@ -97,16 +97,15 @@ def _estimate_errors(code, kept, sizes):
     derivatives, for the allowed errors. Both are results of `find_next_state`.
     """
     integrator, work = code.integrator, code.work
-    own = integrator.weights
     if integrator.is_implicit:
         find_apart(code)
-    errors = tolerance.find_errors(code, own, sizes)
+    errors = tolerance.find_errors(code, sizes)
     if integrator.is_implicit:
         errors["apart"] = find_apart_at_end(code, errors)
     if integrator.sets:
         errors |= tolerance.differences_of_sets(code)
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
-    errors |= second_trial.try_again(code, own, errors)
+    errors |= second_trial.try_again(code, errors)
     return errors | {"kept": kept, "taken": work.taken[0]}
 
 

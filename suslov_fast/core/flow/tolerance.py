@@ -86,12 +86,12 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
-def find_errors(code, own, sizes):
+def find_errors(code, sizes):
     """Return `ratio`, `total`, `apart`, `loses` and other sums over all components, by name.
 
     They are results of `RATIO`, `LOSES`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
     sum d that shows false steps. The row `error` has errors, and `inverse` gets 1 / allowed errors.
-    `own` are the weights of columns, and `sizes` is from `find_next_state`.
+    `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "loses"] + (
@@ -103,7 +103,7 @@ def find_errors(code, own, sizes):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
             if integrator.has_atol:
-                inputs |= {"noise": _noise(code, own, i), "extra": code.component("extra", i)}
+                inputs |= {"noise": _noise(code, i), "extra": code.component("extra", i)}
             if integrator.is_relative:
                 is_own = code.line.lost[i] < 0.0
                 for name in inputs.keys() & _OF_OTHERS:
@@ -120,26 +120,26 @@ def find_errors(code, own, sizes):
                 inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
                 found |= code.apply(DIFFERENCES, i, **vars(sums) | inputs)
             if not integrator.sets:
-                ratio = abs(apart_in(code, own, i)) * inverse
+                ratio = abs(apart_in(code, i)) * inverse
                 found["apart"] = larger_of(ratio, sums.apart)
             sums.update(found)
             work.inverse[i] = inverse
     return vars(sums)
 
 
-def apart_in(code, own, i):
-    """Return component i of the sum that shows false ends; `own` are the weights of columns."""
+def apart_in(code, i):
+    """Return component i of the sum that shows false ends."""
     if code.integrator.is_implicit:
         return code.work.right[i]
     if code.integrator.sets:
         return code.text.value(0.0)
-    return weighted(own, code.of_columns(code.work.apart, i))
+    return weighted(code.integrator.weights, code.of_columns(code.work.apart, i))
 
 
-def _noise(code, own, i):
-    """Return sum_c |w_c (y_c - x)| of component i, for rounding errors; `own` are weights w_c."""
+def _noise(code, i):
+    """Return sum_c |w_c (y_c - x)| of component i, for rounding errors."""
     ends = code.of_columns(code.work.ends, i)
-    return weighted([abs(factor) for factor in own], [abs(end) for end in ends])
+    return weighted([abs(w) for w in code.integrator.weights], [abs(end) for end in ends])
 
 
 def differences_of_sets(code):

@@ -31,8 +31,7 @@ class Integrator:
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
-    largest      the kernel that finds the largest size of the components
-    allowed      the kernel that returns 1 / allowed error of a component; it depends on `has_atol`
+    has_atol     True if allowed errors do not depend on the sizes of other components
     is_relative  True if steps have relative digits of the components with RELATIVE in `lost`
     parts        (first component, how many) of x and of derivatives, which have different sizes:
                  large derivatives must not loosen the tolerance of x
@@ -58,8 +57,6 @@ class Integrator:
             Integrator.on_new(f.of, is_implicit)
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
         self.is_relative = is_relative
-        self.largest = tolerance.NO_SIZE if has_atol else tolerance.LARGEST
-        self.allowed = tolerance.ALLOWED_WITH_ATOL if has_atol else tolerance.ALLOWED
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.watch else 0
         self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)

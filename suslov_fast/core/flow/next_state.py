@@ -27,12 +27,12 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 def find_next_state(code):
     """Write the next state, f there and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, 0 where a component changes a sign that the motion keeps, else 1; and a list of
-    dicts of sizes, {"top": max |x_i|, ...}, for allowed errors: of x, and of derivatives.
+    Return `kept`, 0 where a component changes a sign that the motion keeps, else 1; and, for x and
+    for derivatives, a dict of inputs of `tolerance.ALLOWED` that depend on all components.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
-    sums, sizes = Carried(**dict.fromkeys(integrator.largest.results, 0.0), kept=1.0), []
+    sums, sizes = Carried(top=0.0, moved=0.0, kept=1.0), []
     for first, count in integrator.parts:
         for i in text.each(count, sums):
             i = i + first
@@ -47,13 +47,14 @@ def find_next_state(code):
                 new, sums.kept = found["new"], found["kept"]
             work.new.put_chosen(i, new)
             work.error[i] = weighted(of_error, ends)
-            sums.update(code.apply(integrator.largest, i, **vars(sums) | {"new": new}))
-        size = {name: getattr(sums, name) for name in integrator.largest.results}
-        if size:
-            smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
-            least = code.number("rtol") * (smallest * sums.top)
-            size |= {"least": larger_of(least, TINY), "noisy": tolerance.NOISY * sums.top}
-        sizes.append(size)
+            if not integrator.has_atol:
+                sums.update(code.apply(tolerance.LARGEST, i, **vars(sums) | {"new": new}))
+        if integrator.has_atol:
+            sizes.append({})
+            continue
+        smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
+        least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
+        sizes.append({"moved": sums.moved, "least": least, "noisy": tolerance.NOISY * sums.top})
     kept = sums.kept
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators of clocks

@@ -1,4 +1,4 @@
-"""Scalar kernels, in the files of their subjects: expression programs on numbers of one lane."""
+"""Scalar kernels: expression programs on numbers, and truth values, of one lane."""
 
 import inspect
 from typing import NamedTuple

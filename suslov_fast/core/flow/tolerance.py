@@ -29,12 +29,6 @@ _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 
 @scalar_kernel
-def NO_SIZE():
-    """Return nothing: with `atol` the allowed error of a component does not depend on others."""
-    return {}
-
-
-@scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
     """Update `moved`, the most a clock (`counts` 0) changes, and `top`, max of |x_i|, `moved`."""
     change = (counts > 0.0).select(0.0, abs(new - x))
@@ -99,6 +93,7 @@ def find_errors(code, sizes):
     )
     names += [] if integrator.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
+    allowed = ALLOWED_WITH_ATOL if integrator.has_atol else ALLOWED
     for (first, count), of_part in zip(integrator.parts, sizes, strict=True):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
@@ -108,7 +103,7 @@ def find_errors(code, sizes):
                 is_own = code.line.lost[i] < 0.0
                 for name in inputs.keys() & _OF_OTHERS:
                     inputs[name] = is_own.select(TINY, inputs[name])
-            inverse = code.apply(integrator.allowed, i, **inputs)["inverse"]
+            inverse = code.apply(allowed, i, **inputs)["inverse"]
             aside = work.aside[0] if integrator.is_implicit else 0.0
             found = code.apply(RATIO, i, inverse=inverse, aside=aside, **vars(sums))
             if first == 0:

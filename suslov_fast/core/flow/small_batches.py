@@ -30,17 +30,14 @@ _KEPT = 1024  # times that memory is kept of
 _NAN = array("d", [math.nan])
 
 
-def _integrator_of(f, settings, is_implicit):
-    return integrator_of(f, is_implicit, settings.atol is not None)
-
-
 class _PreparedRunner(StepRunner):
     """A `StepRunner` of B trajectories, kept for later calls; each has a table if `for_each`."""
 
     event_times = None
 
     def __init__(self, f, settings, sign, B, for_each):
-        self.begins_with = integrator = _integrator_of(f, settings, bool(settings.stiff))
+        integrator = integrator_of(f, bool(settings.stiff), settings.atol is not None)
+        self.begins_with = integrator
         places, count = integrator.rows, B * integrator.rows.size
         shape = (B, len(f.table)) if for_each else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
@@ -122,7 +119,8 @@ def solve_small_batch(f, table, x0, request):
         pass
     ends = runner.state.tolist()
     while B == 1 and ends[0] < LaneState.DONE:  # it turns to the other integrator
-        runner.use(_integrator_of(f, request.settings, not runner.integrator.is_implicit))
+        own = runner.integrator
+        runner.use(integrator_of(f, not own.is_implicit, own.has_atol))
         while not runner.take():
             pass
         ends = runner.state.tolist()

@@ -147,9 +147,7 @@ def find_apart_at_end(code, errors):
     code.call("f", work.a, code.table, work.b)
     differs = Carried(differs=0.0)
     for i in text.each(D, differs):
-        inputs = {"right": work.right[i], "apart": work.apart[i], "at_end": work.at_end[i]}
-        inputs |= {"f_beside": work.b[i], "inverse": work.inverse[i], "s": s}
-        differs.update(code.apply(DIFFERS, i, **inputs, **vars(differs)))
+        differs.update(code.apply(DIFFERS, i, f_beside=work.b[i], s=s, **vars(differs)))
     counts = (differs.differs > 0.0) & (errors["ratio"] <= 1.0) & (errors["apart"] <= MOST_APART)
 
     def with_end():

@@ -133,10 +133,8 @@ def try_again(code, sums):
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(code.D, found):
             apart = work.b[i] if integrator.is_implicit else apart_in(code, i)
-            inputs = {"apart": apart, "least": least[i], "largest": largest[i]}
-            inputs |= {"second": second[i], "top": top.top}
-            inputs |= {"t": line.t[0], "taken": work.taken[0]}
-            inputs["grows"] = GROWS[integrator.is_implicit]
+            inputs = {"least": least[i], "largest": largest[i], "second": second[i]}
+            inputs |= {"apart": apart, "top": top.top, "grows": GROWS[integrator.is_implicit]}
             now = code.apply(SECOND, i, **inputs, **vars(found))
             work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
@@ -173,11 +171,10 @@ def _changes_beside(code, is_noise):
         for k in text.each(samples):
             counts = is_noise | (ends[point] * firsts[k] > 0.0)
             for i in text.each(code.D):
-                of_line = {"t": line.t[0], "x": line.x[i], "f": line.f[i], "state": state[i]}
-                of_line |= {"multiple": multiples[k], "is_end": ends[point]}
-                move = work.signed[0] * change[i]
-                of_line |= {"move": (moved[k] > 0.0).select(move, 0.0)}
-                work.start.put_chosen(i, code.apply(BESIDE, i, **of_line)["beside"])
+                move = (moved[k] > 0.0).select(work.signed[0] * change[i], 0.0)
+                inputs = {"state": state[i], "multiple": multiples[k], "is_end": ends[point]}
+                beside = code.apply(BESIDE, i, move=move, **inputs)["beside"]
+                work.start.put_chosen(i, beside)
             code.call("f", work.start, code.table, work.f)
             for i in text.each(code.D):
                 change.put_chosen(i, work.f[i] - base[i])

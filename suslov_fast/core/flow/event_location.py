@@ -278,22 +278,19 @@ def cut(code, before, total):
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
     text.copy(line.side, work.sides, 2 * surfaces)
-    if surfaces and not any(integrator.events.holds):
+    if surfaces and not any(integrator.events.holds):  # a state stays where f ends at a surface
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):
                 work.new.choose(ended, i, line.x[i])
             for i in text.each(code.extended):
                 work.f_new.choose(ended, i, line.f[i])
-    has_no_search = ~(line.outer[0] < inf)
+    searches = line.outer[0] < inf
     from_start = ~(line.inner[0] > 0.0)
     inputs = _look_at_points(code, taken, from_start)
     inputs |= {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
-    inputs |= {
-        "mode": code.mode,
-        "is_implicit": float(integrator.is_implicit),
-        "goal": code.goal(),
-    }
+    inputs |= {"mode": code.mode, "goal": code.goal()}
+    inputs["is_implicit"] = float(integrator.is_implicit)
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
@@ -302,7 +299,7 @@ def cut(code, before, total):
     text.copy(of_new, pair.after(count), count)
     inputs |= _watch(code, "whole_part", "crosses", "jumps")
     inputs |= _double_crossings(code, inputs)
-    inputs |= _aim(code, inputs, has_no_search, from_start)
+    inputs |= _aim(code, inputs, searches, from_start)
     for kernel in (CROSSES, OUTCOME, SEARCH):
         inputs |= code.apply(kernel, **inputs)
     _keep_beyond(code, inputs["is_beyond"], work.new)
@@ -391,20 +388,20 @@ def _double_crossings(code, inputs):
     return found
 
 
-def _aim(code, inputs, has_no_search, from_start):
+def _aim(code, inputs, searches, from_start):
     """Return inputs of kernels that Newton's method finds: `aim`, `since`, `place` and `left`.
 
     They are the length of a step to the surface, the longest time since a surface was crossed, the
     fraction of the step at the first crossing, and the time left to a surface of an event. `inputs`
-    are the inputs so far. `has_no_search` marks lanes that have looked for no surface before this
-    step, `from_start` lanes that know no shorter step without a crossing.
+    are the inputs so far. `searches` marks lanes that have looked for a surface before this step,
+    `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))
     surfaces = code.integrator.event_surfaces
     comes_back = from_start & (inputs["crossed"] > 0.0) & (end <= POINTS[0])
     comes_back = comes_back & (place <= ON * end)
-    looks = ~has_no_search | comes_back
+    looks = searches | comes_back
     if surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0
         is_asked = is_over & ((t >= inputs["goal"]) | (t >= line.next[0]))
@@ -419,8 +416,7 @@ def _aim(code, inputs, has_no_search, from_start):
         text.copy(line.side, work.end.after(2 * D), 2 * surfaces)
         code.call("aim", work.end, code.table, work.aim)
         to_surface, since, left = (work.aim[k] for k in range(3))
-        aim = has_no_search.select(inf, taken + to_surface)
-        since = has_no_search.select(0.0, since)
+        aim, since = searches.select(taken + to_surface, inf), searches.select(since, 0.0)
         back = 1.0 + to_surface / taken  # where the step returns to the surface of its start
         back = ((back > 0.0) & (back < end)).select(back, 0.5 * end)
         return aim, since, comes_back.select(back, place), left
@@ -437,14 +433,13 @@ def _has_quartics(integrator):
 
 def _put_point(code, u, to):
     """Write the components that surfaces read, at a fraction u of the step, to the state `to`."""
-    inputs = {}
-    of_point = POINT_WITH_QUARTIC if _has_quartics(code.integrator) else POINT
-    quarters = [code.work.nodes.after(k * code.D) for k in range(3)]
+    kernel, quarters = POINT_WITH_QUARTIC if _has_quartics(code.integrator) else POINT, {}
+    if code.integrator.is_implicit:
+        kernel = POINT_IMPLICIT
+        quarters = {f"quarter{k + 1}": code.work.nodes.after(k * code.D) for k in range(3)}
     for i in _read(code):
-        if code.integrator.is_implicit:
-            of_point = POINT_IMPLICIT
-            inputs = {f"quarter{k}": own[i] for k, own in enumerate(quarters, 1)}
-        to[i] = code.apply(of_point, i, u=u, **inputs)["point"]
+        inputs = {name: rows[i] for name, rows in quarters.items()}
+        to[i] = code.apply(kernel, i, u=u, **inputs)["point"]
 
 
 def _read(code):

@@ -45,8 +45,8 @@ def _level(is_above, value, rounding):
 def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
-    `side` is 1 above, 0 below, GAP where s is NaN. A state is on the surface also if |s| is
-    rounding, or what the rate makes of NEARLY the time. Its side is where the rate leads, and the
+    `side` is 1 above, 0 below, GAP where s is NaN. A state is also on the surface if |s| is
+    rounding, or at most |ds/dt| times NEARLY the time. Its side is where the rate leads, and the
     level moves, so that s lies on this side. If the rate is rounding, the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)

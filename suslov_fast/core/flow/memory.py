@@ -70,20 +70,20 @@ def rows_of_trajectory(integrator):
         wanted=1,  # length of the next step
         longer=1,  # the largest factor between this length and the one after it
         next=1,  # modulus of the next requested time, infinity after the last
-        second=1,  # of the one after it
+        second=1,  # and of the requested time after it
         state=1,  # a `LaneState`
-        stiff=1,  # steps that look stiff; explicit steps that would do, of an implicit lane
+        stiff=1,  # steps of an explicit lane that look stiff
         easy=1,  # steps in a row that do not look stiff
         patience=1,  # how many stiff steps it takes to become implicit
         trial=1,  # implicit steps that are left of the first ones
         steps=1,  # that were taken
-        tries=1,  # steps, also refused ones, since the last time that was asked for
+        tries=1,  # steps, also refused steps, since the last requested time
         watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
-        inner=1,  # length of a step that crosses no surface, while one is looked for
-        outer=1,  # and of one that does, infinity if none is looked for
+        inner=1,  # length of a step that crosses no surface, in a search for one
+        outer=1,  # length of a step that crosses it, infinity without a search
         weight=1,  # of the Illinois rule, see `event_location.SEARCH`
-        rounds=1,  # how many lengths have been tried
-        whole=1,  # length of the next step after that to the surface
+        rounds=1,  # how many lengths the search has tried
+        whole=1,  # length of the next step after a search
         place=1,  # number of the next time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )

@@ -1,26 +1,24 @@
 """Exact experiments on the integrability of Kahan maps and other birational maps.
 
-`report` calls the other functions one by one. It finds degrees and their growth,
-Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
-measures and first integrals. All are evidence for or against integrability.
+`report` calls the other functions. It finds degrees of iterates and their growth, Hirota-Kimura
+bases, which give first integrals, and Darboux polynomials, which give invariant measures and first
+integrals. All are evidence for or against integrability.
 
 Arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must agree
-on each result; they are the same ones each time. Extra `algebra`: python-flint.
+on each result. The primes are the same in each run. Extra `algebra`: python-flint.
 
-The files, in an order in which each uses only those before it:
+The files, each of which uses only those before it:
 
-- `arithmetic`, `polynomials`, `rational_functions`: exact numbers, polynomials and rational
-  functions in factors.
-- `interpolation`: rational functions of letters from their values modulo primes.
-- `birational_maps`: birational maps. `composed_maps`: those of several stages. `rational_maps`:
-  those of a `Map`. `kahan_maps`: the Kahan maps of fields. `letters`: these with parameters as
-  letters. `zoo`: examples.
-- `degrees_of_iterates`: degrees of iterates. `pencils`: reducible polynomials of a pencil.
-  `contracted_curves`, `singular_orbits`, `entropy`: the entropy of maps of the plane, from the
-  curves that they contract. `levels`: maps on levels of integrals, which may be maps of the plane.
-- `linear_relations`: linear relations along orbits, and integrals by them.
-- `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
-  that follow from them, in normal form. `symmetries`: reversing ones.
+- `arithmetic`, `interpolation`, `polynomials`, `rational_functions`: exact numbers; rational
+  functions of letters from their values; polynomials; rational functions in factors.
+- `birational_maps`, `composed_maps`, `kahan_maps`, `exact_maps`: birational maps; compositions of
+  several; Kahan maps of fields; the exact map of any system, also with letters. `zoo`: examples.
+- `degrees_of_iterates`: degrees and their growth. `pencils`: reducible polynomials of a pencil.
+  `contracted_curves`, `entropy`: the entropy of maps of the plane, from the curves that they
+  contract. `levels`: maps on levels of integrals, which may be maps of the plane.
+- `linear_relations`: linear relations along orbits, and integrals from them. `invariants`:
+  integrals and measures from Darboux polynomials. `darboux`: these polynomials and their cofactors.
+  `symmetries`: reversing symmetries.
 - `search`: all of this, task by task. `hirota_kimura`: Hirota-Kimura bases. `report`: the results
   in one object.
 """
@@ -36,16 +34,15 @@ except ImportError:
     raise
 
 from .birational_maps import RationalMap
-from .darboux import cofactors
-from .darboux_polynomials import darboux_polynomials
+from .darboux import cofactors, darboux_polynomials
 from .degrees_of_iterates import Growth, degrees, growth
 from .entropy import Contraction, PlanarEntropy, planar_entropy
+from .exact_maps import rational_map
 from .hirota_kimura import HKBasis, hk_bases
 from .kahan_maps import KahanMap, kahan
 from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral
 from .rational_functions import RationalFunction
-from .rational_maps import rational_map
 from .report import Report, report
 from .zoo import zoo
 

@@ -19,30 +19,30 @@ from ..fields.exact_numbers import exact as as_fraction, from_lists
 
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
-Values = tuple[int, ...]  # of letters
-# Rows of a matrix, numerators and denominators: coefficients by exponents of the letters.
+Values = tuple[int, ...]  # numbers in place of letters
+# A matrix of functions N / D of letters: N and D are {exponents of the letters: coefficient}.
 Rows = Sequence[Sequence[tuple[dict[Values, Any], dict[Values, Any]]]]
 
-# In place of letters, of which eps is the first: as good as random numbers.
+# Fixed numbers in place of letters (first of eps), which serve as random ones.
 EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
-EXTRA = 10  # equations more than unknowns
-DRAWS = 8  # of primes with points or lines, of which two must agree
-_LONG = 2**20  # denominators of floats such as 0.1
-_WHOLE = 2**53  # floats from here on are integers, but not all integers
-_ODD = 1000  # above factors of denominators of fractions of floats, and of ratios
+EXTRA = 10  # number of equations minus number of unknowns
+DRAWS = 8  # primes that are tried until two of them give the same result
+_LONG = 2**20  # floats that stand for decimals such as 0.1 have larger denominators
+_WHOLE = 2**53  # all larger floats are integers
+_ODD = 1000  # denominators of ratios such as 8/3 are smaller
 
 
 # Rational numbers.
 
 
 def rational(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction, a float by its binary value; `name` is for error messages."""
+    """Return a number as a fraction, a float by its binary value; errors begin with `name`."""
     refuse(name, value)
     return as_fraction(name, value)
 
 
 def rationals(name: str, value: Any, count: int) -> Point:
-    """Return `value`, `count` coordinates of a point, as fractions; `name` is for error texts."""
+    """Return the `count` coordinates of a point `value` as fractions; errors begin with `name`."""
     given = np.asarray(value, object)
     if given.shape != (count,):
         how = ": pass one state at a time, as in [f(x) for x in states]" * (given.ndim > 1)
@@ -51,9 +51,9 @@ def rationals(name: str, value: Any, count: int) -> Point:
 
 
 def constant(name: str, value: Any) -> Fraction:
-    """Return `value`, a coefficient or a step size, as a fraction; `name` is for error messages.
+    """Return a coefficient or step size `value` as a fraction; errors begin with `name`.
 
-    A string may be "1/3". A float stands for the written number: 0.1 for 1/10, see `as_written`.
+    A string may be "1/3". A float stands for the number that was typed, see `as_written`.
     """
     value = from_lists(name, value)
     exact = rational(name, value)
@@ -61,15 +61,16 @@ def constant(name: str, value: Any) -> Fraction:
 
 
 def as_written(a: Any) -> Fraction:
-    """Return the number that a float `a` was written as: a decimal, as 0.1, or a ratio, as 8/3.
+    """Return the number that was typed for a float `a`: a decimal, as 0.1, or a ratio, as 8/3.
 
-    Decimals up to 12 digits, and ratios with denominators up to 1000, may differ from the float by
-    rounding errors. Longer decimals, up to 15 digits, may not. Other floats keep binary values.
+    It is the decimal of up to 12 digits, or the ratio with a denominator up to 1000, that differs
+    from the float by rounding errors only; else the decimal of up to 15 digits that rounds to the
+    float; else the binary value of the float.
     """
     binary = Fraction(a)
     q = binary.denominator
     odd = q // (q & -q)  # without its power of two: 1 for a float
-    if 1 < odd < _ODD:  # a third of a float, for example, as in a Hamiltonian
+    if 1 < odd < _ODD:  # a fraction of a float, as in the gradient of a Hamiltonian with a term / 3
         return as_written(binary * odd) / odd
     if odd > 1 or (q < _LONG and abs(binary) < _WHOLE):
         return binary
@@ -88,7 +89,18 @@ def fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
 
 
-# Residues. Points are (x1, ..., xD, 1).
+def divided_out(a: Any, divisor: Any) -> tuple[Any, int]:
+    """Divide an integer or polynomial by a divisor as often as possible.
+
+    Return the last quotient and the number of divisions.
+    """
+    power = 0
+    while a != 0 and a % divisor == 0:
+        a, power = a // divisor, power + 1
+    return a, power
+
+
+# Residues modulo a prime. Points are (x1, ..., xD, 1).
 
 
 def random_prime(rng: random.Random, bits: int = 62) -> int:
@@ -104,21 +116,21 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
 
 
 def prime_for(numbers: Iterable[Any]) -> int:
-    """Return a random prime of 62 bits, always the same one for the same integers `numbers`.
+    """Return a random prime of 62 bits, the same one for the same integers `numbers`.
 
-    The integers seed the random generator. So the prime divides none of them, except by chance.
+    The integers seed the random generator, so that the prime divides one of them only by chance.
     """
     return random_prime(random.Random(" ".join(map(hex, numbers))))
 
 
 def random_point(n: int, p: int, rng: random.Random | None = None) -> list[Any]:
-    """Return a random point (x1, ..., xn, 1) modulo p; without `rng` always the same one."""
+    """Return a random point (x1, ..., xn, 1) modulo p; without `rng` the same one in each call."""
     rng = rng or random.Random(0)
     return point_modulo(p, [rng.randrange(p) for _ in range(n)])
 
 
 def random_values(rng: random.Random, p: int) -> Values:
-    """Return 12 random numbers modulo p; number k replaces letter (symbol) number k of a map."""
+    """Return 12 random numbers modulo p, which replace the letters of a map in their order."""
     first = rng.randrange(2, p)
     others = random.Random(first)
     return (first, *(others.randrange(2, p) for _ in EPS[1:]))
@@ -127,7 +139,8 @@ def random_values(rng: random.Random, p: int) -> Values:
 def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
     """Call ``compute(p, values)`` for random primes p until two results agree; return this result.
 
-    `values` are random numbers in place of letters such as eps. One prime may be unlucky.
+    `values` are random numbers in place of letters such as eps. The result for one prime is wrong
+    if a number that should not be 0 happens to be 0 modulo this prime.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
@@ -145,7 +158,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
 
 
 def moduli(a: Any) -> list[int]:
-    """Return [p] for a number `a` modulo p, else []: the last arguments of a matrix of flint."""
+    """Return [p] for a number `a` modulo p, else []: the last arguments of a flint matrix."""
     return [int(a.modulus())] if isinstance(a, flint.nmod) else []
 
 
@@ -156,13 +169,16 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Return rows that span a null space; a row's last nonzero entry is 1, and 0 in other rows."""
+    """Return a basis of the null space of a matrix modulo a prime, as rows in echelon form.
+
+    The last nonzero entry of a row is 1, and the other rows have 0 there.
+    """
     columns, dimension = matrix.nullspace()
-    return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
+    return integer_rows(columns.transpose(), dimension)
 
 
 def row_space(rows: Residues, p: int) -> Residues:
-    """Return the basis in reduced row echelon form of the span of rows modulo a prime p."""
+    """Return the span of rows modulo a prime p by its basis in reduced row echelon form."""
     reduced, rank = flint.nmod_mat(rows, p).rref()
     return integer_rows(reduced, rank)
 
@@ -176,7 +192,7 @@ def integer_rows(matrix: Any, count: int | None = None) -> Residues:
 
 
 def simplest_fraction(residue: int, modulus: int) -> Fraction:
-    """Return a / b with a = residue * b modulo `modulus`, for the shortest such vector (a, b)."""
+    """Return the fraction a / b with a = residue * b modulo `modulus` and the least a^2 + b^2."""
     if residue in (0, 1):  # most entries of rows in echelon form
         return Fraction(residue)
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()

@@ -1,7 +1,7 @@
-"""Exact birational maps, x_i~ = F_i(x) / F_0(x): the base of Kahan maps and other maps.
+"""Exact birational maps Phi, x_i~ = F_i(x) / F_0(x): the base class of Kahan maps and other maps.
 
-Maps have images, derivatives and orbits of points of any numbers, and det DPhi in factors. The
-pullback of a polynomial P is F_0**d P(F / F_0). If P(Phi) = C P, C is the cofactor of P.
+The pullback of a polynomial P of degree d is F_0**d P(F / F_0). If P(Phi) = C P, then P is a
+Darboux polynomial, and C is its cofactor.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ import numpy as np
 
 from ..checks import wrong
 from ..core.cached import cached_property
+from ..fields.names import labels
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS, Point, Residues, Values
-from .interpolation import over_rationals
+from .arithmetic import EPS, Point, Values
 from .polynomials import (
     Polynomials,
     cleared,
     coprime,
     degree_of,
     determinant,
-    divided_out,
     exponents_in_x,
     homogenized,
     irreducible_factors,
@@ -50,7 +49,7 @@ from .rational_functions import (
 TERMS = 100_000  # of the largest polynomial that is factored, in some 5 s
 TERMS_IN_LETTERS = 3_000  # the same with several letters
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
-FEW = 100  # products of polynomials times the degree of a map, of an image on a line
+FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
 
 
 class RationalMap(WithLetters):
@@ -66,8 +65,8 @@ class RationalMap(WithLetters):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
-    _latest: tuple[Any, Any] = None, None  # a modulus, and the forms for it
-    modified_energy: Any = None  # the integral of such a map, if it is not constant
+    modified_energy: Any = None  # its integral for the Kahan map, if it is not constant
+    _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
 
     def __init__(
         self,
@@ -88,7 +87,7 @@ class RationalMap(WithLetters):
         return self._in_letters(self.forms)
 
     def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return F_i / F_0 for `forms` F_1, ..., F_D, F_0, in the names of the map's variables."""
+        """Return F_i / F_0 for `forms` F_1, ..., F_D, F_0, with the map's names of variables."""
         *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
         return tuple(F / denominator for F in numerators)
 
@@ -114,32 +113,32 @@ class RationalMap(WithLetters):
         return RationalMap(coprime(forms), inverse, names=self.names)
 
     def at_eps(self, values: Values) -> RationalMap:
-        """Return the map with the numbers `values` for its letters; itself if it has no letters."""
+        """Return the map with the numbers `values` in place of its letters, if it has any."""
         if not self.is_symbolic:
             return self
         return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
 
     @cached_property
     def coefficients(self) -> list[int]:
-        """The integer coefficients of F_1, ..., F_D, F_0; `prime` depends on them."""
+        """The integer coefficients of F_1, ..., F_D, F_0, from which `prime` follows."""
         return [int(c) for F in self.forms for c in F.coeffs()]
 
     def generator(self, number: int = 0) -> random.Random:
         """Return a generator of random numbers, a different one for each `number`.
 
-        Its seed depends on the map. So the primes it draws divide coefficients only by chance.
+        The map determines its seed. So the primes that it draws divide coefficients only by chance.
         """
         return random.Random(f"{number} {self.prime}")
 
     @cached_property
     def prime(self) -> int:
-        """The prime for computations modulo one prime; it depends on `coefficients`."""
+        """The prime for computations that need only one; `coefficients` determine it."""
         return arithmetic.prime_for(self.coefficients)
 
     # Points are (x1, ..., xD, 1), of numbers of any kind.
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        """Return [F_1, ..., F_0], up to a factor, at [x1, ..., xD, 1] or D + 1 polynomials x."""
+        """Return a multiple of [F_1, ..., F_0] at a point [x1, ..., xD, 1] or D + 1 polynomials."""
         if self.is_symbolic:
             return [self.pullback(F, self.degree, x) for F in self.forms]
         if isinstance(x[0], flint.nmod | flint.fmpq):
@@ -147,7 +146,7 @@ class RationalMap(WithLetters):
         return [value_at(F, x, self.degree) for F in self.forms]
 
     def _values(self, x: Sequence[Any], slopes: bool = False) -> list[list[Any]]:
-        """Return rows: F_1, ..., F_D, F_0 at x; if `slopes`, then the derivatives of each form."""
+        """Return the row F_1, ..., F_D, F_0 at x, and, with `slopes`, a row grad F for each F."""
         modulus = arithmetic.moduli(x[0])
         if self._latest[0] != modulus:
             forms = [modulo(F, sum(modulus), EPS) for F in self.forms]
@@ -233,7 +232,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def is_invertible(self) -> bool:
-        """True if det DPhi is not 0 at a random point modulo a prime; False if it has no value."""
+        """True if det DPhi has a value, not 0, at a random point modulo a prime."""
         try:
             x = arithmetic.random_point(self.dimension, self.prime)
             return bool(self.at_eps(EPS).derivative(x).det() != 0)
@@ -277,7 +276,7 @@ class RationalMap(WithLetters):
         return homogenized(P, degree, forms or self.forms, self.ring)
 
     def pullbacks(self, space: Polynomials) -> list[Any]:
-        """Return the pullbacks of polynomials by their highest degree, up to a common factor."""
+        """Return F_0^d P(F / F_0) for all P, up to a common factor, for their highest degree d."""
         degree = max(map(degree_of, space))
         return [self.pullback(P, degree) for P in space]
 
@@ -293,23 +292,22 @@ class RationalMap(WithLetters):
         return math.comb(self.dimension + degree, self.dimension) * letters
 
     @cached_property
-    def _fraction_of_monomials(self) -> float:
-        """The fraction of all monomials up to the map's degree that occur in F_1, ..., F_0."""
-        monomials = {e for F in self.forms for e in exponents_in_x(F)}
-        return len(monomials) / math.comb(self.dimension + self.degree, self.dimension)
+    def _monomials(self) -> int:
+        """The number of different monomials in F_1, ..., F_0."""
+        return len({e for F in self.forms for e in exponents_in_x(F)})
 
     @cached_property
     def length(self) -> float:
         """The relative cost of the image of a line: 1 for a map of few monomials, else more."""
-        monomials = {e for F in self.forms for e in exponents_in_x(F)}
-        return max(1.0, len(monomials) * self.degree / FEW)
+        return max(1.0, self._monomials * self.degree / FEW)
 
     def cost_of_pullback(self, P: Any, degree: int) -> float:
         """Return the estimated seconds for the pullback F_0^degree P(F / F_0), and for its factors.
 
         Each term of P adds a product of powers of forms, with all monomials of its degree or fewer.
         """
-        most = self.terms_of_degree(degree * self.degree) * self._fraction_of_monomials
+        all_monomials = math.comb(self.dimension + self.degree, self.dimension)
+        most = self.terms_of_degree(degree * self.degree) * self._monomials / all_monomials
         lengths = [len(F) for F in self.forms]
         exponents = ((*e, degree - sum(e)) for e in exponents_in_x(P))
         powers = (zip(lengths, e, strict=True) for e in exponents)
@@ -321,31 +319,27 @@ class RationalMap(WithLetters):
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if the factors are too long."""
-        # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
-        n = self.dimension
         if self.cost_of_factors > LONGEST:
             return None
-        if (found := self._in_factors(determinant(self._rows()))) is None:
-            return None
-        return found / factored(self.forms[-1]) ** (n + 1)
+        # The matrix with the rows (grad F_i, F_i) has the determinant F_0^(D + 1) det DPhi.
+        places = range(len(self.letters), len(self.letters) + self.dimension)
+        rows = [[*(F.derivative(i) for i in places), F] for F in self.forms]
+        multiple = self._in_factors(determinant(rows))
+        return multiple and multiple / factored(self.forms[-1]) ** (self.dimension + 1)
 
     def _in_factors(self, P: Any) -> RationalFunction | None:
-        """Return P in factors, those of F_1, ..., F_0 first; None if that may take over 5 s."""
+        """Return P in factors; None if it is too long after division by factors of the F_i."""
         most = TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS
         known = [f for F in self.forms if len(F) <= most for f, _ in irreducible_factors(F)]
         powers = []
         for f in {str(f): f for f in known}.values():
-            P, power = divided_out(P, f)
+            P, power = arithmetic.divided_out(P, f)
             powers.append((f, power))
         return None if len(P) > most else factored(P) * product_of(powers, Fraction(1))
 
-    def _rows(self) -> list[list[Any]]:
-        places = range(len(self.letters), len(self.letters) + self.dimension)
-        return [[*(F.derivative(i) for i in places), F] for F in self.forms]
-
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
-        """det DPhi in factors, the cofactor of P for densities 1 / P; None if 0 or too long."""
+        """The function det DPhi in factors; None if it is 0, or has too many terms to factor."""
         return self._determinant() if self.is_invertible else None
 
     @property
@@ -355,7 +349,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def factors(self) -> list[Any] | None:
-        """The irreducible factors of F_0 and of det DPhi, or None if they are too long."""
+        """The irreducible factors of F_0 and of det DPhi; None if `jacobian_cofactor` is None."""
         if self.jacobian_cofactor is None:
             return None
         powers = (*self.jacobian_cofactor.factors, *irreducible_factors(self.denominator))
@@ -363,7 +357,7 @@ class RationalMap(WithLetters):
 
     @cached_property
     def _on_random_line(self) -> tuple[Any, ...]:
-        """A random line modulo a prime, [F_1, ..., F_D, F_0] on it, and `factors` on it."""
+        """A random line modulo a prime, and F_1, ..., F_0 and `factors` as polynomials on it."""
         p = self.prime
         *line, _ = random_line(self.dimension, p, random.Random(0))
         line.append(flint.nmod_poly([1], p))
@@ -373,35 +367,35 @@ class RationalMap(WithLetters):
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of the map's `factors`; or None.
 
-        All factors are divided out of P(Phi) and of P on a random line modulo a prime; constants
-        must remain. The constant of C is interpolated from its values at random points.
+        If C exists, P(Phi) and P are equal on a random line modulo a prime, up to these factors and
+        a constant. The constant of C is interpolated from its values at random points.
         """
         degree, (line, F, factors) = degree_of(P), self._on_random_line
         at_number, powers = modulo(P, self.prime, EPS), []
         numerator = value_at(at_number, F, degree)
         denominator = value_at(at_number, line) * F[-1] ** degree
         for f, divisor in zip(self.factors or (), factors, strict=True):
-            numerator, more = divided_out(numerator, divisor)
-            denominator, less = divided_out(denominator, divisor)
+            numerator, more = arithmetic.divided_out(numerator, divisor)
+            denominator, less = arithmetic.divided_out(denominator, divisor)
             powers.append((f, more - less))
         if any(a.degree() for a in coprime([numerator, denominator])):
             return None
         C = product_of(powers, Fraction(1))
 
-        def search(p: int, eps: Values) -> Residues:
+        def search(p: int, eps: Values) -> list[int]:
             x = arithmetic.random_point(self.dimension, p, random.Random(p))
             here, there = (modulo(P, p, eps)(*y[:-1]) for y in (x, self.at_eps(eps).image(x)))
-            return [[-int(flint.nmod(int(there), p) / here / C.values_modulo(p, eps, [x])[0]), 1]]
+            return [-int(flint.nmod(int(there), p) / here / C.values_modulo(p, eps, [x])[0]), 1]
 
-        rows = over_rationals(self.generator(), search, len(self.letters))
-        return rational_roots(rows[0], self.ring)[0] * C if rows else None
+        constant = next(rational_roots(self.generator(), search, self.ring), None)
+        return constant and constant * C
 
 
 def checked_names(names: Any) -> Any:
-    """Return `names` of variables, or raise an error if one is eps, the step size in formulas."""
+    """Return `names` of variables, None for x1, ..., xD; raise an error if one of them is eps."""
     if "eps" in (names or ()):
         raise wrong("names", "no eps, which is the step size in formulas", ", ".join(names))
-    return names
+    return None if not names or names == labels(len(names)) else names
 
 
 def check_one_letter(map: RationalMap) -> None:

@@ -1,7 +1,7 @@
-"""Maps that are composed of simpler ones, such as a QRT map of two involutions.
+"""Maps that are composed of simpler maps (stages), such as a QRT map of two involutions.
 
-With letters the forms of the stages have tens of terms where their composition has 10^4. So images,
-lines and pullbacks go through the stages, without common factors after each one.
+With letters, polynomials of a stage have tens of terms where the composed map has 10^4. So points,
+lines and polynomials are mapped by one stage after another, and common factors divided out of each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class ComposedMap(RationalMap):
     def __init__(self, stages: Sequence[RationalMap], *more: Any) -> None:
         super().__init__(stages[0].forms, *more)
         self.stages = [*stages]
-        del self.forms  # those of the first stage
+        del self.forms  # of the first stage, to make place for the property
 
     @cached_property
     def forms(self) -> list[Any]:
@@ -75,7 +75,6 @@ class ComposedMap(RationalMap):
         return product
 
     def pullbacks(self, space: Polynomials) -> list[Any]:
-        """Return the pullbacks of polynomials, without common factors after each stage."""
         for stage in reversed(self.stages):
             space = (*coprime(stage.pullbacks(space)),)
         return [*space]
@@ -84,8 +83,9 @@ class ComposedMap(RationalMap):
         return sum(stage.cost_of_pullbacks(space) for stage in self.stages)
 
 
-def composed(stages: Sequence[list[Any]], *more: Any) -> RationalMap:
-    """Return the map with the forms of these stages; `more` are its inverse, letters and so on."""
+def composed(stages: Sequence[list[Any]], inverse: Any, letters: Any, *more: Any) -> RationalMap:
+    """Return the composition of `stages`, lists F_1, ..., F_D, F_0; `more` are names and values."""
     if len(stages) == 1:
-        return RationalMap(stages[0], *more)
-    return ComposedMap([RationalMap(forms, None, more[1]) for forms in stages], *more)
+        return RationalMap(stages[0], inverse, letters, *more)
+    maps = [RationalMap(forms, None, letters) for forms in stages]
+    return ComposedMap(maps, inverse, letters, *more)

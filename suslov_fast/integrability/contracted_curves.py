@@ -2,20 +2,22 @@
 
 A contracted curve C is mapped to a point q, then to f(q), f(f(q)), ... If one of these has no
 image, the singularity may be confined: then a neighbourhood of C is mapped to a neighbourhood of
-another curve. Take a germ c + t v with a generic point c of C. The degrees of iterates follow from
-orders in t along it: the order of the common factor of the coordinates of its image, and the order
-of each contracted curve. They are computed modulo a prime, for two germs.
+another curve. Take a germ c + t v, a series in t with a generic point c of C. The degrees of
+iterates follow from orders in t of its images: the order of the common factor of the coordinates,
+and the order of the equation of each contracted curve. They are computed modulo a prime, for two
+germs.
 
-Then they are proved at the general point of the curve, with a parameter s: of a line, or of one of
-several conjugate lines. The coordinates of the germ are polynomials in s, in eps if it is symbolic,
-and in an algebraic number r, which gives one of the lines. For other curves, orders are exact, too,
-if they are the multiplicities of the forms at the points of the orbit of one point.
+If C is a line, or one of several conjugate lines, they are then proved for the general point of C.
+Coordinates of the germ are polynomials in t, in a parameter s of the line, in an algebraic number r
+that tells conjugate lines apart, and in eps if it is symbolic. For other curves, orders are exact
+if they are the multiplicities of the polynomials at the points of one orbit.
 """
 
 from __future__ import annotations
 
 import random
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 import flint
@@ -43,17 +45,17 @@ from .polynomials import (
 _PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
 _TERMS = 8, 32, 128, 512  # of power series in t, until they suffice
 _LINES = 20  # on which a point of a curve is sought
-_PRIMES = 80
+_PRIMES = 80  # that are tried, at most
 _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coefficients
 
 
 class Passage(NamedTuple):
-    """The orders in t of images of germs, series c + t v with points c of a contracted curve.
+    """The orders in t of images of germs c + t v, with points c of a contracted curve.
 
-    After 1, ..., `steps` - 1 steps all images begin at one point; after `steps` steps, at a curve.
+    After fewer than `steps` steps all images begin at one point, and then at points of a curve;
     `steps` is None if that takes too long. The image after k + 1 steps is divided by t to the power
-    `common_orders[k - 1]`. `curve_orders[k - 1]` has the order of each curve's equation after k
-    steps. Both end at the last point without an image; if `endless` is True, no last one is found.
+    ``common_orders[k - 1]``; ``curve_orders[k - 1]`` has the order of each curve's equation after k
+    steps. Both end at the last point without an image. If `endless`, no last one was found.
     """
 
     common_orders: tuple[int, ...]
@@ -63,7 +65,7 @@ class Passage(NamedTuple):
 
 
 class Plane:
-    """A birational map of the plane: homogeneous `forms`, and equations of contracted `curves`."""
+    """A birational map of the plane by homogeneous polynomials, and its contracted `curves`."""
 
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
@@ -76,7 +78,7 @@ class Plane:
         self.degrees = [degree_of(P) for P in self.curves]
 
     def text(self, number: int) -> str:
-        """Return the equation of the contracted curve with this number as text."""
+        """Return the equation of a contracted curve, given by its number, as text."""
         P = renamed(self._affine(number), self.map.names, self.map.letter)
         return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
 
@@ -90,7 +92,7 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """One step of a germ, a series in t. `germ` is its image, divided by t**common_order.
+    """One step of a germ: its image, divided by t**common_order.
 
     `curve_orders` are the orders in t of the equations of curves along the germ before the step.
     """
@@ -107,15 +109,15 @@ class PlaneModulo:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
-        # The monomials that forms and curves have in common are evaluated once.
+        # Each monomial is evaluated once, for all polynomials that have it.
         terms = [P.to_dict() for P in (*self.forms, *self.curves)]
         self._monomials = tuple({e: None for of_one in terms for e in of_one})
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor modulo p of the equation of curve `number`, with zeros modulo p; or None.
+        """Return a factor modulo p of the equation of curve `number` that has zeros; or None.
 
-        Conjugate lines are listed as one curve, but are contracted to different points.
+        A curve may consist of conjugate lines, which are contracted to different points.
         """
         P = self.curves[number]
         if P == 0:
@@ -133,15 +135,14 @@ class PlaneModulo:
             on_line = value_at(component, [flint.nmod_poly([*end], p) for end in ends])
             if on_line.degree() < 1:
                 continue
-            for factor, power in on_line.factor()[1]:
-                if factor.degree() == 1 and power == 1:
-                    root = int(-factor[0] / factor[1])
-                    point = [a + b * root for a, b in ends]
+            for root, multiplicity in on_line.roots():
+                if multiplicity == 1:
+                    point = [a + b * int(root) for a, b in ends]
                     return [flint.nmod_poly([c, self.rng.randrange(p)], p) for c in point]
         return None
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
-        """Return the `Step` of a germ, by `terms` powers of t; None if these are 0 in its image."""
+        """Return the `Step` of a germ with `terms` powers of t; None if all are 0 in its image."""
         values = monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
@@ -155,7 +156,7 @@ class PlaneModulo:
         return Step(divided, common_order, curve_orders)
 
     def passage(self, component: Any, most: int) -> Passage | None:
-        """Return the `Passage` of two germs at the curve `component`; None if orders differ."""
+        """Return the `Passage` of two germs from the curve `component`; None if orders differ."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
@@ -166,14 +167,13 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage`, orders in t of images of two germs; None if their orders differ.
+        """Return the `Passage` of two germs by up to `most` steps; None if their orders differ.
 
-        Germs are series in t. They take up to `most` steps of the map. If the first `terms` powers
-        of t are too few, the passage is `endless`.
+        If the first `terms` powers of t are too few, the passage is `endless`.
         """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
-        exact = 0  # steps whose orders of curves are less than the number of terms
+        exact = 0  # steps after which all orders of curves are less than the number of terms
         steps: int | None = None
         has_terms = True
         for k in range(most + 1):
@@ -193,7 +193,7 @@ class PlaneModulo:
                 common_orders.append(first.common_order)
                 curve_orders.append(first.curve_orders)
             terms -= first.common_order
-        # After k = last steps the germ is at the last point without an image.
+        # After `last` steps the germ is at the last point without an image.
         last = max((k for k, order in enumerate(common_orders, start=1) if order), default=0)
         never_stops = steps is None and last > len(common_orders) // 2
         if not has_terms or last > exact or never_stops:
@@ -212,7 +212,7 @@ def _order(P: Any, terms: int) -> int:
 
 
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
-    """Return the `Passage` across each curve, by `most` steps; None unless two primes agree."""
+    """Return the `Passage` from each curve by up to `most` steps; None unless two primes agree."""
     rng, numbers = plane.map.generator(), range(len(plane.curves))
     by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
@@ -236,13 +236,13 @@ def _agree(passages: list[Passage]) -> bool:
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
 _LONGEST = 20_000  # bits of coordinates, at most
 _MONOMIALS = 2_000  # of coordinates, at most
-_NUMBERS = range(1, 9)  # in place of s
+_NUMBERS = range(1, 9)  # tried in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
-    """Return True if a passage across the curve `number`, found modulo primes, is proved exact.
+    """Return True if the orders of curve `number` modulo primes are proved to be exact.
 
-    Orders modulo a prime are at least the true orders, so orders that are 0 are exact.
+    Orders modulo a prime are at least the exact orders, so that 0 is exact.
     """
     if not passage.common_orders:
         return passage.steps is None
@@ -261,7 +261,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
 
 
 class _Germs:
-    """Exact germs across a curve: polynomials in t, s (which point), r (which line) and eps."""
+    """Exact germs at a curve: polynomials in t, s (which point), r (which line) and eps."""
 
     def __init__(self, plane: Plane, number: int) -> None:
         self._plane, self._curve = plane, plane.curves[number]
@@ -274,14 +274,14 @@ class _Germs:
         if degree > 1:
             self._point, count = self._point_of_curve(), plane.count(number)
         gradient = self._values(self._slopes(self._curve), self._point)
-        self.first: list[Any] = []  # none for curves of higher degree
+        self.first: list[Any] = []  # the germ at a line; [] for other curves
         if degree == count:
             self.first = self._across_line(gradient)
         if self.first and _order_in_t(self._values([self._curve], self.first, 2)[0], 2) != 1:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return the curve's point on a fixed line; coordinates contain an algebraic number r."""
+        """Return a point of the curve on a fixed line; coordinates contain the number r."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
@@ -295,7 +295,7 @@ class _Germs:
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:
-        # Two coordinates depend on s alone; the third makes line . germ a multiple of t.
+        """Return a germ at a line with these coefficients: line . germ is a multiple of t."""
         pivot = next(j for j in range(3) if line[j] != 0)
         i, j = (k for k in range(3) if k != pivot)
         u, v = 2 + 3 * self._s, 5 + 7 * self._s
@@ -310,10 +310,10 @@ class _Germs:
     def _values(self, forms: Sequence[Any], x: Sequence[Any], terms: int = 1) -> list[Any]:
         """Return the values of forms at x, without the powers t**k with k >= `terms`."""
         values = (F.compose(*self._eps, *x, ctx=self._ring) for F in forms)
-        return [self._reduced(_cut(P, terms)) for P in values]
+        return [self._reduced(P % self._t**terms) for P in values]
 
     def _reduced(self, P: Any) -> Any:
-        """Return the remainder of P by the polynomial with the root r; it has low powers of r."""
+        """Return the remainder of P modulo the polynomial that has the root r."""
         n = int(self._modulus.degrees()[-3])
         while (k := int(P.degrees()[-3])) >= n:
             P -= coefficients_in(P, -3)[k] * self._r ** (k - n) * self._modulus
@@ -322,9 +322,9 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Return pairs (common order, curve orders) of up to `steps` steps, and the last germ.
+        """Return pairs (common order, curve orders) of `steps` steps, and the last germ.
 
-        Steps are fewer if `terms` powers of t are too few; None if coordinates become too large.
+        Steps are fewer if `terms` powers of t are too few. None if coordinates become too large.
         """
         germ, orders = self.first, []
         for k in range(steps + 1):
@@ -335,15 +335,17 @@ class _Germs:
             if k:
                 curves = self._values(self._plane.curves, germ, terms)
                 orders.append((order, tuple(_order_in_t(P, terms) for P in curves)))
-            germ, terms = without_common_factor([_divided(P, order) for P in image]), terms - order
+            germ = without_common_factor([P // self._t**order for P in image])
+            terms -= order
             if _is_large(germ):
                 return None
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if orders in `passage` are multiplicities of forms and curves on the orbit.
+        """Return True if orders in `passage` are multiplicities at the points of the orbit.
 
-        Such orders are exact. Derivatives below an order are 0; only the last point has no image.
+        Such orders are exact. All derivatives of lower order are 0, and only the last point has no
+        image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:
@@ -381,8 +383,8 @@ class _Germs:
         return without_common_factor([self._reduced(P * multiple) for P in x])
 
     def begin_at_point(self, germ: Sequence[Any]) -> bool:
-        """Return True if a germ begins at one point for all s, the parameter along the curve."""
-        x = [_cut(P, 1) for P in germ]
+        """Return True if a germ begins at the same point for all s."""
+        x = [P % self._t for P in germ]
         for number in _NUMBERS:
             y = [P.compose(*self._eps, self._r, number + 0 * self._s, self._t) for P in x]
             if any(y):
@@ -390,32 +392,14 @@ class _Germs:
         return False
 
 
-def _cut(P: Any, terms: int) -> Any:
-    """Return a polynomial without the powers t**k with k >= `terms`."""
-    return P.context().from_dict({e: c for e, c in P.to_dict().items() if e[-1] < terms})
-
-
 def _order_in_t(P: Any, terms: int) -> int:
     """Return the lowest power of t in a polynomial, or `terms` if the polynomial is 0."""
     return min((int(e[-1]) for e in P.monoms()), default=terms)
 
 
-def _divided(P: Any, order: int) -> Any:
-    """Return a polynomial divided by t**order."""
-    terms = P.to_dict().items()
-    return P.context().from_dict({(*e[:-1], e[-1] - order): c for e, c in terms})
-
-
 def without_common_factor(x: Sequence[Any]) -> list[Any]:
     """Return polynomials x, divided by the largest common factor free of the last variable."""
-    ring = x[0].context()
-    common = ring.constant(0)
-    for P in x:
-        by_power: dict[int, dict[Any, Any]] = {}
-        for e, c in P.to_dict().items():
-            by_power.setdefault(int(e[-1]), {})[(*e[:-1], 0)] = c
-        for terms in by_power.values():
-            common = common.gcd(ring.from_dict(terms))
+    common = reduce(lambda P, Q: P.gcd(Q), (c for P in x for c in coefficients_in(P, -1)))
     return [P // common for P in x]
 
 

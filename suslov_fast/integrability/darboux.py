@@ -1,7 +1,7 @@
-"""Darboux polynomials, P(Phi(x)) = C(x) P(x), of a cofactor C, and cofactors that have such P.
+"""Darboux polynomials, P(Phi(x)) = C(x) P(x), and their cofactors C.
 
-P solves linear equations at random points modulo a prime. Cofactors are products of powers of the
-factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
+P solves linear equations at random points modulo a prime. C is a product of powers of the factors
+of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
 """
 
 from __future__ import annotations
@@ -9,20 +9,22 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import flint
 
-from ..checks import integer, wrong
+from ..checks import integer, kind_of, wrong
 from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, Residues, Values
 from .birational_maps import TERMS, RationalMap
+from .exact_maps import checked_map
 from .interpolation import over_rationals
-from .letters import checked_map
+from .invariants import Invariants
 from .polynomials import (
     Polynomials,
     degree_of,
@@ -30,15 +32,21 @@ from .polynomials import (
     letters_of,
     modulo,
     monomial_values,
-    on_line,
     polynomials_with,
     random_line,
+    renamed,
+    sort_key,
+    value_at,
+    with_plain_letters,
 )
 from .rational_functions import RationalFunction, factored, product_of, rational_roots
 
 
 def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of P to a degree: P(Phi) = sign * cofactor * P. Cofactor None: det DPhi."""
+    """Return a basis of the polynomials P up to a degree with P(Phi) = sign * cofactor * P.
+
+    The cofactor None stands for det DPhi.
+    """
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
@@ -54,9 +62,90 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
-    """Return the number of independent P with P(Phi) = sign * cofactor * P, modulo one prime."""
+    """Return the dimension of the space that `space_of` returns, computed modulo one prime."""
     matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
+
+
+@public
+def darboux_polynomials(
+    map: RationalMap | Body, degree: int, cofactor: Any = None, *, letters: Any = None
+) -> Polynomials:
+    """Find the polynomials P with P(map(x)) = C(x) P(x) of any cofactor C, or of a given one.
+
+    Quotients of two such polynomials with one C are first integrals; 1 / P with C = det DPhi is the
+    density of an invariant measure (arXiv:1902.04715). The equations hold at random points modulo a
+    prime, 10 more points than unknowns. Another prime confirms the solution.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`; a field or a body is its Kahan map with a symbolic eps.
+    degree : int
+        Largest degree of P.
+    cofactor : number or RationalFunction, optional
+        C: ``map.determinant`` for det DPhi, a rational number, or a function that
+        :func:`cofactors` found. By default all that `cofactors` finds.
+    letters : str or sequence of str, optional
+        Names of parameters of a field or a body that stay symbols beside eps, ``"a b"``. The
+        polynomials have them as variables before x1, ..., xD.
+
+    Returns
+    -------
+    tuple of flint.fmpz_mpoly
+        For a given cofactor, a basis of its polynomials in x1, ..., xD, with coprime integers as
+        coefficients. By default, the polynomials of all cofactors, without constants and
+        combinations of products of others.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, or the cofactor is undefined at random points; without a cofactor also
+        if there is no inverse, or the factors of det DPhi are too long to write out.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field, Suslov3D
+    >>> from suslov_fast.integrability import darboux_polynomials, kahan
+    >>> top = Field(lambda x: (x[1]*x[2], -2*x[0]*x[2], x[0]*x[1]), 3)
+    >>> darboux_polynomials(kahan(top, eps=1), 2)
+    (x1 + x3, x1 - x3, 2*x1^2 + x2^2, x3^2 + 2)
+
+    The densities of invariant measures of the body of the paper:
+
+    >>> map = kahan(Suslov3D(4, 1, -0.5, -0.25).field(), eps=0.25)
+    >>> for P in darboux_polynomials(map, 3, map.determinant):
+    ...     print(P.factor())
+    (1, [(2*Omega1 + Omega2, 1), (4*Omega1^2 + Omega2^2, 1)])
+    (1, [(2*Omega1 + Omega2, 1), (Omega1*Omega2 + 1024, 1)])
+    """
+    map = checked_map(map, letters)
+    degree = checked_degree("degree", degree, map.dimension)
+    if cofactor is None:
+        polynomials = _of_all_cofactors(map, degree)
+    elif cofactor == map.determinant:
+        polynomials = space_of(map, degree, None)
+    else:
+        if callable(cofactor) and not isinstance(cofactor, RationalFunction):
+            expected = "map.determinant, a number or a result of cofactors(map, degree)"
+            raise wrong("cofactor", expected, kind_of(cofactor), TypeError)
+        if not callable(cofactor):
+            cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
+        polynomials = space_of(map, degree, cofactor)
+    return tuple(with_plain_letters(renamed(P, map.names, map.letter)) for P in polynomials)
+
+
+def _of_all_cofactors(map: RationalMap, degree: int) -> Polynomials:
+    """Return Darboux polynomials of all cofactors, without combinations of products of others."""
+    known = Invariants(map, degree)
+    usual = [RationalFunction(()), map.jacobian_cofactor]
+    for k in range(1, degree + 1):
+        for cofactor in dict.fromkeys([*cofactors_of_degree(map, k), *usual]):
+            for P in sorted(space_of(map, k, cofactor), key=sort_key):
+                if not known.is_known(P, cofactor):
+                    known.add(replace(factored(P), cofactor=cofactor))
+            known.normalize(known.value(cofactor))
+    return tuple(known.polynomial(g) for g in known.polynomials)
 
 
 @public
@@ -66,7 +155,7 @@ def cofactors(
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
     They are products of a constant and powers of the factors of det DPhi and of the map's
-    denominator. The result has all with a Darboux polynomial up to the degree, and 1 and det DPhi.
+    denominator. The result contains 1, det DPhi and each C with a polynomial up to the degree.
 
     Parameters
     ----------
@@ -97,8 +186,7 @@ def cofactors(
     -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
     """
     map = checked_map(map, letters)
-    degree = integer("degree", degree, 0)
-    check_unknowns("degree", degree, map.dimension)
+    degree = checked_degree("degree", degree, map.dimension)
     one = RationalFunction(())
     known = [(0, one)]
     for k in range(1, degree + 1):
@@ -112,18 +200,23 @@ def cofactors(
     return tuple(C.renamed(map.names, map.letter) for C in different)
 
 
-def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
-    """Raise an error on `name` if polynomials of `degree` in n variables have over `most` terms."""
+def checked_degree(name: str, degree: Any, n: int, least: int = 0, most: int = 300) -> int:
+    """Return `degree`, or raise an error if polynomials in n variables have over `most` terms.
+
+    The error is about the argument `name`, also if the degree is no integer from `least` on.
+    """
+    degree = integer(name, degree, least)
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
         expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
         raise wrong(name, expected, f"{degree} ({unknowns} coefficients)")
+    return degree
 
 
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors C of Darboux polynomials P up to a degree, P(Phi) = C P.
+    """Yield cofactors C of Darboux polynomials of a degree, P(Phi) = C P.
 
-    Other such cofactors are products of these and of cofactors of lower degrees.
+    All others are products of these and of cofactors of lower degrees.
     """
     for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)
@@ -131,9 +224,9 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of F_0 and of the map's factors, if they have cofactors and this degree.
+    """Yield the cofactors of the polynomials of this degree among F_0 and the map's factors.
 
-    A factor of F_0 need not divide its pullback, so `candidate_cofactors` may not find its C.
+    `candidate_cofactors` may lack them, because a factor of F_0 need not divide its pullback.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
@@ -143,7 +236,7 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
     """Return the matrix modulo p of the linear equations P(Phi) = sign * cofactor * P.
 
-    It has a row for each random point, and a column for each monomial up to a degree.
+    Rows are random points, and columns the monomials of P up to a degree.
     """
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, sign), p)
@@ -151,34 +244,34 @@ def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, 
 
 
 class _Points(NamedTuple):
-    """Random points `x` modulo p, and values of monomials at x and, as `of_images`, at Phi(x)."""
+    """Random points `x` modulo p, and the values of monomials there and at the images Phi(x)."""
 
-    map: RationalMap  # at eps
+    map: RationalMap  # at the numbers `eps` for letters
     eps: Values
     x: list[list[Any]]
     monomials: list[list[Any]]
     of_images: list[list[Any]]
 
     def times(self, cofactor: Any, sign: int = 1) -> list[list[Any]]:
-        """Return the rows of `monomials`, each times `sign` and the cofactor at its point."""
+        """Return the rows of `monomials`, each times `sign` and the cofactor at its point.
+
+        The cofactor None stands for det DPhi.
+        """
+        p = int(self.x[0][0].modulus())
         try:
-            values = self._values_of(cofactor)
+            if cofactor is None:
+                values = [self.map.derivative(x).det() for x in self.x]
+            else:
+                values = cofactor.values_modulo(p, self.eps, self.x)
         except ZeroDivisionError:
             raise ArithmeticError("the cofactor is undefined at random points") from None
         pairs = zip(values, self.monomials, strict=True)
         return [[sign * c * a for a in row] for c, row in pairs]
 
-    def _values_of(self, cofactor: Any) -> list[Any]:
-        """Return the values of a cofactor at the points; None stands for det DPhi."""
-        if cofactor is None:
-            return [self.map.derivative(x).det() for x in self.x]
-        p = int(self.x[0][0].modulus())
-        return cofactor.values_modulo(p, self.eps, self.x)
-
 
 @lru_cache(maxsize=32)
 def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Points:
-    """Return random points modulo p, more than monomials to a degree; equal for all cofactors."""
+    """Return random points modulo p, more than there are monomials up to a degree."""
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
     x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
@@ -188,15 +281,15 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield products C of powers of the map's factors; c C may be a cofactor for a constant c.
+    """Yield products C of powers of the map's factors that may be cofactors, up to a constant c.
 
-    P(Phi) = c C P may have a solution P of this degree; then `with_constants` finds c.
+    If P(Phi) = c C P has a solution P of this degree, `with_constants` finds c.
     """
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
         raise ArithmeticError(f"the factors of det DPhi are not known: they need {needed}")
-    # The Jacobian determinant of F: its zeros have images of lower dimension. Those of any other
-    # factor of a pullback are mapped to a hypersurface, and it has a cofactor itself.
+    # The zeros of the Jacobian determinant of F have images of lower dimension. The zeros of any
+    # other factor of a pullback are mapped to a hypersurface, and this factor has a cofactor.
     jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant
     factors = [f for f, _ in jacobian.factors if degree_of(f)]
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
@@ -213,7 +306,7 @@ def with_constants(
     The constants are eigenvalues of the pullback divided by the candidate.
     """
 
-    def search(p: int, eps: Values) -> Residues:
+    def search(p: int, eps: Values) -> list[Any]:
         points = _random_points(map, degree, p, eps)
         at_points, at_images = points.times(candidate), points.of_images
         n = len(at_points[0])
@@ -225,21 +318,19 @@ def with_constants(
 
         # The eigenvalues of polynomials do not depend on the points.
         common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
-        return [[int(c) for c in common.coeffs()]] if common.degree() else []
+        return common.coeffs() if common.degree() else []
 
-    rows = over_rationals(map.generator(degree), search, len(map.letters))
-    for c in rational_roots(rows[0], map.ring) if rows else ():
-        yield c * candidate
+    yield from (c * candidate for c in rational_roots(map.generator(degree), search, map.ring))
 
 
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield tuples e: the product of `factors`**e divides P(F) for some polynomial P of `degree`.
+    """Yield tuples e such that the product of `factors`**e divides P(F) for a P of this degree.
 
-    F are the homogeneous forms of the map. The quotient must have the degree of P, too. If
-    `at_infinity`, the product may have powers of the last coordinate as well, which are not in e.
-    The test is modulo a prime, on random lines.
+    F are the homogeneous forms of the map, and the quotient has the degree of P. If `at_infinity`,
+    the product may also contain powers of the last coordinate, which are not in e. Divisibility is
+    tested modulo a prime, on random lines.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -256,17 +347,17 @@ def _divisors(
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
     def equations(f: Any, size: int, power: int) -> Residues:
-        """Return linear equations for P: f**power divides its pullback; f has the degree `size`."""
+        """Return linear equations for P: f**power divides P(F), where f has the degree `size`."""
         divisor_degree = size * power
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree
         for line, of_monomials in zip(lines[:enough], pullbacks, strict=False):
-            divisor = on_line(f, line, size) ** power
+            divisor = value_at(f, line, size) ** power
             remainders = [pullback % divisor for pullback in of_monomials]
             rows += [[remainder[j] for remainder in remainders] for j in range(divisor_degree)]
         return arithmetic.row_space(rows, p)
 
-    # The equations by factor and power, up to the highest power that divides some pullback.
+    # Equations by factor and power, up to the highest power that divides some P(F).
     systems: list[list[Residues]] = []
     for f, size in zip(divisors, sizes, strict=True):
         systems.append([[]])
@@ -276,25 +367,25 @@ def _divisors(
             systems[-1].append(rows)
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
-    def extended(powers: tuple[int, ...], system: Residues, left: int) -> Iterator[tuple[int, ...]]:
-        """Yield exponents that begin with `powers`; the remaining factors have the degree `left`.
+    def extended(powers: tuple[int, ...], system: Residues, free: int) -> Iterator[tuple[int, ...]]:
+        """Yield exponents that begin with `powers`; the others make a product of degree `free`.
 
-        `system` has the linear equations for P that `powers` imply.
+        `system` are the linear equations for P that `powers` imply.
         """
         k = len(powers)
         if k == len(divisors):
             yield powers[at_infinity:]
             return
         for power, rows in enumerate(systems[k]):
-            rest = left - power * sizes[k]
+            rest = free - power * sizes[k]
             if rest < 0:
                 return
-            if rest > sum(largest[k + 1 :]):  # too much for the factors that follow
+            if rest > sum(largest[k + 1 :]):  # more than the factors that follow can have
                 continue
             joint = system
             if rows:
                 joint = arithmetic.row_space(system + rows, p)
-                if len(joint) == count:  # higher powers divide no pullback either
+                if len(joint) == count:  # no P, and none for higher powers
                     return
             yield from extended((*powers, power), joint, rest)
 

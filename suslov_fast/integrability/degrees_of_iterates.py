@@ -1,8 +1,8 @@
 """Degrees of iterates, and their growth: ``lim log(d_n) / n`` is the algebraic entropy.
 
-The degree of an iterate is that of its restriction to a random line modulo a prime, without common
-factors (Bellon and Viallet 1999). Degrees mostly satisfy a linear recurrence with integer
-coefficients; the largest root of its characteristic polynomial is the limit of d_(n+1) / d_n.
+An iterate has the degree of its restriction to a random line modulo a prime, without common factors
+(Bellon and Viallet 1999). Degrees mostly satisfy a linear recurrence with integer coefficients. The
+largest root of its characteristic polynomial is the limit of d_(n+1) / d_n.
 """
 
 import math
@@ -21,16 +21,16 @@ from ..fields.base import Body
 from ..keywords import public
 from .arithmetic import DRAWS, Values, random_prime, random_values
 from .birational_maps import RationalMap
-from .letters import checked_map
+from .exact_maps import checked_map
 from .polynomials import random_line
 
 
 @public
 def degrees(map: RationalMap | Body, n: int) -> list[int]:
-    """Degrees of the first n iterates of a map, as maps of projective space.
+    """Return the degrees of the first n iterates of a map, as maps of projective space.
 
-    The degree is the largest degree of the numerators and their common denominator, without
-    common factors. It is found on random lines modulo primes; two primes must agree.
+    The degree is the largest degree of the numerators and their common denominator, without common
+    factors. It is found on random lines modulo two primes, which must give the same degree.
 
     Parameters
     ----------
@@ -57,20 +57,20 @@ def degrees(map: RationalMap | Body, n: int) -> list[int]:
     >>> degrees(kahan(Suslov3D(4, 1, -0.5, -0.25).field(), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
-    map, found = checked_map(map), [1]
+    map, d = checked_map(map), [1]
     for degree in islice(agreed_degrees(map), n := integer("n", n, 0)):
-        found.append(degree)
-        following = degree**2 / max(1, found[-2])  # the next degree, as expected
-        if len(found) <= n and following * map.length > _LONG:
-            expected = f"at most {len(found) - 1} for this map; the last degree is {degree}"
+        d.append(degree)
+        expected_next = degree**2 / max(1, d[-2])
+        if len(d) <= n and expected_next * map.length > _LONG:
+            expected = f"at most {len(d) - 1} for this map; the last degree is {degree}"
             raise wrong("n", expected, n)
-    return found[1:]
+    return d[1:]
 
 
 def agreed_degrees(map: RationalMap) -> Iterator[int]:
-    """Yield the degrees of iterates, as found on random lines modulo two primes that agree."""
+    """Yield degrees of iterates that are the same on random lines modulo two primes."""
     rng = map.generator()
-    runs: list[tuple[Iterator[int], list[int]]] = []  # on one line each, with the degrees so far
+    runs: list[tuple[Iterator[int], list[int]]] = []  # a line, and the degrees on it so far
     for length in count(1):
         for _ in range(DRAWS):
             for run, sequence in runs:
@@ -88,7 +88,7 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
-    """Yield the degrees of iterates on a random line modulo p; end if the line has no image."""
+    """Yield degrees of iterates on a random line modulo p, until an image of it has no image."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
     while True:
         try:
@@ -111,20 +111,20 @@ class Growth(NamedTuple):
     based_on: str
 
 
-_LONG = 200_000  # degree times length: the next one takes over 10 s
-_SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
-_ROUNDING = 1e-9  # of the modulus of a root
-# The number of last quotients that tell without a recurrence; where growth is called exponential,
-# the least of them, and the ratio of the largest to it.
-_LAST, _LEAST, _RATIO = 3, 1.5, 1.1
-_HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
+_LONG = 200_000  # degree times length of a map, from which on a degree takes over 10 s
+_SPARE = 3  # degrees that confirm a recurrence, at least
+_ROUNDING = 1e-9  # relative, of the modulus of a root
+_LAST = 3  # number of last quotients d_(k+1) / d_k, which decide without a recurrence:
+_LEAST = 1.5  # growth is called exponential if all are above this,
+_RATIO = 1.1  # and the largest is at most this times the least
+_HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow in the plane, if not exponentially
 
 
 @public
 def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
-    """Growth of a sequence of degrees, and its entropy.
+    """Find how a sequence of degrees grows, and its entropy.
 
-    They follow from the shortest linear recurrence with integer coefficients that all degrees after
+    Both follow from the shortest linear recurrence with integer coefficients that all degrees after
     a transient satisfy. At least three terms, and as many as the transient has, must confirm it.
     The largest root, which must be simple, gives the entropy, and the multiplicity of the roots of
     modulus 1 the kind. A recurrence may still be accidental.
@@ -152,8 +152,8 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     >>> from suslov_fast.integrability import growth
     >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
     'd(k+2) = 2 d(k+1) - d(k), all 7 degrees'
-    >>> found = growth([5, 21, 85, 341, 1365, 5461])
-    >>> found.kind, round(found.entropy, 12)
+    >>> kind, entropy, _ = growth([5, 21, 85, 341, 1365, 5461])
+    >>> kind, round(entropy, 12)
     ('exponential', 1.38629436112)
     >>> growth([3, 7, 17, 39, 93, 215, 495]).based_on
     '7 degrees without a short recurrence; the last d(k+1) / d(k) are from 2.302 to 2.385'
@@ -170,17 +170,15 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     return _by_recurrence(d, bool(planar)) or _by_quotients(d)
 
 
-def _kind(power: int) -> str:
-    kinds = "bounded", "linear", "quadratic", "cubic"
-    return kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
-
-
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return `Growth` by the shortest recurrence of degrees d that a (planar) map has, or None."""
+    """Return the `Growth` that the shortest recurrence of degrees d implies; None without one.
+
+    Recurrences that no map has, or no planar map, do not count.
+    """
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
-            # Where no transient is needed, the recurrence may hold from the identity on.
+            # Without a transient, the recurrence may hold from the degree 1 of the identity on.
             sequences = ([1, *d], d) if transient == 0 else (d,)
             for terms in sequences:
                 recurrence = _recurrence(terms[transient:], order, max(_SPARE, transient))
@@ -191,9 +189,9 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 
 
 def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
-    """Return the coefficients of a linear recurrence of `terms`, if its least order is `order`.
+    """Return the coefficients of a linear recurrence of `terms` with the least order `order`.
 
-    None without a recurrence, or with fewer than `spare` more equations than unknowns.
+    None if there is none, or the equations for the coefficients are fewer than order + spare.
     """
     steps = len(terms) - order
     if steps < order + spare:
@@ -202,7 +200,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
     # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
-    is_minimal = rank == order  # else lower ones hold, which were refused, and extra roots
+    is_minimal = rank == order  # else a recurrence of lower order holds, which was refused
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 
@@ -213,7 +211,7 @@ def moduli_outside(factor: Any) -> list[float]:
 
 
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
-    """Return (kind, entropy) by a recurrence's coefficients; None if no (planar) map has it."""
+    """Return (kind, entropy) of a recurrence; None if no map, or no planar map, has it."""
     factors = flint.fmpz_poly(recurrence).factor()[1]
     # The power of n with which terms grow, if no root is outside the unit circle.
     power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
@@ -223,13 +221,15 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
     fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)
     if not largest_is_simple or (planar and not fits_the_plane):
         return None
-    return "exponential" if outside else _kind(power), math.log(largest)
+    kinds = "bounded", "linear", "quadratic", "cubic"
+    kind = kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
+    return "exponential" if outside else kind, math.log(largest)
 
 
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
-    """Return a recurrence as text: `number` degrees satisfy it, but not the first `transient`.
+    """Return the text of a recurrence that `number` degrees satisfy, except the first `transient`.
 
-    `from_identity` is True if the degree 1 of the identity before them satisfies it, too.
+    `from_identity` is True if the recurrence also holds from the degree 1 of the identity on.
     """
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
@@ -240,12 +240,12 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
 
 
 def _by_quotients(d: list[int]) -> Growth:
-    """Return the growth by the last quotients d_(k+1) / d_k of degrees d without a recurrence."""
+    """Return the growth that the last quotients d_(k+1) / d_k of degrees d suggest."""
     last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
     if len(last) <= _LAST or min(last) == 0:
         return Growth("unclear", math.nan, text)
     quotients = [b / a for a, b in pairwise(last)]
-    low, high = min(quotients), max(quotients)
-    kind = "exponential" if low > _LEAST and high <= _RATIO * low else "unclear"
-    text += f"; the last d(k+1) / d(k) are from {low:.4g} to {high:.4g}"
+    least, largest = min(quotients), max(quotients)
+    kind = "exponential" if least > _LEAST and largest <= _RATIO * least else "unclear"
+    text += f"; the last d(k+1) / d(k) are from {least:.4g} to {largest:.4g}"
     return Growth(kind, math.nan, text)

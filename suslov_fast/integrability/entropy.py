@@ -1,15 +1,17 @@
 """Exact algebraic entropy of birational maps of the plane, from the curves that they contract.
 
-Blow up the plane at the points of confined orbits, see `contracted_curves`. The entropy is the log
-of the largest root of the characteristic polynomial of the action on it (Diller and Favre 2001).
+The plane is blown up at the points of confined orbits, see `contracted_curves`. The entropy is the
+logarithm of the largest root of the characteristic polynomial of the map's action on the curves of
+the blown-up plane (Diller and Favre 2001).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import random
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, takewhile
 from operator import itemgetter
 from typing import Any
 
@@ -19,16 +21,17 @@ from ..checks import wrong
 from ..fields.base import Body
 from ..keywords import public
 from .birational_maps import RationalMap, check_one_letter
-from .contracted_curves import Passage, Plane, is_proved, passages_across
+from .contracted_curves import Passage, Plane, PlaneModulo, is_proved, passages_across
 from .degrees_of_iterates import agreed_degrees, moduli_outside
-from .letters import checked_map
+from .exact_maps import checked_map
 from .polynomials import determinant
 from .rational_functions import IDENTITY, RationalFunction
-from .singular_orbits import why_never
 
-_STEPS = 80  # of an orbit that are computed
-_DEGREES = 24  # that are predicted
-_HIGHEST = 1_000  # of degrees that are compared with those on random lines
+_STEPS = 80  # of an orbit, at most
+_DEGREES = 24  # number of degrees that are predicted
+_HIGHEST = 1_000  # predicted degree that is compared with the degree on random lines
+_SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
+_TRIES = 3  # points, and numbers in place of eps, for each of these primes
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class PlanarEntropy:
 
     @property
     def lengths(self) -> tuple[int | None, ...]:
-        """The lengths of the orbits, one for each curve; None for orbits that are not confined."""
+        """The lengths of the orbits, for each curve; None for orbits that are not confined."""
         return tuple(curve.length for curve in self.contractions for _ in range(curve.count))
 
     @property
@@ -84,7 +87,7 @@ class PlanarEntropy:
         return "proved" if self.proved else "not proved"
 
     def contradiction(self, degrees: Sequence[int]) -> str:
-        """Return a text if `degrees` of first iterates differ from ``self.degrees``, else ""."""
+        """Return why `degrees` of the first iterates contradict ``self.degrees``; else ""."""
         expected = [*self.degrees[: len(degrees)]]
         if [*degrees[: len(expected)]] == expected:
             return ""
@@ -148,54 +151,45 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
         why = "a contracted curve comes to points without an image again and again"
         return PlanarEntropy(reason=f"{why}: growth(degrees(map, n)) estimates the entropy")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
-    found = _from_series(series_of_degrees(plane, passages), contractions)
-    proved = all(curve.proved for curve in contractions)
-    if why := found.contradiction([] if proved else [*_few_degrees(map)]):
-        return PlanarEntropy(reason=why)
-    based_on = "; ".join(str(curve) for curve in contractions) or "no contracted curve"
-    return replace(found, proved=proved, based_on=based_on)
-
-
-def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
-    """Return an unproved `PlanarEntropy` by degrees d_n; `series` (P, Q): P / Q = sum d_n z^n."""
-    P, Q = series
-    # A root 0 of the polynomial for each term that precedes the recurrence.
+    P, Q = series_of_degrees(plane, passages)
+    # The characteristic polynomial has a root 0 for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())
     polynomial = flint.fmpz_poly([0] * transient + Q.coeffs()[::-1])
     minimal, root = _factor_with_largest_root(polynomial)
     d: list[int] = []
     for k in range(_DEGREES + 1):
         d.append(int(P[k] - sum(Q[j] * d[k - j] for j in range(1, min(k, Q.degree()) + 1))))
-    return PlanarEntropy(
-        contractions, _in_x(polynomial), _in_x(minimal), math.log(root), degrees=tuple(d[1:])
+    entropy = PlanarEntropy(
+        contractions=contractions,
+        polynomial=_in_x(polynomial),
+        minimal=_in_x(minimal),
+        entropy=math.log(root),
+        degrees=tuple(d[1:]),
+        proved=all(curve.proved for curve in contractions),
+        based_on="; ".join(str(curve) for curve in contractions) or "no contracted curve",
     )
+    low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
+    why = "" if entropy.proved else entropy.contradiction([*low])
+    return PlanarEntropy(reason=why) if why else entropy
 
 
 def proved_by_integral(
-    found: PlanarEntropy | None, integrals: Sequence[RationalFunction]
+    entropy: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
-    """Return the entropy `found`, or 0 if it is unproved and one of `integrals` is proved.
+    """Return `entropy`, or the entropy 0 if `entropy` is unproved and an integral is proved.
 
     A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
     """
     proofs = [f for f in integrals if f.basis == IDENTITY]
-    if not proofs or found is None or found.proved:
-        return found
-    known = found if found.entropy == 0 else PlanarEntropy(found.contractions)
+    if not proofs or entropy is None or entropy.proved:
+        return entropy
+    known = entropy if entropy.entropy == 0 else PlanarEntropy(entropy.contractions)
     facts = {"minimal": _in_x(flint.fmpz_poly([-1, 1])), "based_on": f"the integral {proofs[0]}"}
     return replace(known, entropy=0.0, proved=True, **facts)
 
 
-def _few_degrees(map: RationalMap) -> Iterator[int]:
-    """Yield degrees of iterates on random lines, while they take little time, for a comparison."""
-    for degree in islice(agreed_degrees(map), _DEGREES):
-        yield degree
-        if degree > _HIGHEST:
-            break
-
-
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
-    """Return the `Contraction` of curve `number` by its orders `passage`, with a proof if found."""
+    """Return the `Contraction` of curve `number` with orders `passage`, proved if possible."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if length is not None:
@@ -208,9 +202,54 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
     return Contraction(plane.text(number), plane.count(number), length, exact, how)
 
 
-# The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. It is a factor
-# of P(F) after k more steps, for P = C and for the common factor of the next iterate, with the
-# orders of a germ. So, with d_0 = 1 and the degree d of the map,
+def why_never(plane: Plane, number: int, passage: Passage) -> str:
+    """Return why the orbit of curve `number`, with orders `passage`, never ends; "" if unproved.
+
+    An orbit ends at a point without an image. It never ends if it is periodic modulo a small prime,
+    and all its points have images there.
+    """
+    for p in _SMALL_PRIMES:
+        rng = random.Random(p)
+        for _ in range(_TRIES):
+            eps = rng.randrange(1, p)
+            residues = PlaneModulo(plane, p, (eps,), rng.randrange(99))
+            if _is_periodic_modulo(residues, number, passage):
+                at = f" and {plane.map.letter} = {eps}" if plane.symbolic else ""
+                return f"never, since modulo {p}{at} the orbit is periodic"
+    return ""
+
+
+def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
+    """Return True if the orbit of curve `number` modulo a prime is periodic, with all images.
+
+    A smooth point of the curve modulo p is the residue of a point over the p-adic numbers. Images
+    modulo p are residues of the exact orbit if their orders are those in `passage`.
+    """
+    if any(P == 0 for P in (*residues.forms, residues.curves[number])):
+        return False
+    germ, terms = residues.germ(residues.curves[number]), 1 + sum(passage.common_orders)
+    for expected in (0, *passage.common_orders):
+        if germ is None or (step := residues.step(germ, terms)) is None:
+            return False
+        germ = step.germ
+        terms -= step.common_order
+        if step.common_order != expected:
+            return False
+    x = [P[0] for P in germ or ()]
+    visited = set()
+    while any(x):
+        pivot = next(a for a in x if a)
+        point = tuple(int(a / pivot) for a in x)
+        if point in visited:
+            return True
+        visited.add(point)
+        x = [F(*point) for F in residues.forms]
+    return False
+
+
+# The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. After k more
+# steps it divides the pullback of C, and the common factor of the next iterate, with the powers
+# that are the orders of a germ. So, with d_0 = 1 and the degree d of the map,
 #   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 
@@ -222,7 +261,7 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
-    # The unknowns are the generating functions of d, and of s for each curve that is used.
+    # The unknowns are the generating functions of d, and of s for each of these curves.
     columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
     for k in used:
         of_curves = [*zip(*passages[k].curve_orders, strict=True)]
@@ -232,7 +271,7 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
         column[1 + used.index(k)] += one
         columns.append(column)
     rows = [*zip(*columns, strict=True)]
-    # Cramer's rule: only 1 is on the right, in the first equation.
+    # Cramer's rule: the right sides are 1 in the first equation, and 0 in the others.
     P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
     sign = 1 if Q[0] > 0 else -1
     return sign * P, sign * Q

@@ -1,7 +1,6 @@
-"""Hirota-Kimura bases: the relations of `linear_relations`, over the rationals, and integrals.
+"""Hirota-Kimura bases: relations between monomials along an orbit, with rational coefficients.
 
-The relations hold for all points of an orbit, so that quotients of their coefficients are first
-integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
+`linear_relations` says how they are found, and why they give first integrals.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import Point, Residues, Rows, Values
 from .birational_maps import RationalMap
-from .darboux import check_unknowns
+from .darboux import checked_degree
+from .exact_maps import checked_map
 from .interpolation import over_rationals
-from .letters import checked_map
 from .linear_relations import count_relations, integrals_of_relations, relations_along
 from .polynomials import (
     Exponents,
@@ -163,24 +162,22 @@ def hk_bases(
         basis = None if rows is None else tuple(tuple(N[()] for N, _ in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
-        max(sum(e) for e in exponents),
-        exponents,
-        dimension,
-        independent,
-        tuple(renamed(P, map.names, map.letter) for P in integrals),
-        complete,
-        start,
-        basis,
-        map.names,
+        degree=max(sum(e) for e in exponents),
+        monomials=exponents,
+        dimension=dimension,
+        independent=independent,
+        forms=tuple(renamed(P, map.names, map.letter) for P in integrals),
+        complete=complete,
+        point=start,
+        basis=basis,
+        names=map.names,
     )
 
 
 def _exponents_of(monomials: Any, n: int) -> Exponents:
-    """Return checked exponents of `monomials` in n variables; for a degree, all up to it."""
+    """Return `monomials`, a degree or exponents in n variables, as a checked tuple of exponents."""
     if isinstance(monomials, int | np.integer):
-        degree = integer("monomials", monomials, 0)
-        check_unknowns("monomials", degree, n, _MOST)
-        return exponents_up_to(degree, n)
+        return exponents_up_to(checked_degree("monomials", monomials, n, most=_MOST), n)
     expected = f"a degree, or a list of at most {_MOST} different tuples of {n} exponents"
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
@@ -198,5 +195,4 @@ def _integrals_up_to(map: RationalMap, degree: int, enough: int) -> Polynomials:
     for _ in search.queue:
         if len(search.known.integrals) >= enough:
             break
-    polynomials = over_common_denominator(search.known.integrals, map.ring)
-    return tuple(sorted(polynomials, key=sort_key))
+    return (*sorted(over_common_denominator(search.known.integrals, map.ring), key=sort_key),)

@@ -1,14 +1,13 @@
-"""Rational functions of letters from their values: matrices in echelon form modulo primes.
+"""Interpolation of matrices of rational functions of letters, from their values modulo primes.
 
-A search modulo a prime p and at numbers in place of letters returns a matrix in echelon form. Its
-entries are interpolated over the numbers, and reconstructed from several p. The result is accepted
-if it predicts the matrix for another p and other numbers.
+A search modulo a prime p, with numbers in place of letters, returns a matrix in echelon form. Its
+entries are interpolated as functions of the letters, and reconstructed from several p. The result
+is accepted if it predicts the matrix for another p and other numbers.
 
-On a line s + z t through a point s an entry is a quotient N / D of polynomials in z, by Euclid's
-algorithm (Cuyt and Lee 2011). The coefficient of a power of z is a homogeneous polynomial in t. Its
-monomials follow from the recurrence of its values at t = (2^i, 3^i, 5^i, ...) (Ben-Or and Tiwari
-1988). No bounds of degrees are needed, time grows with the number of terms, and all entries share
-the values.
+On a line s + z t through a point s an entry is a quotient N / D of polynomials in z, which Euclid's
+algorithm finds (Cuyt and Lee 2011). The coefficient of z^k is a homogeneous polynomial in t. Its
+monomials follow from the recurrence that its values at t = (2^i, 3^i, 5^i, ...) satisfy (Ben-Or and
+Tiwari 1988). No bounds of degrees are needed, and the time grows with the number of terms.
 """
 
 from __future__ import annotations
@@ -18,18 +17,26 @@ import itertools
 import math
 import random
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextvars import ContextVar
 from typing import Any
 
 import flint
 import numpy as np
 
-from .arithmetic import Residues, Rows, Values, fmpq, random_prime, random_values, simplest_fraction
+from .arithmetic import (
+    Residues,
+    Rows,
+    Values,
+    divided_out,
+    fmpq,
+    random_prime,
+    random_values,
+    simplest_fraction,
+)
 
 Search = Callable[[int, Values], Residues]  # of a prime and numbers in place of letters
-Box = Callable[[Sequence[int]], list[int]]  # the entries, modulo one prime
-Terms = dict[tuple[int, ...], Any]  # coefficients by exponents
+Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coefficient}
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # letters
@@ -60,100 +67,94 @@ class Unknown(ArithmeticError):
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
     """Return a matrix of rational functions N / D of `count` letters, as rows of pairs (N, D).
 
-    ``search(p, values)`` must return the matrix modulo p, at `values` of the letters. N and D are
-    coefficients by exponents. None if coefficients are too long, or if there are too many terms.
+    ``search(p, values)`` must return the matrix modulo p, with the numbers `values` for the
+    letters. The result is None if coefficients are too long, or if there are too many terms.
     """
-    known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues and primes, by their terms
+    residues = defaultdict[Any, list[tuple[Any, int]]](list)  # and primes, by exponents of N and D
     candidate: Rows | None = None
     for _ in range(_PRIMES):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
             values = random_values(rng, p)
-            found = search(p, values)
-            if candidate is not None and _predicts(candidate, found, values[:count], p):
+            matrix = search(p, values)
+            if candidate is not None and _predicts(candidate, matrix, values[:count], p):
                 return candidate
             try:
-                pairs = _rows_modulo(search, found, count, p)
+                rows = _rows_modulo(search, matrix, count, p)
             except Unknown as error:
                 watch.get().gave_up(str(error))
                 return None
-            shape = tuple(tuple((*map(tuple, pair),) for pair in row) for row in pairs)
-            coefficients = [c for row in pairs for pair in row for P in pair for c in P.values()]
-            residues = known[shape]
-            residues.append((np.array(coefficients, object), p))
-            if len(residues).bit_count() == 1:  # a power of two
-                candidate = _simplest(shape, residues)
-    if not known:
+            exponents = tuple(tuple((*map(tuple, pair),) for pair in row) for row in rows)
+            coefficients = [c for row in rows for pair in row for P in pair for c in P.values()]
+            known = residues[exponents]
+            known.append((np.array(coefficients, object), p))
+            if len(known).bit_count() == 1:  # a power of two: trials take time
+                candidate = _simplest(exponents, known)
+    if not residues:
         raise ArithmeticError("the iterates reach poles of the map")
     watch.get().gave_up("coefficients are too long")
     return None
 
 
-def _rows_modulo(search: Search, found: Residues, count: int, p: int) -> Any:
+def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
     """Return the matrix of functions of `count` letters that has the values ``search(p, x)``.
 
-    Entries are pairs (N, D) modulo p, for N / D; the matrix `found` is one of these values.
+    Entries are pairs (N, D) modulo p, for N / D. `matrix` is one of the values.
     """
     if not count:
-        return [[({(): c}, {(): 1}) for c in row] for row in found]
-    shape, done = [*map(len, found)], itertools.count()
+        return [[({(): c}, {(): 1}) for c in row] for row in matrix]
+    lengths, done = [*map(len, matrix)], itertools.count()
 
-    def box(values: Sequence[int]) -> list[int]:
+    def entries(values: Sequence[int]) -> list[int]:
         watch.get().at_values(number := next(done))
         if number == SEARCHES:
             raise Unknown("there are too many terms")
         rows = search(p, tuple(values))
-        if [*map(len, rows)] != shape:  # one of the numbers is special
+        if [*map(len, rows)] != lengths:  # one of the numbers is special
             raise ZeroDivisionError
         return [a for row in rows for a in row]
 
-    entries = iter(_modulo(box, count, p, random.Random(p)) if found else ())
-    return [[next(entries) for _ in row] for row in found]
+    pairs = iter(_interpolated(entries, count, p, random.Random(p)) if matrix else ())
+    return [[next(pairs) for _ in row] for row in matrix]
 
 
-def _simplest(shape: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
+def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
     """Return a matrix of pairs (N, D) of polynomials with rational coefficients.
 
-    `shape` has the exponents in N and D; `residues` are pairs (coefficients modulo p, p).
+    `exponents` are those in N and D; `residues` are pairs (coefficients modulo p, p).
     """
     total, modulus = np.zeros((), object), 1
-    for found, p in residues:  # the Chinese remainder theorem
-        total = total + modulus * ((found - total) * pow(modulus, -1, p) % p)
+    for coefficients, p in residues:  # the Chinese remainder theorem
+        total = total + modulus * ((coefficients - total) * pow(modulus, -1, p) % p)
         modulus *= p
     fractions = iter([simplest_fraction(a, modulus) for a in total])
     return [
         [({e: next(fractions) for e in N}, {e: next(fractions) for e in D}) for N, D in row]
-        for row in shape
+        for row in exponents
     ]
 
 
-def _predicts(rows: Rows, found: Residues, values: Sequence[int], p: int) -> bool:
-    """Return True if `rows`, at `values` of the letters, are equal to `found` modulo p."""
+def _predicts(rows: Rows, matrix: Residues, values: Sequence[int], p: int) -> bool:
+    """Return True if `rows`, with the numbers `values` for the letters, equal `matrix` modulo p."""
+    x = [flint.nmod(a, p) for a in values]
 
-    def value(terms: Terms) -> int:
-        return value_of({e: int(flint.nmod(fmpq(c), p)) for e, c in terms.items()}, values, p)
+    def value(terms: Terms) -> Any:
+        return sum(flint.nmod(fmpq(c), p) * math.prod(map(pow, x, e)) for e, c in terms.items())
 
-    return [*map(len, rows)] == [*map(len, found)] and all(
-        (value(N) - a * value(D)) % p == 0
-        for row, numbers in zip(rows, found, strict=True)
+    return [*map(len, rows)] == [*map(len, matrix)] and all(
+        value(N) == a * value(D)
+        for row, numbers in zip(rows, matrix, strict=True)
         for (N, D), a in zip(row, numbers, strict=True)
     )
-
-
-def value_of(terms: Terms, x: Sequence[int], p: int) -> int:
-    """Return the value modulo p at x of a polynomial; `terms` are coefficients by exponents."""
-    products = (
-        c * math.prod(pow(a, k, p) for a, k in zip(x, e, strict=True) if k)
-        for e, c in terms.items()
-    )
-    return sum(products) % p
 
 
 # Modulo one prime.
 
 
-def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Terms, Terms]]:
-    """Return pairs (N, D) modulo p: functions N / D of `count` letters with the values `box(x)`.
+def _interpolated(
+    entries: Callable[[Sequence[int]], list[int]], count: int, p: int, rng: random.Random
+) -> list[tuple[Terms, Terms]]:
+    """Return functions N / D of letters with the values `entries`, as pairs (N, D) modulo p.
 
     `ZeroDivisionError` means that a random point or line is special: another prime may do.
     """
@@ -166,69 +167,64 @@ def _modulo(box: Box, count: int, p: int, rng: random.Random) -> list[tuple[Term
 
     def along(t: Sequence[int], z: Sequence[int]) -> list[list[int]]:
         """Return values of the matrix at letters s + c t, c in z: a row for each varying entry."""
-        rows = [box([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
+        rows = [entries([(a + c * b) % p for a, b in zip(s, t, strict=True)]) for c in z]
         return [[row[i] for row in rows] for i in varying]
 
-    s, one = point(), {(0,) * count: 1}
-    first, second = box(s), box(point())
+    s, zeros = point(), (0,) * count
+    first, second = entries(s), entries(point())
     varying = [i for i, (a, b) in enumerate(zip(first, second, strict=True)) if a != b]
-    found = [({(0,) * count: a} if a else {}, one) for a in first]
+    pairs: list[tuple[Terms, Terms]] = [({zeros: a} if a else {}, {zeros: 1}) for a in first]
     if not varying:
-        return found
+        return pairs
     size, t = 4, point()
     if count == 1:  # the letter is z
         s, t = [0], [1]
     while True:
         line = Line(parameters(size), p)
-        on_line = [line.quotient(values) for values in along(t, line.z)]
-        if all(on_line):
+        quotients = [line.quotient(values) for values in along(t, line.z)]
+        if all(quotients):
             break
         if (size := 2 * size) > 2 * _DEGREES:
             raise Unknown("degrees are too high")
     if count == 1:
-        for i, pair in zip(varying, on_line, strict=True):
-            found[i] = _with_unit(_terms(pair[0]), _terms(pair[1]), p)
-        return found
-    degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in on_line]
+        for i, pair in zip(varying, quotients, strict=True):
+            parts = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
+            pairs[i] = _with_unit(parts, p)
+        return pairs
+    degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in quotients]
     line = Line(parameters(max(map(sum, degrees)) + 3), p)
-    entries = [_Entry(pair, s, p) for pair in degrees]
+    unknown = [_Entry(pair, s, p) for pair in degrees]
     points: list[list[int]] = []
-    while not all(entry.parts for entry in entries):
+    while not all(entry.parts for entry in unknown):
         if len(points) > _LINES:
             raise Unknown("there are too many terms")
         for i in range(len(points), 2 * len(points) or 4):
             points.append([pow(base, i, p) for base in _BASES[:count]])
-            for entry, values in zip(entries, along(points[-1], line.z), strict=True):
+            for entry, values in zip(unknown, along(points[-1], line.z), strict=True):
                 entry.add(line.quotient(values))
-        for entry in entries:
+        for entry in unknown:
             entry.solve(points)
-    for i, entry in zip(varying, entries, strict=True):
-        N, D = entry.parts or ({}, {})
-        found[i] = _with_unit(N, D, p)
-    return found
+    for i, entry in zip(varying, unknown, strict=True):
+        pairs[i] = _with_unit(entry.parts or (), p)
+    return pairs
 
 
-def _terms(P: Any) -> Terms:
-    return {(k,): int(c) for k, c in enumerate(P.coeffs()) if c}
-
-
-def _with_unit(N: Terms, D: Terms, p: int) -> tuple[Terms, Terms]:
-    """Return N and D, scaled to be unique: the last coefficient of D is 1; sorted by exponent."""
+def _with_unit(parts: Iterable[Any], p: int) -> tuple[Terms, Terms]:
+    """Return the `parts` N and D, sorted, and scaled so that the last coefficient of D is 1."""
+    N, D = parts
     scale = pow(D[max(D)], -1, p)
     N, D = ({e: c * scale % p for e, c in sorted(P.items())} for P in (N, D))
     return N, D
 
 
 class Line:
-    """Points `z` of a line modulo p, to find a quotient of polynomials in z by its values there."""
+    """Points `z` of a line modulo p, which determine a quotient of polynomials by its values."""
 
     def __init__(self, z: Sequence[int], p: int) -> None:
         self.p, self.z = p, z
         rows = [[pow(c, k, p) for k in range(len(z))] for c in z]
         self._from_values = flint.nmod_mat(rows, p).inv()
-        self._zeros = flint.nmod_poly([1], p)
-        for c in self.z:
-            self._zeros *= flint.nmod_poly([-c, 1], p)
+        self._zeros = math.prod(flint.nmod_poly([-c, 1], p) for c in z)
 
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
         """Return polynomials N and D of least degrees with these values of N / D; None without any.
@@ -238,7 +234,7 @@ class Line:
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
         D, last_N, last_D = N * 0 + 1, self._zeros, N * 0
-        while _size(N, D) + 3 > len(values):
+        while max(N.degree(), 0) + D.degree() + 3 > len(values):
             if N.degree() <= lowest:
                 return None
             q = last_N // N  # Euclid's algorithm keeps N = D times the interpolating polynomial
@@ -247,12 +243,8 @@ class Line:
         return N // common, D // common
 
 
-def _size(N: Any, D: Any) -> int:
-    return int(max(N.degree(), 0) + D.degree())
-
-
 class _Entry:
-    """One entry N / D in letters: collects N and D on lines s + z t, and finds their terms."""
+    """An entry N / D of the matrix: collects N and D on lines s + z t, and finds their terms."""
 
     def __init__(self, degrees: Sequence[int], s: Sequence[int], p: int) -> None:
         self.degrees, self.s, self.p = degrees, s, p
@@ -264,12 +256,8 @@ class _Entry:
         if pair is None or pair[1][0] == 0:
             raise ZeroDivisionError
         scale = 1 / pair[1][0]
-        self._on_lines.append(
-            [
-                [int(P[k] * scale) for k in range(d + 1)]
-                for P, d in zip(pair, self.degrees, strict=True)
-            ]
-        )
+        parts = zip(pair, self.degrees, strict=True)
+        self._on_lines.append([[int(P[k] * scale) for k in range(d + 1)] for P, d in parts])
 
     def solve(self, points: Sequence[Sequence[int]]) -> None:
         """Set `parts`, the terms of N and D, if the lines s + z t with t in `points` are enough."""
@@ -311,14 +299,13 @@ def _homogeneous(values: Sequence[int], count: int, degree: int, p: int) -> Term
     values = [a % p for a in values]
     if not any(values):
         return {}
-    recurrence = _recurrence(values, p)
-    size = recurrence.degree()
+    shortest = flint.fmpz_mod_poly_ctx(flint.fmpz_mod_ctx(p)).minpoly(values)
+    size = shortest.degree()
     if 2 * size + 1 > len(values):
         return None
-    factors = recurrence.factor()[1]
-    if len(factors) < size:
+    roots = [int(root) for root, _ in flint.nmod_poly([*map(int, shortest.coeffs())], p).roots()]
+    if len(roots) < size:
         return None
-    roots = [int(-f[0] / f[1]) for f, _ in factors]
     exponents = [_exponents(root, count) for root in roots]
     if any(sum(e) != degree for e in exponents):
         return None
@@ -331,13 +318,6 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
     """Return e with number = 2^e_1 3^e_2 5^e_3 ... for `count` primes; (-1,) if none exists."""
     exponents = []
     for base in _BASES[:count]:
-        exponents.append(0)
-        while number and number % base == 0:
-            number, exponents[-1] = number // base, exponents[-1] + 1
+        number, power = divided_out(number, base)
+        exponents.append(power)
     return tuple(exponents) if number == 1 else (-1,)
-
-
-def _recurrence(values: Sequence[int], p: int) -> Any:
-    """Return the characteristic polynomial of the shortest linear recurrence of values modulo p."""
-    shortest = flint.fmpz_mod_poly_ctx(flint.fmpz_mod_ctx(p)).minpoly([*values])
-    return flint.nmod_poly([*map(int, shortest.coeffs())], p)

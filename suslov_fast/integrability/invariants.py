@@ -1,12 +1,12 @@
 """First integrals and invariant measures that follow from known Darboux polynomials.
 
-If P and Q have one cofactor, P / Q is a first integral; if P has the cofactor det DPhi, 1 / P is
-the density of a measure. Products of powers have products of cofactors: relations between these,
-``C_1**e_1 ... C_n**e_n = 1``, are vectors of a lattice.
+If P and Q have the same cofactor, P / Q is a first integral. If P has the cofactor det DPhi, 1 / P
+is the density of an invariant measure. A product of powers of Darboux polynomials has the product
+of powers of their cofactors: it is a first integral if ``C_1**e_1 ... C_n**e_n = 1``, and these
+exponents form a lattice.
 
-The polynomials of one cofactor span a space, and quotients of any two are first integrals. A basis
-in normal form consists of the reducible members of a pencil, if there are any. If eps is symbolic,
-the limits of numerator and denominator for eps to 0 count as well.
+The polynomials of one cofactor span a space. Its basis in normal form consists of reducible
+polynomials, if there are any, and stays independent in the limit for eps to 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
-from .arithmetic import EPS
+from .arithmetic import EPS, divided_out
 from .birational_maps import RationalMap
 from .pencils import count_factors, reducible_members
 from .polynomials import (
@@ -44,41 +44,39 @@ from .rational_functions import (
     IDENTITY,
     MODULAR,
     RationalFunction,
+    as_function,
     factored,
     independent,
     quotient_of,
     without_constant,
 )
 
-_TRIAL = 2**16  # prime factors of constants that are found; coprime rests serve as well
+_TRIAL = 2**16  # prime factors of constants that are found: any coprime factors would do
 _WEIGHT = 2**40  # of equations in a lattice
-_HIGHEST = 8  # degree of functions whose limits for eps to 0 are computed
-_LETTERS = 6  # with which reducible members of a pencil are sought: with more they take long
+_HIGHEST = 8  # degree of functions, up to which limits for eps to 0 are computed
+_LETTERS = 6  # up to which reducible members of a pencil are sought: with more they take long
 _PRODUCTS = 20_000  # of generators, at most
-
-Powers = tuple[int, ...]  # of the generators; those that are left out are 0
 
 
 class Product(NamedTuple):
-    """A product g_1**e_1 g_2**e_2 ... of Darboux polynomials: its degree and the `powers` e."""
+    """A product g_1**e_1 g_2**e_2 ... of generators: its degree, and the first `powers` e."""
 
     degree: int
-    powers: Powers
+    powers: tuple[int, ...]  # powers after the last one are 0
 
 
 _ONE = Product(0, ())
 
 
 class Invariants:
-    """The Darboux polynomials found of a map, and the integrals and measures that they imply.
+    """The known Darboux polynomials of a map, and the integrals and measures that they imply.
 
-    `generators` are Darboux polynomials that are no combinations of products of others. In methods,
-    `value` stands for a cofactor: its value at one random point modulo a prime identifies it.
+    `generators` are Darboux polynomials, none of which is a linear combination of products of
+    others. In methods, `value` stands for a cofactor, see the method of this name.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
         self.map, self.degree, self.p = map, degree, map.prime
-        # Darboux polynomials that are no combinations of products of others.
         self.generators: list[RationalFunction] = []
         # Products of generators up to a degree, by the values of their cofactors.
         self.products: dict[int, list[Product]] = {1: [_ONE]}
@@ -86,11 +84,12 @@ class Invariants:
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
-        # Polynomials of equal cofactor, which is not known.
+        self._normal: dict[int, str] = {}  # texts of spaces in normal form, in the same way
+        # Lists of polynomials with the same cofactor, which is not known.
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # by a theorem
         self.early_densities: list[RationalFunction] = []  # before the factors of det DPhi
-        self.has_factors = False  # whether these are known
+        self.has_factors = False  # True when the factors of det DPhi are known
         self._point = arithmetic.random_point(map.dimension, self.p)
 
     def value(self, cofactor: Any) -> int:
@@ -106,7 +105,7 @@ class Invariants:
             self._start_with(self.generators)
 
     def add(self, generator: RationalFunction) -> list[tuple[int, int]]:
-        """Add a Darboux polynomial; return (value of cofactor, degree) of each new product."""
+        """Add a Darboux polynomial; return (value of the cofactor, degree) of each new product."""
         self.multiply_up_to(generator.degree)
         added = self._multiply_by(generator)
         kept = [g for g in self.generators if not self._is_combination(g)]
@@ -115,7 +114,7 @@ class Invariants:
         return added
 
     def is_known(self, P: Any, cofactor: Any) -> bool:
-        """Return True if P is constant, or a combination of known products with this cofactor."""
+        """Return True if P is constant, or a linear combination of products with this cofactor."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
         elements = self.elements(self.value(cofactor), degree)
@@ -127,10 +126,10 @@ class Invariants:
             self._multiply_by(g)
 
     def _is_combination(self, generator: RationalFunction) -> bool:
-        """Return True if a generator is a combination of products of generators of lower degree."""
+        """Return True if a generator is a linear combination of products of generators."""
         products = self.products[self.value(generator.cofactor)]
-        of_several = [product for product in products if sum(product.powers) > 1]
-        lower = [self.polynomial(self.power_product(product.powers)) for product in of_several]
+        of_several = (product.powers for product in products if sum(product.powers) > 1)
+        lower = [self.polynomial(self.power_product(powers)) for powers in of_several]
         return rank([*lower, self.polynomial(generator)]) == rank(lower)
 
     def _multiply_by(self, generator: RationalFunction) -> list[tuple[int, int]]:
@@ -154,16 +153,36 @@ class Invariants:
                 count += 1
         return new
 
-    def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace generators of the cofactor that `value` identifies; return those that change.
+    def normalize(self, value: int) -> list[RationalFunction]:
+        """Replace generators of a cofactor by polynomials of `normal_basis`; return these."""
+        elements = self.elements(value)
+        space = [self.polynomial(f) for f in elements]
+        if not space or self._normal.get(value) == str(space):
+            return []
+        modified = self.map.modified_energy
+        basis = normal_basis(space, [modified.as_quotient(self.map.ring)[0]] if modified else [])
+        denominator, *others = map(factored, basis)
+        self.forms[value] = [without_constant(P / denominator) for P in others]
+        # Products of generators of other cofactors stay; the others are replaced.
+        texts = {str(self.generators[k]) for k in self._numbers(value)}
+        kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
+        proved = all(f.basis == IDENTITY for f in elements)
+        new = self._replace(value, [*selected(basis, kept)], IDENTITY if proved else MODULAR)
+        self._normal[value] = str([*map(self.polynomial, self.elements(value))])
+        return new
 
-        None change if degrees of `polynomials` differ; `basis` says how these were confirmed.
+    def _numbers(self, value: int) -> list[int]:
+        """Return the numbers of the generators with this cofactor value."""
+        return [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
+
+    def _replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
+        """Replace generators of this cofactor value by `polynomials`; return those that change.
+
+        Degrees must be the same, else none changes; `basis` says how polynomials were confirmed.
         """
-        numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
-        numbers.sort(key=lambda k: self.generators[k].degree)
+        numbers = sorted(self._numbers(value), key=lambda k: self.generators[k].degree)
         polynomials = sorted(polynomials, key=degree_of)
-        degrees = [self.generators[k].degree for k in numbers]
-        if degrees != [degree_of(P) for P in polynomials]:
+        if [self.generators[k].degree for k in numbers] != [degree_of(P) for P in polynomials]:
             return []
         new = []
         for k, P in zip(numbers, polynomials, strict=True):
@@ -174,17 +193,13 @@ class Invariants:
                 new.append(g)
         return new
 
-    def highest(self, value: int) -> int:
-        """Return the highest degree of known polynomials with this cofactor value, or 0."""
-        degrees = (g.degree for g in self.generators if self.value(g.cofactor) == value)
-        return max(degrees, default=0)
+    def elements(self, value: int, degree: int | None = None) -> list[RationalFunction]:
+        """Return linearly independent products with this cofactor value, short ones first.
 
-    def texts(self, value: int) -> set[str]:
-        """Return the formulas of known Darboux polynomials with this cofactor value."""
-        return {str(g) for g in self.generators if self.value(g.cofactor) == value}
-
-    def elements(self, value: int, degree: int) -> list[RationalFunction]:
-        """Return independent products up to a degree with this cofactor value, short ones first."""
+        Degrees are at most `degree`, by default the highest of a generator with this cofactor.
+        """
+        if degree is None:
+            degree = max((self.generators[k].degree for k in self._numbers(value)), default=0)
         products = [product for product in self.products.get(value, ()) if product.degree <= degree]
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
@@ -192,31 +207,28 @@ class Invariants:
         return [f for f, _ in selected(pairs, of=itemgetter(1))]
 
     def polynomial(self, f: RationalFunction) -> Any:
-        """Return f, a product of polynomials, multiplied out, without a constant denominator."""
+        """Return f, a product of polynomials, as one polynomial, without constant denominator."""
         return f.as_quotient(self.map.ring)[0]
 
     def power_product(self, powers: Sequence[int]) -> RationalFunction:
         factors = (g**e for g, e in zip(self.generators, powers, strict=False) if e)
         return math.prod(factors, start=RationalFunction((), basis=IDENTITY))
 
-    # What follows.
+    # Integrals and measures.
 
     @property
     def integrals(self) -> tuple[RationalFunction, ...]:
         """Independent integrals of least degree: P / Q of one cofactor, products of cofactor 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        products = sorted(map(self._product_in_normal_form, relations), key=_sort_key)
-        found = independent([*sorted(self._quotients(), key=_sort_key), *products], self.p)
-        return tuple(map(_without_constant_term, found))
-
-    def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral that is the product of g**e for generators g and e in `powers`."""
-        return _with_varying_limit(_f_or_reciprocal(self.power_product(powers)))
+        products = (_f_or_reciprocal(self.power_product(powers)) for powers in relations)
+        candidates = sorted(self._quotients(), key=_sort_key)
+        candidates += sorted(map(_with_varying_limit, products), key=_sort_key)
+        return tuple(map(_without_constant_term, independent(candidates, self.p)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
         """Yield quotients of polynomials of one cofactor, of the `normal_basis` if it is known."""
         for value in dict.fromkeys(self.value(g.cofactor) for g in self.generators):
-            functions = self.elements(value, self.highest(value))
+            functions = self.elements(value)
             forms = self.forms.get(value, [])
             if len(forms) == len(functions) - 1:
                 proved = all(f.basis == IDENTITY for f in functions)
@@ -227,7 +239,7 @@ class Invariants:
             yield from self._quotients_by_one(functions)
 
     def _quotients_by_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
-        """Yield f / g for other `functions` f; g is of least degree, with g(0) != 0 if possible."""
+        """Yield f / g for `functions` f and one g of least degree, with g(0) != 0 if possible."""
         lowest = [f for f in functions if f.degree == functions[0].degree]
         denominator = next(
             (f for f in lowest if has_constant_term(f.as_quotient()[0])), functions[0]
@@ -245,9 +257,15 @@ class Invariants:
         det = self.map.jacobian_cofactor if self.has_factors else None
         if det is not None:
             densities += self._densities(det)
-            densities = densities or self._density_from_relations(det) or self._up_to_sign(det)
+            densities = densities or self._density_from_relations(det)
+            up_to_sign = [] if densities else self._densities(-det)[:1]
+            densities += [replace(f, cofactor=as_function(-1)) for f in up_to_sign]
         different = {str(f): f for f in densities}.values()
-        return tuple(sorted(different, key=_order_of_densities))
+
+        def order(f: RationalFunction) -> tuple[Any, ...]:
+            return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
+
+        return tuple(sorted(different, key=order))
 
     def _densities(self, cofactor: RationalFunction) -> list[RationalFunction]:
         """Return the densities 1 / P for products P of generators with this cofactor."""
@@ -260,10 +278,6 @@ class Invariants:
         single = [row for row in rows if abs(row[0]) == 1]
         return [self.power_product([sign * e for e in powers]) for sign, *powers in single[:1]]
 
-    def _up_to_sign(self, det: RationalFunction) -> list[RationalFunction]:
-        minus_one = RationalFunction((), Fraction(-1))
-        return [replace(f, cofactor=minus_one) for f in self._densities(-det)[:1]]
-
     @property
     def polynomials(self) -> tuple[RationalFunction, ...]:
         """The Darboux polynomials, without products of others."""
@@ -271,18 +285,13 @@ class Invariants:
 
 
 def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the sort key of a function f: low degrees, then few terms."""
+    """Return the sort key of a function f: by degree, then by number of terms."""
     keys = [(sort_key(P), e) for P, e in f.factors]
     return f.degree, sum(count for (_, count, *_), _ in keys), keys
 
 
-def _order_of_densities(f: RationalFunction) -> tuple[Any, ...]:
-    """Return the sort key of densities: the degree, then the order of the denominator at x = 0."""
-    return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
-
-
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
-    """Return f or 1 / f: the numerator has the higher degree; if equal, denominator(0) != 0."""
+    """Return f or 1 / f: that with a numerator of higher degree, or with denominator(0) != 0."""
 
     def order(f: RationalFunction) -> tuple[int, bool]:
         P, Q = f.as_quotient()
@@ -292,7 +301,7 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
-    """Return f, or a function of f, such that its limit for eps to 0 is not constant."""
+    """Return f, or a fractional linear function of f, with a limit for eps to 0 that varies."""
     if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
         return without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())
@@ -301,7 +310,7 @@ def _with_varying_limit(f: RationalFunction) -> RationalFunction:
 
 
 def _without_constant_term(f: RationalFunction) -> RationalFunction:
-    """Return a polynomial f without its constant term; powers and quotients are unchanged."""
+    """Return a polynomial f without its constant term; return powers and quotients unchanged."""
     if any(e != 1 for P, e in f.factors if degree_of(P)):
         return f
     P = f.as_quotient()[0]
@@ -311,10 +320,10 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return short basis vectors e of the lattice ``C_1**e_1 ... C_n**e_n = 1`` of `cofactors` C_i.
+    """Return a short basis of the lattice of e with ``C_1**e_1 ... C_n**e_n = 1`` for `cofactors`.
 
-    The vector of a cofactor contains the exponents of its polynomials, of coprime factors of its
-    constant, and of -1. For -1 only the parity of the exponent counts.
+    Each C_i has a vector: the exponents of its polynomials, of coprime factors of its constant, and
+    of -1. The last exponent counts modulo 2.
     """
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
@@ -324,7 +333,8 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
         vector = {str(f): e for f, e in cofactor.factors}
         vector["sign"] = int(constant < 0)
         for b in base:
-            vector[str(b)] = _power_in(constant.numerator, b) - _power_in(constant.denominator, b)
+            above, below = (divided_out(c, b)[1] for c in constant.as_integer_ratio())
+            vector[str(b)] = above - below
         vectors.append(vector)
     vectors.append({"sign": 2})
     names, n = dict.fromkeys(name for vector in vectors for name in vector), len(cofactors)
@@ -339,73 +349,27 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
 def _coprime_factors(numbers: Iterable[Any]) -> list[int]:
     """Return coprime numbers above 1; each given number is a product of their powers."""
     base: list[int] = []
-    left = [*map(int, numbers)]
-    while left:
-        n = left.pop()
+    remaining = [*map(int, numbers)]
+    while remaining:
+        n = remaining.pop()
         for b in base:
             if (common := math.gcd(n, b)) > 1:
                 base.remove(b)
-                left += [common, n // common, b // common]
+                remaining += [common, n // common, b // common]
                 break
         else:
             base += [n] * (n > 1)
     return base
 
 
-def _power_in(number: int, factor: int) -> int:
-    """Return the highest power of a factor that divides a number."""
-    power = 0
-    while number % factor == 0:
-        number, power = number // factor, power + 1
-    return power
-
-
 _SIGNS = 70  # random points at which a definite polynomial has one sign
 
 
-class NormalForms:
-    """Replaces the Darboux polynomials of a cofactor by `normal_basis`, for simple quotients."""
-
-    def __init__(self, invariants: Invariants) -> None:
-        self.invariants, self.map = invariants, invariants.map
-        self._done: dict[int, str] = {}  # spaces in normal form, by the value of the cofactor
-
-    def update(self, value: int) -> list[RationalFunction]:
-        """Replace P of the cofactor that `value` identifies by a simpler basis; return new P."""
-        known = self.invariants
-        elements = known.elements(value, known.highest(value))
-        space = [known.polynomial(f) for f in elements]
-        if not space or self._done.get(value) == str(space):
-            return []
-        basis = normal_basis(space, _modified_energy(self.map))
-        # Products of generators of other cofactors stay; the others are replaced.
-        texts = known.texts(value)
-        kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
-        proved = all(f.basis == IDENTITY for f in elements)
-        new = known.replace(value, [*selected(basis, kept)], IDENTITY if proved else MODULAR)
-        known.forms[value] = quotients(basis)
-        elements = known.elements(value, known.highest(value))
-        self._done[value] = str([*map(known.polynomial, elements)])
-        return new
-
-
-def _modified_energy(map: RationalMap) -> list[Any]:
-    """Return [P], P the numerator of the modified energy; [] for a map without one."""
-    modified = map.modified_energy
-    return [modified.as_quotient(map.ring)[0]] if modified else []
-
-
-def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
-    """Return the quotients P_i / Q of a basis [Q, P_1, P_2, ...], without constant factors."""
-    denominator, *others = basis
-    return [without_constant(factored(P) / factored(denominator)) for P in others]
-
-
-def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[Any]:
+def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     """Return a basis [Q, P_1, P_2, ...] of the span of `space`, for simple integrals P_i / Q.
 
-    Polynomials in `space` share a cofactor. Q has the least degree in the limit for eps to 0. All
-    limits are independent. The P_i come by degree, then `preferred` ones, then by many factors.
+    All limits for eps to 0 are independent, and that of Q has the least degree. The P_i are chosen
+    by degree; among equal degrees first those in `preferred`, then those with the most factors.
     """
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)
@@ -418,7 +382,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
     highest = max(degree_of(P) for P in basis)
 
     def order(P: Any) -> tuple[Any, ...]:
-        complex_factors = count_factors(P) + (degree_of(P) < highest)  # that at infinity
+        complex_factors = count_factors(P) + (degree_of(P) < highest)  # one is at infinity
         factors = sum(e for _, e in factored(P).factors)
         simplest = len(P), has_constant_term(P), -factors, str(P)
         return degree_of(P), str(P) not in first, -complex_factors, *simplest
@@ -429,13 +393,13 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any] = ()) -> list[An
 
 
 def _order_of_denominator(P: Any) -> tuple[Any, ...]:
-    """Return the sort key of denominators P: low degrees, then P(0) != 0, then P of one sign."""
+    """Return the sort key of denominators: by degree, then P(0) != 0, then P of one sign."""
     in_limit = limit(P)
     return degree_of(in_limit), degree_of(P), not has_constant_term(in_limit), not is_definite(P)
 
 
 def is_definite(P: Any) -> bool:
-    """Return True if a polynomial has one sign at random points, near 0 and far away."""
+    """Return True if a polynomial has the same sign at all random points, near 0 and far away."""
     rng, signs = random.Random(0), set()
     symbolic, n = letters_in(P), variables_of(P)
     for k in range(_SIGNS):
@@ -453,12 +417,12 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
     """
     monomials = {e for P in space for e in exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)
-    rows, left = [], list(space)
+    rows, remaining = [], list(space)
     for monomial in descending:
-        pivot = next((P for P in left if coefficient_of(P, monomial) != 0), None)
+        pivot = next((P for P in remaining if coefficient_of(P, monomial) != 0), None)
         if pivot is not None:
-            left.remove(pivot)
-            left = [_without(P, pivot, monomial) for P in left]
+            remaining.remove(pivot)
+            remaining = [_without(P, pivot, monomial) for P in remaining]
             rows.append(pivot)
     for k in reversed(range(len(rows))):
         last = next(e for e in reversed(descending) if coefficient_of(rows[k], e) != 0)

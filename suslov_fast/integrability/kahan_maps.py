@@ -1,4 +1,4 @@
-"""Kahan maps of quadratic fields, exact: the solution of A(x; eps) x~ = b(x; eps).
+"""Kahan maps of quadratic fields, exact: solutions x~ of A(x; eps) x~ = b(x; eps).
 
 The inverse is the map for -eps. det DPhi = det A(x~; -eps) / det A(x; eps). For x' = K grad H, the
 modified energy H + grad H (x~ - x) / 3 is an integral (Celledoni, McLachlan, Owren, Quispel 2013).
@@ -20,7 +20,6 @@ from ..checks import kind_of, wrong
 from ..core.cached import cached_property
 from ..fields.base import Body
 from ..fields.field import Field
-from ..fields.names import labels
 from ..fields.terms import Terms, collected
 from ..keywords import public
 from .arithmetic import Values, as_written, constant, moduli
@@ -38,9 +37,9 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """Coefficients in letters: `rates[i, j, k]` of x_j x_k in x_i'; `energy[i, j, k]` in H.
+    """Coefficients in letters: ``rates[i, j, k]`` of x_j x_k in x_i', and those of H as `energy`.
 
-    `given` has the letters, and the values that they had in the system.
+    `given` are the values that the letters had in the system.
     """
 
     given: dict[str, Any]
@@ -69,7 +68,7 @@ class KahanMap(RationalMap):
         self.dimension, self.in_letters = field.dimension, in_letters
         self.given = in_letters.given if in_letters else {}
         self.letters = ("eps",) * (eps is None) + (*self.given,)
-        self.names = checked_names(None if field.names == labels(self.dimension) else field.names)
+        self.names = checked_names(field.names)
 
     @cached_property
     def terms(self) -> Terms:
@@ -85,8 +84,7 @@ class KahanMap(RationalMap):
         """Return the map for another eps, or for the symbol `sign` * eps if `eps` is None."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
-        # These take long, and do not depend on eps.
-        map._equations = self._equations
+        map._rates = self._rates  # which take long
         if self.in_letters is None:
             map.terms = self.terms
         return map
@@ -101,20 +99,21 @@ class KahanMap(RationalMap):
         return KahanMap(Field._of_terms(terms, self.field.names), eps, is_exact=True)
 
     def at_eps(self, values: Values) -> KahanMap:
-        if self.in_letters is None:
-            return self._at(self._sign * Fraction(values[0])) if self.is_symbolic else self
+        if not self.is_symbolic:
+            return self
         point = [*values[: len(self.letters)], *[0] * self.dimension]
         forward, backward = KahanMap(self.field, Fraction(1)), KahanMap(self.field, Fraction(-1))
         for map, at in ((self, forward), (self.inverse, backward)):
             at._forms = [
                 [[(j, int(a(*point))) for j, a in form] for form in row] for row in map._forms
             ]
-        forward.inverse, backward.inverse = backward, forward
+        forward.inverse = backward
+        backward.inverse = forward
         return forward
 
     @cached_property
     def _rates(self) -> tuple[list[tuple[tuple[int, ...], Any]], Any]:
-        """Pairs ((i, j, k), v) of the terms v x_j x_k / q in x_i', and the common denominator q."""
+        """Pairs ((i, j, k), v) for terms v x_j x_k / q of x_i', and the common denominator q."""
         if self.in_letters is None:
             return _integers(self.terms)
         *values, common = over_common_denominator(self.in_letters.rates.values(), self.ring)
@@ -122,7 +121,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def coefficients(self) -> list[int]:
-        """The integers in the terms of the field, and in eps; `prime` depends on them."""
+        """The integers in the terms of the field, and in eps, from which `prime` follows."""
         if self.in_letters:
             terms, common = self._rates
             return [int(c) for P in (common, *(v for _, v in terms)) for c in P.coeffs()]
@@ -130,44 +129,39 @@ class KahanMap(RationalMap):
         return [part for c in numbers for part in (c.numerator, c.denominator)]
 
     def __repr__(self) -> str:
-        if self.in_letters:
-            return f"Kahan map of {self._equations_in_letters()}"
-        eps = "" if self._sign > 0 else ", eps=-eps"
-        return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
-
-    def _equations_in_letters(self) -> str:
-        x, (terms, common), rows = self.variables, self._rates, []
+        if self.in_letters is None:
+            eps = "" if self._sign > 0 else ", eps=-eps"
+            return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
+        x, (terms, common), equations = self.variables, self._rates, []
         for i, name in enumerate(self.field.names):
             products = (v * x[j] * x[k] for (row, j, k), v in terms if row == i)
             rate = factored(sum(products, self.ring.constant(0))) / factored(common)
-            rows.append(f"{name}' = {rate.renamed(self.field.names)}")
-        return ", ".join(rows)
+            equations.append(f"{name}' = {rate.renamed(self.field.names)}")
+        return f"Kahan map of {', '.join(equations)}"
 
     def __reduce__(self) -> Any:
         return KahanMap, (self.field, self.eps, self._sign, self._is_exact, self.in_letters)
 
     @cached_property
-    def _equations(self) -> list[Any]:
-        """The matrix (A | b) of the equations A(x) x~ = b(x), times a common denominator, as rows.
-
-        Entries are linear forms: lists of (j, c, d), for terms (c + d eps) x_j of (x1, ..., xD, 1).
-        """
-        # Half of a product belongs to each order of its two factors.
-        terms, common = self._rates
-        doubled = [((i, j, k), (1 + (j == k)) * v) for (i, j, k), v in terms]
-        return rows_of(doubled, 2 * common, self.dimension)
-
-    @cached_property
     def _forms(self) -> list[Any]:
-        """The rows of (A | b) at the map's eps; an entry is a list of (j, a), for terms a x_j."""
+        """The rows of (A | b) for the equations A(x) x~ = b(x), times a common denominator.
+
+        An entry is a linear form in (x1, ..., xD, 1), a list of (j, a) for terms a x_j.
+        """
         if self.eps is None:
-            eps, unit = self._sign * self.ring.gens()[0], 1
+            eps, unit = self._sign * self.ring.gens()[0], self.ring.constant(1)
         else:
             eps, unit = self.eps.numerator, self.eps.denominator
-        return [
-            [[(j, c * unit + d * eps) for j, c, d in form] for form in row]
-            for row in self._equations
-        ]
+        D, (terms, common) = self.dimension, self._rates
+        rows: list[list[dict[int, Any]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
+        for i in range(D):  # at eps = 0, A is the unit matrix and b is x
+            rows[i][i][D] = 2 * common * unit
+            rows[i][D][i] = 2 * common * unit
+        for (i, *pair), v in terms:  # x_j x_k becomes (x_j x~_k + x_k x~_j) / 2
+            half = (2 if pair[0] == pair[1] else 1) * v * eps
+            for j, k in {(*pair,), (*pair[::-1],)}:
+                rows[i][k][j] = rows[i][k].get(j, 0) + (half if k == D else -half)
+        return [[sorted(form.items()) for form in row] for row in rows]
 
     def _system(self, x: Sequence[Any]) -> list[list[Any]]:
         """Return the rows of (A | b) at a point x, for the equations A x~ = b of the image x~."""
@@ -217,36 +211,36 @@ class KahanMap(RationalMap):
         for f, e in backward.factors:
             if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
                 return None
-            if (found := self._in_factors(self.pullback(f, degree_of(f)))) is None:
+            if (pullback := self._in_factors(self.pullback(f, degree_of(f)))) is None:
                 return None
-            determinant *= found**e
+            determinant *= pullback**e
         return determinant
 
     @cached_property
     def length(self) -> float:
-        """The relative cost of the image of a line, from the 2 D^3 / 3 products of elimination."""
+        """The relative cost of the image of a line: elimination takes 2 D^3 / 3 products."""
         return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW)
 
     @property
     def cost_of_factors(self) -> float:
-        """An estimate of the seconds for `factors`: a pullback of det A, at most `LONGEST`."""
+        """An estimate of the seconds for `factors`, a pullback of det A; at most `LONGEST`."""
         return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
 
     @cached_property
     def hamiltonian(self) -> Any:
-        """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
+        """An integer multiple of H in `ring` for a field K grad H; None for other fields."""
         if self.in_letters and (energy := self.in_letters.energy):
             *values, _ = over_common_denominator(energy.values(), self.ring)
             terms = [*zip(energy, values, strict=True)]
         elif self.in_letters or not self.field._is_hamiltonian:
-            return self._found_hamiltonian()
+            return self._integrated_hamiltonian()
         else:
             exactly = Fraction if self._is_exact else as_written
             terms, _ = _integers(self.field._terms_of(True, exactly))
         products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
         return sum(products, 0 * self.variables[-1])
 
-    def _found_hamiltonian(self) -> Any:
+    def _integrated_hamiltonian(self) -> Any:
         """Return H with grad H = L f for a constant antisymmetric regular matrix L, or None."""
         D, x, zero = self.dimension, self.variables, 0 * self.variables[-1]
         if D % 2 or D > _LARGEST:
@@ -290,22 +284,8 @@ class KahanMap(RationalMap):
 
 
 def _slope(P: Any, i: int) -> Any:
-    """Return the derivative of a polynomial by the variable x_i, counted from 0."""
+    """Return the derivative of a polynomial with respect to variable number i of x, from 0."""
     return P.derivative(i + letters_in(P))
-
-
-def rows_of(terms: Any, scale: Any, D: int) -> list[Any]:
-    """Return rows of scale * (A | b) for A x~ = b; entries are lists of (j, c, d): (c + d eps) x_j.
-
-    A term ((i, j, k), v) adds v (x_j x~_k + x_k x~_j) / scale to (x~_i - x_i) / eps; half if j = k.
-    """
-    forms: list[list[dict[int, list[Any]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
-    for i in range(D):  # at eps = 0, A is the unit matrix and b is x
-        forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]
-    for (i, *pair), v in terms:
-        for j, k in {(*pair,), (*pair[::-1],)}:
-            forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
-    return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
 
 
 def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
@@ -323,8 +303,8 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
     field : Field or body
         The field to discretize, a single one.
     eps : int, Fraction, float or str, optional
-        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all that is
-        found for the map. A float, also of the field, stands for the written number: 0.1 for 1/10.
+        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all results
+        for the map. Floats, also in the field, stand for the numbers typed: 0.1 for 1/10.
 
     Returns
     -------

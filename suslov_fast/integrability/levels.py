@@ -1,9 +1,8 @@
 """A map restricted to a level of its first integrals, as a birational map of the plane.
 
 Two rules make coordinates of a level: an integral of degree 1 in a variable is solved for it, and
-one quadric in three variables is projected from one of its points. Polynomials are in the letter
-and x1, ..., xD, or x1 and x2, even if no letter occurs. Points are homogeneous, (x1, ..., xD, 1)
-times a polynomial in the letter.
+one quadric in three variables is projected from one of its points. Points are homogeneous,
+(x1, ..., xD, 1) times a number or a polynomial in the letter.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS
 from .birational_maps import RationalMap, check_one_letter
-from .letters import checked_map
+from .exact_maps import checked_map, has_inverse
 from .polynomials import (
     coefficients_in,
     coprime,
@@ -38,15 +37,13 @@ from .rational_functions import (
     IDENTITY,
     RationalFunction,
     as_function,
-    check_letter,
     factored,
-    function_by,
     independent,
     over_common_denominator,
     without_constant,
 )
 
-_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of points of the generic level, but one
+_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of a point of the generic level, except one
 _WIDTH = 60  # characters of a polynomial in the text
 
 
@@ -117,18 +114,15 @@ def on_level(
     (2, 0.0)
     """
     map = checked_map(map)
-    return level_of(map, integrals, point, letter)
-
-
-def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = "h") -> Level:
-    """Return the level of integrals through a point, or a generic one, which contains `letter`."""
     D = map.dimension
     if D < 3 or not map.is_birational:
         raise wrong("map", "a birational map of 3 variables or more, with an inverse", f"{map}")
     if map.is_symbolic and point is None:
         raise wrong("point", f"a point of the level, because {map.letter} is symbolic", None)
     check_one_letter(map)
-    check_letter(letter, (*labels(D), *(map.names or ())))
+    taken = (*labels(D), *(map.names or ()))
+    if not isinstance(letter, str) or not letter.isidentifier() or letter in taken:
+        raise wrong("letter", "a name that no variable has, such as h", short(letter))
     equations = _Equations(map, integrals, map.letter or letter * (point is None))
     if point is not None:
         x = arithmetic.rationals("point", point, D)
@@ -139,20 +133,23 @@ def level_of(map: RationalMap, integrals: Any, point: Any = None, letter: str = 
 
 
 class _Solved(NamedTuple):
-    """Equations of a level: x_k = N / Q for (k, N, Q) in `steps`, and `left` for `variables`."""
+    """Equations of a level: x_k = N / Q for (k, N, Q) in `steps`, and the `unsolved` equations."""
 
-    steps: list[tuple[int, Any, Any]]  # a variable, and numerator and denominator of its value
-    left: list[Any]  # equations
-    variables: list[int]  # that they may contain
+    steps: list[tuple[int, Any, Any]]  # number of a variable, numerator and denominator of it
+    unsolved: list[Any]
+    variables: list[int]  # those that unsolved equations may contain
 
 
 class _Equations:
-    """The equations P / Q = constant for integrals of a map, from which its `Level` is made."""
+    """The equations P / Q = constant for integrals P / Q of a map, and the `Level` that they make.
+
+    The ring `ring` has the letter, if there is one, and x1, ..., xD, and `plane` has x1 and x2.
+    """
 
     def __init__(self, map: RationalMap, integrals: Any, letter: str) -> None:
-        self.map, self.letter, D = map, letter, map.dimension
-        self.D = D
-        self.ring, self.plane = polynomial_ring(D, True), polynomial_ring(2, True)
+        self.map, self.letter = map, letter
+        self.D = D = map.dimension
+        self.ring, self.plane = (polynomial_ring(n, bool(letter)) for n in (D, 2))
         self.parts = [self._numerator_and_denominator(f) for f in integrals]
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
         shown = (without_constant(f).renamed(map.names or labels(D), letter) for f in functions)
@@ -170,8 +167,7 @@ class _Equations:
         if not isinstance(f, RationalFunction):
             if not callable(f):
                 raise wrong("integrals", "functions of the variables", short(f), TypeError)
-            symbols = map(factored, self.map.variables[:-1])
-            f = function_by("integrals", f, symbols)
+            f = _function_by(f, [factored(x) for x in self.map.variables[:-1]])
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
         if letters_in(P) and not self.map.is_symbolic:
             eps, letter = getattr(self.map, "eps", None), f.letter
@@ -197,11 +193,11 @@ class _Equations:
             return None
         ((P, Q),) = self.parts
         solved = _solved([P - self.ring.gens()[0] * Q], [*range(self.D)], None)
-        return None if solved.left else self._made(solved, None, f"{self.text} = {self.letter}")
+        return None if solved.unsolved else self._made(solved, None, f"{self.text} = {self.letter}")
 
     def generic_point(self) -> tuple[list[Any], str]:
-        """Return a point of a generic level, and its text: a coordinate is a symbol, no number."""
-        found = []
+        """Return a point of a generic level, with the letter as one coordinate, and its text."""
+        points = []
         for j in range(self.D):
             x = [self.ring.constant(a) for a in (*_OTHERS, *range(10, 10 + self.D))[: self.D]]
             x.insert(j, self.ring.gens()[0])
@@ -209,10 +205,10 @@ class _Equations:
             values = [coprime(self._values(P, Q, x)) for P, Q in self.parts]
             degrees = [max(int(a.total_degree()) for a in pair) for pair in values]
             if all(any(pair) for pair in values) and any(degrees):
-                found.append((sum(degrees), j, x))
-        if not found:
+                points.append((sum(degrees), j, x))
+        if not points:
             raise ArithmeticError(f"the points tried are on no level of {self.text}")
-        _, j, x = min(found, key=lambda each: each[:2])
+        _, j, x = min(points, key=lambda each: each[:2])
         names = [str(a) for a in x[:-1]]
         names[j] = self.letter
         return x, f"through ({', '.join(names)})"
@@ -237,16 +233,16 @@ class _Equations:
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
         """Return the `Level` of solved equations, named `text`; a quadric is projected from x."""
         names = self.map.names or labels(self.D)
-        how = (
-            [f"solved for {', '.join(names[k] for k, *_ in solved.steps)}"] if solved.steps else []
-        )
-        degrees, kept = [degree_of(P) for P in solved.left], solved.variables
+        solved_for = ", ".join(names[k] for k, *_ in solved.steps)
+        how = [f"solved for {solved_for}"] if solved_for else []
+        degrees, kept = [degree_of(P) for P in solved.unsolved], solved.variables
+        variables = self.ring.gens()[-self.D :]
         if not degrees:
-            on_it = [*self.plane.gens()[1:], self.plane.constant(1)]
-            chart = [*(self.ring.gens()[1 + k] for k in kept), self.ring.constant(1)]
+            on_it = [*self.plane.gens()[-2:], self.plane.constant(1)]
+            chart = [*(variables[k] for k in kept), self.ring.constant(1)]
         elif x is not None and len(kept) == 3 and degrees == [2]:
-            on_it = self._on_quadric(_of_variables(solved.left[0], kept), [*kept, -1], x)
-            chart = [x[-1] * self.ring.gens()[1 + k] - x[k] for k in kept]
+            on_it = self._on_quadric(solved.unsolved[0], kept, x)
+            chart = [x[-1] * variables[k] - x[k] for k in kept]
             how.append("projected from this point")
         else:
             of_degrees = f"{', '.join(map(str, degrees))} in {', '.join(names[k] for k in kept)}"
@@ -263,76 +259,84 @@ class _Equations:
         embedding = over_common_denominator([values[k] for k in range(self.D)], self.plane)
         return self._level(embedding, chart, "; ".join([text, *how]))
 
-    def _on_quadric(self, quadric: Any, places: list[int], x: list[Any]) -> list[Any]:
-        """Return the second point of a quadric on the line x[places] + s (x1, x2, 1) through x."""
-        u, v = self.plane.gens()[1:]
-        start = [self.plane.from_dict({(e[0], 0, 0): c for e, c in x[k].terms()}) for k in places]
-        d = [u, v, self.plane.constant(1), self.plane.constant(0)]
+    def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
+        """Return the second point of a quadric on the line x + s d, by its coordinates `kept`.
+
+        The direction d has the coordinates x1, x2 and 1 at these places, and 0 at the others.
+        """
+        one = self.plane.constant(1)
+        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # in the other ring
+        d = [0 * one] * len(x)
+        for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
+            d[k] = a
         # It meets x + s d at s = -b / a.
         a = homogenized(quadric, 2, d, self.plane)
         ends = [p + e for p, e in zip(start, d, strict=True)]
         b = homogenized(quadric, 2, ends, self.plane) - a
         if b == 0:
             raise wrong("point", "a regular one of its level", "the vertex of a cone")
-        return [a * p - b * e for p, e in zip(start, d, strict=True)]
+        return [a * start[k] - b * d[k] for k in (*kept, -1)]
 
     def _level(self, embedding: list[Any], chart: list[Any], how: str) -> Level:
+        """Return the `Level` with these polynomials N_1, ..., Q of its functions N_i / Q."""
         maps = []
         for forms in (self.forward, self.backward):
             degree = max(map(degree_of, forms))
             image = coprime([homogenized(F, degree, embedding, self.plane) for F in forms])
-            image = coprime([homogenized(C, 1, image, self.plane) for C in chart])
-            maps.append([self._without_letter(P) for P in image])
+            maps.append(coprime([homogenized(C, 1, image, self.plane) for C in chart]))
         forward, backward = maps
         if forward[-1] == 0 or backward[-1] == 0:
             raise ArithmeticError(f"the map takes the level {how} to poles of the coordinates")
         letters = (self.letter,) * bool(self.letter)
         inverse = RationalMap(backward, RationalMap(forward, None, letters), letters)
-        found = RationalMap(forward, inverse, letters)
-        self._check(found, embedding, how)
+        restricted = RationalMap(forward, inverse, letters)
+        if not has_inverse(restricted) or not self._is_restricted(restricted, embedding):
+            raise ArithmeticError(f"the map does not take the level {how} to itself, one to one")
         names = self.map.names or labels(self.D)
         functions = (self._functions(chart, names), self._functions(embedding, labels(2)))
-        return Level(found, *functions, how)
-
-    def _without_letter(self, P: Any) -> Any:
-        """Return a polynomial for results: in a ring without the letter if the level has none."""
-        n = variables_of(P)
-        terms = {(*e,) if self.letter else (*e[1:],): c for e, c in P.terms()}
-        return polynomial_ring(n, bool(self.letter)).from_dict(terms)
+        return Level(restricted, *functions, how)
 
     def _functions(self, forms: list[Any], names: Sequence[str]) -> tuple[RationalFunction, ...]:
-        *numerators, denominator = (factored(self._without_letter(P)) for P in forms)
+        *numerators, denominator = map(factored, forms)
         return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
 
-    def _check(self, found: RationalMap, embedding: list[Any], how: str) -> None:
-        """Raise an error on level `how` unless embedding(found(x)) = map(embedding(x)) modulo p."""
-        p, at_number, whole = found.prime, found.at_eps(EPS), self.map.at_eps(EPS)
-        point = arithmetic.random_point(2, p)
+    def _is_restricted(self, restricted: RationalMap, embedding: list[Any]) -> bool:
+        """Return True if embedding(restricted(x)) = map(embedding(x)) at a point x modulo p."""
+        p = restricted.prime
+        x = arithmetic.random_point(2, p)
 
-        def values(forms: list[Any], x: Sequence[Any]) -> list[Any]:
-            *y, below = (value_at(modulo(P, p, EPS), x) for P in forms)
+        def embedded(x: Sequence[Any]) -> list[Any]:
+            *y, below = (value_at(modulo(P, p, EPS), x) for P in embedding)
             return [*(a / below for a in y), below**0]
 
         try:
-            image = at_number.image(point)
-            returns = [*at_number.inverse.image(image)] == [*point]
-            is_image = values(embedding, image) == whole.image(values(embedding, point))
+            image = restricted.at_eps(EPS).image(x)
+            return embedded(image) == self.map.at_eps(EPS).image(embedded(x))
         except ZeroDivisionError:
-            returns = is_image = False
-        if not returns or not is_image:
-            raise ArithmeticError(f"the map does not take the level {how} to itself, one to one")
+            return False
+
+
+def _function_by(f: Any, variables: list[RationalFunction]) -> RationalFunction:
+    """Return f((x1, ..., xD)) as a rational function, or raise an error about integrals."""
+    must = "integrals must give quotients of polynomials in the variables, by +, -, *, /, **"
+    try:
+        return as_function(f(tuple(variables)))
+    except (TypeError, AttributeError) as error:
+        raise TypeError(f"{must}: {error}") from error
+    except (ValueError, IndexError, ArithmeticError) as error:
+        raise ValueError(f"{must}: {error}") from error
 
 
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
-    """Return the equations of a level after as many as possible are solved for variables.
+    """Solve as many equations of a level as possible for variables, given by their numbers.
 
-    `variables` are their numbers. Of several components, the one through the point x counts.
+    If an equation has several components, the one through the point x counts.
     """
     best = _Solved([], equations, variables)
     candidates = []
     for P in equations:
         for k in variables:
-            parts = coefficients_in(P, 1 + k)
+            parts = coefficients_in(P, letters_in(P) + k)
             if len(parts) == 2 and (x is None or _at(parts[1], x) != 0):
                 sizes = [(degree_of(R), len(R)) for R in reversed(parts)]
                 candidates.append((sizes, k, P, parts))
@@ -340,17 +344,17 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
         others = [_substituted(Q, k, -B, A) for Q in equations if Q is not P]
         if x is not None:
             others = [_component(Q, x) for Q in others]
-        found = _solved(others, [j for j in variables if j != k], x)
-        if len(found.left) < len(best.left):
-            best = found._replace(steps=[(k, -B, A), *found.steps])
-        if not best.left:
+        solved = _solved(others, [j for j in variables if j != k], x)
+        if len(solved.unsolved) < len(best.unsolved):
+            best = solved._replace(steps=[(k, -B, A), *solved.steps])
+        if not best.unsolved:
             break
     return best
 
 
 def _substituted(P: Any, k: int, numerator: Any, denominator: Any) -> Any:
     """Return the numerator of P after x_k is replaced by numerator / denominator."""
-    parts = coefficients_in(P, 1 + k)
+    parts = coefficients_in(P, letters_in(P) + k)
     n = len(parts) - 1
     powers = (c * numerator**j * denominator ** (n - j) for j, c in enumerate(parts))
     return sum(powers, P.context().constant(0))
@@ -371,13 +375,7 @@ def _component(P: Any, x: list[Any]) -> Any:
     return through[0]
 
 
-def _of_variables(P: Any, places: list[int]) -> Any:
-    """Return a polynomial in the variables at `places` in a ring of these variables alone."""
-    terms = {(e[0], *(e[1 + k] for k in places)): c for e, c in P.terms()}
-    return polynomial_ring(len(places), True).from_dict(terms)
-
-
 def _in_ring(P: Any, ring: Any) -> Any:
-    """Return a polynomial in `ring`, which has a letter even if the polynomial has none."""
-    first = () if letters_in(P) else (0,)
-    return ring.from_dict({(*first, *e): c for e, c in P.terms()})
+    """Return a polynomial in `ring`, which may have a letter that the polynomial lacks."""
+    lacking = ring.nvars() - P.context().nvars()
+    return ring.from_dict({(*[0] * lacking, *e): c for e, c in P.terms()})

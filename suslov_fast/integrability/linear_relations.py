@@ -1,10 +1,10 @@
 """Linear relations ``sum_i c_i m_i(x_k) = 0`` of monomials along orbits, and their integrals.
 
-Relations are the null space of the monomials at the points x_k of an orbit, which has some more
-points than there are monomials (Petrera, Pfadler and Suris, arXiv:1008.1040). The coefficients
-depend on the orbit alone. If there is no relation between fewer of its monomials, a relation is
-unique up to a factor, so each quotient c_i / c_j is a rational first integral. Its formula may have
-thousands of terms; its value at a point follows from a few points of the orbit.
+The rows of a matrix are the values of monomials m_i at points x_k of one orbit, some more points
+than monomials. Its null space consists of the relations (Petrera, Pfadler and Suris,
+arXiv:1008.1040). They depend on the orbit alone. If no part of the monomials has a relation, that
+of all is unique up to a factor, and each quotient c_i / c_j is a rational first integral. Its
+formula may have thousands of terms, but its value at a point follows from a few points of an orbit.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from itertools import accumulate, combinations, islice
 from typing import Any, NamedTuple
 
 import flint
+import numpy as np
 
 from ..fields.exact_numbers import text_of
+from ..fields.names import labels
 from ..keywords import public
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, Residues, Values
@@ -29,6 +31,7 @@ from .interpolation import Line, over_rationals
 from .polynomials import (
     Exponents,
     Polynomials,
+    coefficients_in,
     exponents_up_to,
     letters_of,
     monomial_values,
@@ -37,7 +40,7 @@ from .polynomials import (
 )
 from .rational_functions import MODULAR, RationalFunction, quotient_of
 
-_ORBITS = 3  # whose relations span those of all orbits
+_ORBITS = 3  # the relations of so many orbits span the relations of all
 
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
@@ -48,7 +51,10 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
 def relations_along(
     map: RationalMap, exponents: Exponents, eps: Values, x: Sequence[Any]
 ) -> Residues:
-    """Return rows c: ``sum_i c_i m_i = 0`` for monomials m_i on the orbit of x modulo a prime."""
+    """Return a basis of the relations of monomials along the orbit of x, as rows of coefficients.
+
+    x is a point modulo a prime, and `eps` are numbers in place of letters.
+    """
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
@@ -63,24 +69,25 @@ def gradients_of_coefficients(
 ) -> list[list[list[Any]]]:
     """Return grad c_i for the coefficients c_i of relations, by relation, then by coefficient.
 
-    They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
-    `length` points x_k of the orbit of x, from x_k = x_first on. Relations must be a basis in
-    echelon form. Coefficients that this form fixes at 0 or 1 are constant, and are left out.
+    The gradients with respect to x solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the
+    derivatives of the relations at `length` points x_k of the orbit of x, from x_first on.
+    Relations must be a basis in echelon form. Coefficients that this form fixes at 0 or 1 are
+    constant, and left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
     polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
     slopes = [[P.derivative(i) for i in range(n)] for P in polynomials]
-    rows = []  # the equations at x_k: all m_i, and right sides for each relation
+    rows = []  # the equations at x_k: all m_i, then the right sides of each relation
     for y, derivative in islice(map.variations(x, first + length), first, None):
-        values = flint.nmod_mat([[dP(*y[:-1]) for dP in of_relation] for of_relation in slopes], p)
+        values = flint.nmod_mat([[dP(*y[:-1]) for dP in gradient] for gradient in slopes], p)
         rows.append([*monomial_values(exponents, y), *(values * derivative * -1).entries()])
     solved = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
     return [[row[k : k + n] for row in solved] for k in range(count, len(rows[0]), n)]
 
 
 class Counted(NamedTuple):
-    """The number of relations along an orbit, and of the independent integrals they show."""
+    """The number of relations along an orbit, and of independent integrals among coefficients."""
 
     relations: int
     integrals: int
@@ -88,10 +95,10 @@ class Counted(NamedTuple):
 
 @lru_cache(maxsize=32)
 def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
-    """Count relations of monomials along a random orbit, and integrals by them, by two primes.
+    """Count the relations of monomials along a random orbit, and the integrals that they give.
 
-    If det DPhi = 0, coefficients are the same along an orbit only from a general point of the
-    images of all iterates on.
+    Two primes must give the same numbers. If det DPhi = 0, the first D points of an orbit are left
+    out: later ones are general points of the images of all iterates.
     """
     rng, first = map.generator(), 0 if map.is_invertible else map.dimension
 
@@ -103,16 +110,17 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
         if not relations:
             return Counted(0, 0)
         gradients = gradients_of_coefficients(at_eps, exponents, relations, x, length, first)
-        rows = [gradient for of_relation in gradients for gradient in of_relation]
+        rows = [row for of_relation in gradients for row in of_relation]
         return Counted(len(relations), int(flint.nmod_mat(rows, p).rank()))
 
     return arithmetic.agreed_by_primes(rng, count_modulo)
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return polynomials that span the relations of all orbits, if quotients are integrals; or ().
+    """Return polynomials that span the relations of all orbits if their quotients are integrals.
 
-    Quotients are integrals if relations of one orbit span d dimensions, and of all orbits d + 1.
+    They are if the relations of one orbit span d dimensions, and those of all orbits d + 1. Else
+    return ().
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:
@@ -129,8 +137,8 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
 
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
-_QUOTIENTS = 4_000  # of coefficients, whose degrees are compared
-_DEGREES = 5, 11, 23  # quotients of a higher degree than the last are left out
+_QUOTIENTS = 4_000  # of coefficients, at most, for which degrees are compared
+_DEGREES = 5, 11, 23  # of quotients: first low ones are found, and none above the last
 _TERMS = 300  # of a formula that is written out, at most
 
 
@@ -170,7 +178,7 @@ class ImplicitIntegral:
 
     @public
     def __call__(self, x: Sequence[Any], *unnamed: Any, **values: Any) -> Fraction:
-        """Return the value at a point; if eps is symbolic, at a value of eps."""
+        """Return the value at a point, and at a number for each letter that the map has."""
         map = self.map.subs(*unnamed, **values) if self.map.is_symbolic else self.map
         point = (*arithmetic.rationals("x", x, map.dimension), Fraction(1))
         return arithmetic.fraction(self.value(map, [arithmetic.fmpq(a) for a in point]))
@@ -179,7 +187,7 @@ class ImplicitIntegral:
         """Return the value at a point (x1, ..., xD, 1) of exact numbers; `map` has no letters."""
         others = [e for e in self.monomials if e != self.denominator]
         orbit = _orbit_around(map, x, len(others))
-        # With the coefficient 1 of the denominator, the others solve a linear system.
+        # If the denominator has the coefficient 1, the other coefficients solve a linear system.
         rows = [monomial_values(others, y) for y in orbit]
         right = [[-monomial_values([self.denominator], y)[0]] for y in orbit]
         try:
@@ -196,40 +204,38 @@ class ImplicitIntegral:
         return [a - b for a, b in pairs]
 
     def __str__(self) -> str:
-        variables = self.map.names or [f"x{i + 1}" for i in range(self.map.dimension)]
-        numerator, denominator = (_text(e, variables) for e in (self.numerator, self.denominator))
-        relation = ", ".join(_text(e, variables) for e in self.monomials)
-        return f"c({numerator})/c({denominator}) of the relation between {relation}"
+        names = self.map.names or labels(self.map.dimension)
+
+        def text(exponents: Sequence[int]) -> str:
+            return text_of({tuple(np.repeat(range(len(names)), exponents).tolist()): 1}, names)
+
+        relation = ", ".join(map(text, self.monomials))
+        quotient = f"c({text(self.numerator)})/c({text(self.denominator)})"
+        return f"{quotient} of the relation between {relation}"
 
     def __repr__(self) -> str:
         return f"ImplicitIntegral({self}; degree {self.degree})"
 
 
-def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
-    """Return the text of a monomial."""
-    indices = tuple(i for i, power in enumerate(exponents) for _ in range(power))
-    return text_of({indices: 1}, names)
-
-
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return `length` points of an orbit; x is in the middle, or the first without an inverse."""
+    """Return `length` points of an orbit, with x in the middle if the map has an inverse."""
     before = (length - 1) // 2 if map.inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
 
 
-# A circuit is a set of monomials that has one relation along orbits, without a zero coefficient.
+# A circuit is a minimal set of monomials with a relation along orbits: no coefficient is 0.
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
-    """Return circuits, minimal sets of `monomials` with a relation on orbits, small ones first.
+    """Return circuits, minimal sets of `monomials` with a relation along orbits; small sets first.
 
-    In any order of monomials, a row of the reduced echelon form of the relations gives a circuit.
+    For each order of the monomials, rows of the reduced echelon form of the relations are circuits.
     """
     p = map.prime
     relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))
     positions = range(len(monomials))
-    supports = set()  # of rows: the positions of monomials with a coefficient
+    supports = set()  # the positions of nonzero coefficients in rows
     for _ in range(_ORDERS if relations else 0):
         order = rng.sample(positions, len(positions))
         rows = [[relation[k] for k in order] for relation in relations]
@@ -245,7 +251,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _RelationsOnLine:
-    """Relations along orbits of points of a random line, to find the degrees of integrals."""
+    """Relations along the orbits of points of a random line, from which degrees follow."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
@@ -258,7 +264,7 @@ class _RelationsOnLine:
         self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
 
     def extend(self, count: int) -> None:
-        """Compute relations at further points, until there are `count` points."""
+        """Compute the relations of further points of the line, until there are `count` points."""
         p, length = self.p, max(map(len, self.circuits))
         while len(self.parameters) < count:
             t = flint.nmod(self.rng.randrange(p), p)
@@ -271,9 +277,10 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of c[numerator] / c[denominator]; None if points are too few.
+        """Return the degree of c_i / c_j as a function on the line; None if points are too few.
 
-        The list c has the coefficients of relation number `circuit` between few monomials.
+        The c_k are the coefficients of the relation number `circuit`, i is `numerator`, and j
+        `denominator`.
         """
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
@@ -285,9 +292,9 @@ class _RelationsOnLine:
 def _gradients_of_logarithms(
     map: RationalMap, circuit: Exponents, p: int
 ) -> dict[tuple[int, ...], Any]:
-    """Return {m: grad log c} for monomials m in `circuit`, at a random point x, modulo p.
+    """Return {m: grad log c(x)} for monomials m in `circuit`, at a random point x, modulo p.
 
-    c(x) are the coefficients of the relation sum c m = 0, which holds along the orbit of x.
+    The c(x) are the coefficients of the relation sum c m = 0 along the orbit of x.
     """
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
@@ -297,41 +304,39 @@ def _gradients_of_logarithms(
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
-    """Yield (mostly dependent) integrals by relations of few of the `monomials`, by degree."""
+    """Yield integrals c_i / c_j of circuits of `monomials`, lowest degrees first.
+
+    Many depend on earlier ones.
+    """
     rng = random.Random(0)
-    with_relation = circuits(map, monomials, rng)
-    if not with_relation:
+    sets = circuits(map, monomials, rng)
+    if not sets:
         return
-    on_line = _RelationsOnLine(map, with_relation, rng)
+    on_line = _RelationsOnLine(map, sets, rng)
     # Quotients of coefficients: the number of a circuit, and the positions of two monomials.
-    unknown = [
-        (k, *pair)
-        for k, circuit in enumerate(with_relation)
-        for pair in combinations(range(len(circuit)), 2)
-    ]
+    unknown = [(k, *pair) for k, e in enumerate(sets) for pair in combinations(range(len(e)), 2)]
     for most in _DEGREES:
         on_line.extend(2 * most + 3)
         degrees = {quotient: on_line.degree(*quotient) for quotient in unknown}
         unknown = [quotient for quotient in unknown if degrees[quotient] is None]
         known = [(degree, *quotient) for quotient, degree in degrees.items() if degree]
         for degree, k, numerator, denominator in sorted(known):
-            circuit = with_relation[k]
-            yield ImplicitIntegral(map, circuit, circuit[numerator], circuit[denominator], degree)
+            yield ImplicitIntegral(map, sets[k], sets[k][numerator], sets[k][denominator], degree)
 
 
 def is_short(integral: ImplicitIntegral) -> bool:
-    """Return True if a formula of the integral's degree has few enough terms to be written out."""
+    """Return True if polynomials of the integral's degree have few enough terms to be written."""
     D = integral.map.dimension
     return math.comb(D + integral.degree, D) <= _TERMS
 
 
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
-    """Return the formula of an integral that is short enough; None if it has too many terms."""
+    """Return the formula of an integral; None if it has too many terms."""
     map, D = integral.map, integral.map.dimension
-    # One polynomial for both: an additional variable y distinguishes the denominator.
+    # One polynomial, numerator + y denominator, with an additional variable y.
     exponents = tuple((*e, y) for y in (0, 1) for e in exponents_up_to(integral.degree, D))
 
-    def search(p: int, eps: Values) -> arithmetic.Residues:
+    def search(p: int, eps: Values) -> Residues:
         rng, at_number = random.Random(p), map.at_eps(eps)
         rows = []
         for _ in range(len(exponents) + EXTRA):
@@ -342,7 +347,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
-    # Most monomials are in neither: those of one solution are enough for the others.
+    # Most monomials do not occur. Those that occur for one prime are enough for the others.
     (first,) = search(map.prime, EPS) or [[]]
     exponents = tuple(e for e, c in zip(exponents, first, strict=False) if c)
     rows = over_rationals(map.generator(integral.degree), search, len(map.letters))
@@ -351,8 +356,5 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     (both,) = polynomials_with(rows, exponents, letters_of(map.ring))
     if len(both) > _TERMS:
         return None
-    numerator, denominator = (
-        map.ring.from_dict({(*e,): c for (*e, y), c in both.to_dict().items() if y == part})
-        for part in (0, 1)
-    )
+    numerator, denominator = (P.project_to_context(map.ring) for P in coefficients_in(both, -1))
     return quotient_of(numerator, denominator, MODULAR)

@@ -1,9 +1,10 @@
-"""Reducible members of a pencil of polynomials, over the complex numbers too.
+"""Reducible members of a pencil of polynomials, and numbers of factors over complex numbers.
 
 On a plane with coordinates u and v, f = f_1 ... f_r has r independent pairs (g, h) of polynomials
-of lower degree with d/dv (g / f) = d/du (h / f): those with g = f (d/du f_i) / f_i (Ruppert 1986,
-Gao 2003). One combination of them is the gradient of f. So the pencil first + t second has a matrix
-that is linear in t, and loses rank at the reducible members: at eigenvalues.
+of lower degree with d/dv (g / f) = d/du (h / f): g = f (d/du f_i) / f_i, and h in the same way
+(Ruppert 1986, Gao 2003). One combination of these pairs is the gradient of f. For a member first +
+t second of a pencil the matrix of these equations is linear in t. Its rank falls at the reducible
+members, where t is an eigenvalue.
 """
 
 from __future__ import annotations
@@ -14,12 +15,10 @@ from typing import Any
 
 import flint
 
-from .arithmetic import EPS, Residues, Values
-from .interpolation import over_rationals
+from .arithmetic import EPS, Values
 from .polynomials import (
     degree_of,
     exponents_up_to,
-    letters_in,
     modulo,
     prime_of,
     rank,
@@ -29,11 +28,11 @@ from .polynomials import (
 )
 from .rational_functions import rational_roots
 
-_HIGHEST = 6  # degree of polynomials whose reducible combinations are sought
+_HIGHEST = 6  # degree of a pencil, up to which reducible members are sought
 
 
 class _Equations:
-    """Equations d/dv (g / f) = d/du (h / f) on a random plane: one solution per factor of f."""
+    """The linear equations d/dv (g / f) = d/du (h / f) for g and h on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
         self._p, self._ring = p, ring_modulo(p, 2)
@@ -46,8 +45,8 @@ class _Equations:
     def equations(self, P: Any) -> Any:
         """Return the matrix of the equations for f = P modulo p, without its first column.
 
-        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for a monomial g, then h. The
-        gradient of f always solves the equations. Omitting the first column excludes it.
+        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for each monomial g, then h. The
+        gradient of f solves the equations; it is excluded by omitting the first column.
         """
         f = P.compose(*self._points, ctx=self._ring)
         columns = []
@@ -75,12 +74,12 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
         return
     rng = random.Random(0)
-    # Generic members, so that those that are sought are first + t second with finite t.
+    # Generic members: reducible ones are then first + t second with finite t.
     first, second = (sum(rng.randrange(1, 100) * P for P in space) for _ in space)
     if rank([first, second]) < 2:
         return
 
-    def search(p: int, eps: Values) -> Residues:
+    def search(p: int, eps: Values) -> list[Any]:
         rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # roots that depend on the plane are left out
@@ -91,18 +90,18 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
         # A root is multiple if the rank falls further there; each is wanted once.
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
-        return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []
+        return common.coeffs() if common.degree() > 0 else []
 
-    found = over_rationals(random.Random(prime_of([first, second])), search, letters_in(first))
-    for t in rational_roots(found[0], first.context()) if found else ():
-        numerator, denominator = t.as_quotient(first.context())
+    ring, rng = first.context(), random.Random(prime_of([first, second]))
+    for t in rational_roots(rng, search, ring):
+        numerator, denominator = t.as_quotient(ring)
         yield without_content(denominator * first + numerator * second)
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
-    """Return the polynomial with the roots t at which the matrix first + t second loses rank.
+    """Return the polynomial in t that is 0 where the matrix first + t second loses rank.
 
-    Random combinations of rows make the matrices square; roots that depend on them are left out.
+    Random combinations of rows make the matrices square; roots that depend on these are dropped.
     """
     columns, rows = first.ncols(), first.nrows()
     common = flint.nmod_poly([0], p)

@@ -1,7 +1,7 @@
-"""Polynomials of python-flint with integer coefficients in x1, ..., xD, and maybe letters.
+"""Polynomials of python-flint in x1, ..., xD, with coefficients that may contain letters.
 
-Letters are symbols in coefficients, and come before x1, ..., xD. A single letter is `eps` in
-computations, and has its own name in results. Modulo a prime, numbers replace letters.
+Coefficients are integers. Letters are further variables, before x1, ..., xD. A single letter is
+called `eps` in computations, and has its own name in results. Modulo a prime, numbers replace them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import flint
 
 from ..fields.names import labels
-from .arithmetic import EPS, Rows, prime_for
+from .arithmetic import EPS, Rows, divided_out, fmpq, prime_for
 
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
@@ -42,16 +42,12 @@ copyreg.pickle(flint.fmpz_mpoly, lambda P: (_from_terms, (P.context().names(), P
 
 def polynomial_ring(n: int, symbolic: int) -> Any:
     """Return the ring of polynomials in n variables, and in eps if it is symbolic."""
-    return _ring(n, symbolic, flint.fmpz_mpoly_ctx)
+    return flint.fmpz_mpoly_ctx.get((*["eps"] * symbolic, *labels(n)), ordering="deglex")
 
 
 def ring_modulo(p: int, n: int) -> Any:
     """Return the ring of polynomials in n variables modulo a prime."""
-    return _ring(n, False, flint.nmod_mpoly_ctx, p)
-
-
-def _ring(n: int, symbolic: int, context: Any, *modulus: int) -> Any:
-    return context.get((*["eps"] * symbolic, *labels(n)), *modulus, ordering="deglex")
+    return flint.nmod_mpoly_ctx.get(labels(n), p, ordering="deglex")
 
 
 def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
@@ -163,15 +159,9 @@ def primitive(P: Any) -> Any:
     If eps is symbolic, the first coefficient of lowest order in eps decides the sign.
     """
     P = P.primitive()[1]
-    return -P if _first_coefficient(P) < 0 else P
-
-
-def _first_coefficient(P: Any) -> Any:
-    if not letters_in(P) or P == 0:
-        return P.leading_coefficient()
-    exponents = P.monoms()
-    lowest = min(e[0] for e in exponents)
-    return next(c for e, c in zip(exponents, P.coeffs(), strict=True) if e[0] == lowest)
+    orders = [e[0] for e in P.monoms()] if letters_in(P) else [0]
+    first = P.coeffs()[orders.index(min(orders))] if P != 0 else 0
+    return -P if first < 0 else P
 
 
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
@@ -205,14 +195,6 @@ def coprime(polynomials: Sequence[Any]) -> list[Any]:
     """Return polynomials divided by their greatest common divisor."""
     common = reduce(lambda P, Q: P.gcd(Q), polynomials)
     return [P // common for P in polynomials]
-
-
-def divided_out(P: Any, divisor: Any) -> tuple[Any, int]:
-    """Divide a polynomial by a divisor as often as possible; return the quotient and the power."""
-    power, is_on_line = 0, isinstance(divisor, flint.nmod_poly)
-    while (divisor.degree() if is_on_line else degree_of(divisor)) and P % divisor == 0:
-        P, power = P // divisor, power + 1
-    return P, power
 
 
 # Values, at points of any type of numbers.
@@ -249,45 +231,32 @@ def monomial_values(exponents: Sequence[tuple[int, ...]], x: Sequence[Any]) -> l
 
 def modulo(P: Any, p: int, values: Sequence[Any]) -> Any:
     """Return P in x alone, `values` in place of letters, modulo p (over the rationals if p = 0)."""
-    context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
-    letters, variables = letters_of(P.context()), labels(variables_of(P))
-    # python-flint 0.9 keeps terms that are 0 modulo p.
-    terms = {e: c for e, c in P.to_dict().items() if not p or int(c) % p}
-    ring, in_x = (
-        context.get((*first, *variables), *modulus, ordering="deglex") for first in (letters, ())
-    )
-    residue = ring.from_dict(terms)
-    if letters:
-        return residue.subs(dict(zip(letters, values, strict=False))).project_to_context(in_x)
-    return residue
+    return _with_numbers(P, p, dict(zip(letters_of(P.context()), values, strict=False)))
 
 
 def with_values(P: Any, values: Mapping[str, Any]) -> Any:
     """Return P over the rationals, with the numbers `values[letter]` in place of letters."""
+    letters = (name for name in letters_of(P.context()) if decoded(name) in values)
+    return _with_numbers(P, 0, {name: values[decoded(name)] for name in letters})
+
+
+def _with_numbers(P: Any, p: int, numbers: Mapping[str, Any]) -> Any:
+    """Return P modulo p, or over the rationals, with `numbers`, by name, in place of variables."""
+    context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     names = P.context().names()
-    given = {
-        name: values[decoded(name)] for name in names[: letters_in(P)] if decoded(name) in values
-    }
-    rationals, left = (
-        flint.fmpq_mpoly_ctx.get(each, ordering="deglex")
-        for each in (names, tuple(name for name in names if name not in given))
-    )
-    return rationals.from_dict(P.to_dict()).subs(given).project_to_context(left)
+    ring = context.get(names, *modulus, ordering="deglex")
+    # python-flint 0.9 keeps terms that are 0 modulo p.
+    P = ring.from_dict({e: c for e, c in P.to_dict().items() if not p or int(c) % p})
+    if not numbers:
+        return P
+    others = tuple(name for name in names if name not in numbers)
+    return P.subs(numbers).project_to_context(context.get(others, *modulus, ordering="deglex"))
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
     """Return a line modulo a prime: homogeneous coordinates a + b t, the last of which is t."""
     pairs = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
     return [flint.nmod_poly(pair, p) for pair in (*pairs, [0, 1])]
-
-
-def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
-    """Return ``t^degree P(x / t)``, a polynomial in t, for a line x = a + b t of `random_line`."""
-    p = int(line[-1].modulus())
-    ring = ring_modulo(p, 1)  # of polynomials in 1 / t
-    x = [ring.from_dict({(0,): int(a[1]), (1,): int(a[0])}) for a in line[:-1]]
-    terms = P.compose(*x, ctx=ring).to_dict()
-    return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
 
 
 # Linear algebra.
@@ -310,7 +279,7 @@ def rank(polynomials: Sequence[Any]) -> int:
 def selected(
     candidates: Iterable[A], known: Iterable[A] = (), of: Callable[[A], Any] = lambda P: P
 ) -> Iterator[A]:
-    """Yield candidates c with polynomials ``of(c)`` independent of `known` and of earlier ones."""
+    """Yield each candidate c for which ``of(c)`` is independent of `known` and earlier ones."""
     basis = [*map(of, known)]
     for each in candidates:
         if rank([*basis, of(each)]) > len(basis):
@@ -350,13 +319,10 @@ def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = 
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:
-        integers = []
-        for row in rows:
-            numbers = [N.get((), Fraction(0)) for N, _ in row]
-            scale = math.lcm(*(c.denominator for c in numbers))
-            integers.append([int(c * scale) for c in numbers])
-        integers = flint.fmpz_mat(integers).lll().tolist() if integers else []
-        terms = (dict(zip(exponents, row, strict=True)) for row in integers)
+        numbers = ([fmpq(N.get((), Fraction(0))) for N, _ in row] for row in rows)
+        integers = [flint.fmpq_mat([row]).numer_denom()[0].entries() for row in numbers]
+        short = flint.fmpz_mat(integers).lll().tolist() if integers else []
+        terms = (dict(zip(exponents, row, strict=True)) for row in short)
         return tuple(primitive(_from_terms(names, of_one)) for of_one in terms)
     return tuple(_cleared_row(row, exponents, names) for row in rows)
 
@@ -367,8 +333,7 @@ def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
     zeros = (0,) * len(exponents[0])
 
     def polynomial(terms: Mapping[Any, Fraction]) -> Any:
-        rational = {(*e, *zeros): flint.fmpq(c.numerator, c.denominator) for e, c in terms.items()}
-        return over_q.from_dict(rational)
+        return over_q.from_dict({(*e, *zeros): fmpq(c) for e, c in terms.items()})
 
     pairs = [(polynomial(N), polynomial(D)) for N, D in row]
     common = reduce(lambda P, Q: P * (Q // P.gcd(Q)), (D for _, D in pairs))
@@ -384,9 +349,7 @@ def _cleared_row(row: Any, exponents: Exponents, names: Sequence[str]) -> Any:
 
 def limit(P: Any) -> Any:
     """Return the limit of a polynomial for eps to 0, in the same ring."""
-    if not letters_in(P):
-        return P
-    return P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
+    return P % P.context().gens()[0] if letters_in(P) else P
 
 
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
@@ -404,9 +367,7 @@ def with_independent_limits(space: Sequence[Any]) -> list[Any]:
             if limit(P) != 0:
                 reduced.append((P, exponents_in_x(limit(P))[0]))
                 continue
-            while P != 0 and limit(P) == 0:
-                P = P // eps
-            basis[number] = without_content(P)
+            basis[number] = without_content(divided_out(P, eps)[0])
             break
     return basis
 

@@ -1,13 +1,14 @@
-"""Rational functions, ``c P_1**e_1 ... P_n**e_n`` with irreducible polynomials P_i.
+"""Rational functions in factors, ``c P_1**e_1 ... P_n**e_n`` with irreducible polynomials P_i.
 
-They have arithmetic and text. Functions are independent if the gradients of their logarithms,
-``sum_i e_i grad P_i / P_i``, are independent at a random point modulo a prime.
+Functions are functionally independent if the gradients of their logarithms, ``sum_i e_i grad P_i /
+P_i``, are linearly independent at a random point, here modulo a prime.
 """
 
 from __future__ import annotations
 
 import math
 import operator
+import random
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +23,8 @@ from ..checks import FloatArray, extra, real_array, short, wrong
 from ..fields.latex import formula
 from ..keywords import public
 from . import arithmetic
-from .arithmetic import EPS
+from .arithmetic import EPS, Values
+from .interpolation import over_rationals
 from .polynomials import (
     Polynomials,
     decoded,
@@ -41,10 +43,8 @@ from .polynomials import (
     with_values,
 )
 
-IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
-_NAME = r"[^\W\d]\w*"
-
-
+IDENTITY = "identity"
+MODULAR = "modulo a prime, at random points"
 L = TypeVar("L", bound="WithLetters")
 
 
@@ -52,8 +52,8 @@ class WithLetters:
     """The base of maps and functions with letters: symbols in their coefficients, such as eps."""
 
     letters: Any  # their names
-    _with: Any  # the method that returns the same for numbers in place of letters
-    _may_lack_letters = False  # True for functions, which may be constant in a letter
+    _with: Any  # the method that returns the map or function with numbers for letters
+    _may_lack_letters = False  # True for functions, which may be constant
 
     @property
     def letter(self) -> str:
@@ -90,7 +90,7 @@ class WithLetters:
         return self._with(self._numbers_for(values, unnamed))
 
     def _numbers_for(self, values: Mapping[str, Any], unnamed: Any) -> dict[str, Fraction]:
-        """Return the numbers `values`, by letter, as fractions; an `unnamed` number is an error."""
+        """Return the numbers `values`, by letter, as fractions; raise an error for unnamed ones."""
         if not self.letters and not self._may_lack_letters:
             raise TypeError(f"{self} has no letter: its coefficients are numbers")
         if unnamed or (self.letters and (not values or {*values} - {*self.letters})):
@@ -100,7 +100,7 @@ class WithLetters:
         return {name: arithmetic.constant(name, a) for name, a in values.items()}
 
     def _all_numbers(self, numbers: Mapping[str, Fraction]) -> list[Fraction]:
-        """Return the numbers of all letters, in their order."""
+        """Return `numbers` in the order of the letters; raise an error if one is missing."""
         if missing := ", ".join(name for name in self.letters if name not in numbers):
             raise TypeError(f"{missing}: pass a number for each letter, by name")
         return [numbers[name] for name in self.letters]
@@ -139,7 +139,7 @@ class RationalFunction(WithLetters):
         return math.prod(powers, start=self.constant)
 
     def _in_floats(self, x: FloatArray, letters: list[float]) -> FloatArray:
-        """Return floats (...) at states x (..., D), with the numbers `letters` for the letters."""
+        """Return floats of shape (...) at states x (..., D), with numbers `letters` for letters."""
         product = np.full(x.shape[:-1], float(self.constant))
         for P, e in self.factors:
             if x.shape[-1] != (D := variables_of(P)):
@@ -307,7 +307,7 @@ def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) ->
     text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
-    elif not is_one_polynomial and not re.fullmatch(rf"{_NAME}|\d+", text):
+    elif not is_one_polynomial and not re.fullmatch(r"[^\W\d]\w*|\d+", text):  # a name or number
         text = f"({text})"
     return f"{text}^{e}" if e > 1 else text
 
@@ -322,23 +322,6 @@ def as_function(value: Any) -> RationalFunction:
     return RationalFunction((), arithmetic.constant("number", value))
 
 
-def check_letter(letter: Any, names: Sequence[str]) -> None:
-    """Raise an error unless a letter is an identifier that no variable has."""
-    if not isinstance(letter, str) or not letter.isidentifier() or letter in names:
-        raise wrong("letter", "a name that no variable has, such as h", short(letter))
-
-
-def function_by(name: str, f: Any, symbols: Any) -> RationalFunction:
-    """Return f(symbols) as a rational function; an error about f begins with the text `name`."""
-    must = "must give quotients of polynomials in the variables, by +, -, *, /, **"
-    try:
-        return as_function(f(tuple(symbols)))
-    except (TypeError, AttributeError) as error:
-        raise TypeError(f"{name} {must}: {error}") from error
-    except (ValueError, IndexError, ArithmeticError) as error:
-        raise ValueError(f"{name} {must}: {error}") from error
-
-
 def factored(P: Any) -> RationalFunction:
     """Return a polynomial as a `RationalFunction`, in irreducible factors."""
     if P == 0:
@@ -349,12 +332,12 @@ def factored(P: Any) -> RationalFunction:
 
 
 def without_constant(f: RationalFunction) -> RationalFunction:
-    """Return f divided by its constant: all factors are primitive, with fixed signs."""
+    """Return f divided by its constant factor, which leaves primitive factors with fixed signs."""
     return RationalFunction(f.factors, basis=f.basis)
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
-    """Return P / Q in irreducible factors, up to a constant; `basis` says how it is confirmed."""
+    """Return P / Q in factors, up to a constant; `basis` says how the function was confirmed."""
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
 
 
@@ -368,7 +351,7 @@ def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) ->
 def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
-    """Return constant * product of P**e for (P, e) in `powers`; equal P are merged, and sorted."""
+    """Return constant * product of P**e for (P, e) in `powers`, with equal P merged, and sorted."""
     exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
@@ -377,33 +360,36 @@ def product_of(
     return RationalFunction(tuple(factors), constant, basis)
 
 
-def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
-    """Return the roots of a polynomial in one variable that are rational in the letters of a ring.
+def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[RationalFunction]:
+    """Yield the roots of a polynomial in one variable that are rational functions of letters.
 
-    The coefficients, lowest first, are a row of the result of `over_rationals`.
+    ``search(p, values)`` returns its coefficients, lowest first, modulo p and with numbers `values`
+    for the letters of `ring`; none if there is no such polynomial.
     """
     letters = letters_of(ring)
-    powers = tuple((k,) for k in range(len(coefficients)))
-    (f,) = polynomials_with([coefficients], powers, letters)
+
+    def row(p: int, values: Values) -> list[list[int]]:
+        coefficients = [int(c) for c in search(p, values)]
+        return [coefficients] if coefficients else []
+
+    if not (rows := over_rationals(rng, row, len(letters))):
+        return
+    (f,) = polynomials_with(rows, tuple((k,) for k in range(len(rows[0]))), letters)
     *_, t = f.context().gens()
-    roots = []
     for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
         slope = linear.derivative(len(letters))
-        minus_constant = slope * t - linear
-        numerator, denominator = (
-            factored(P.project_to_context(ring)) for P in (minus_constant, slope)
-        )
-        roots.append(numerator / denominator)
-    return roots
+        parts = (slope * t - linear, slope)
+        numerator, denominator = (factored(P.project_to_context(ring)) for P in parts)
+        yield numerator / denominator
 
 
 # Independence.
 
 
 def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
-    """Return functionally independent candidates, on which all others depend; low degrees first.
+    """Return a maximal set of functionally independent candidates, modulo p, lowest degrees first.
 
-    Independence is tested modulo p. Among functions of one degree, the first are taken.
+    Candidates of equal degree are tried in their order.
     """
     by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
     return tuple(independent_of((), by_degree, p))

@@ -8,18 +8,18 @@ import sys
 from time import perf_counter
 from typing import Any, NoReturn
 
-from ..checks import integer, is_false, kind_of, wrong
+from ..checks import is_false, kind_of, wrong
 from ..fields.base import Body
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
 from .birational_maps import RationalMap, check_map
-from .darboux import check_unknowns
+from .darboux import checked_degree
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
+from .exact_maps import exact_map
 from .interpolation import SEARCHES, Watch, watch
 from .kahan_maps import KahanMap
-from .letters import exact_map
 from .levels import Level
 from .linear_relations import ImplicitIntegral, count_relations
 from .polynomials import exponents_up_to
@@ -27,10 +27,10 @@ from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
 from .symmetries import Reversor
 
-_WIDTH = 150  # characters of a polynomial in the text
+_WIDTH = 150  # characters of a polynomial in the text, at most
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # of an entropy
-_SHOWN = 64  # sets of numbers from which on `progress` prints a line, with twice as many the next
+_SHOWN = 64  # sets of numbers for letters after which `progress` prints a line; then twice as many
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."
@@ -57,11 +57,11 @@ class Report:
     implicit: tuple[ImplicitIntegral, ...] = ()  # independent of these
     measures: Functions = ()
     polynomials: Functions = ()
-    symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
+    symmetries: tuple[Reversor, ...] = ()  # reversing symmetries of a field
     planar: PlanarEntropy | None = None  # of a birational map of the plane
-    level: Level | None = None  # the generic one of D - 2 integrals
-    on_level: PlanarEntropy | None = None  # of the map on it
-    relations: int | None = None  # the number of independent integrals that orbits show
+    level: Level | None = None  # the generic level of D - 2 integrals
+    on_level: PlanarEntropy | None = None  # of the map on this level
+    relations: int | None = None  # the number of independent integrals that relations show
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)
     finished: bool = False
@@ -115,12 +115,15 @@ class Report:
             none = "not sought"
         up_to_sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
         no_integral = "none written" if self.implicit else none
+        degrees = ", ".join(str(integral.degree) for integral in self.implicit)
+        written, others = len(self.integrals), len(self.implicit)
+        implicit = f"Integrals: {written} written, {others} of degree {degrees} by their bases."
         lines = [
             self._title(),
             *self._lines_of_growth(),
             *self._lines_of_entropy(),
             _listed("First integrals", self.integrals, 6, no_integral, self.independent),
-            *self._lines_of_implicit_integrals(),
+            *[implicit] * (others > 0),
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
@@ -166,7 +169,7 @@ class Report:
             return [f"Entropy (proved): 0, because the levels of the integrals are {levels}"]
         if planar is None:
             return []
-        # In three dimensions that on the generic level is that of the map.
+        # In three dimensions the entropy on the generic level is the entropy of the map.
         where = " on a level" * (D > 3)
         if planar.entropy is None:
             return [f"Entropy{where}: none, {planar.reason}"]
@@ -175,14 +178,6 @@ class Report:
         orbits = f"; lengths of the orbits of contracted curves: {lengths}" if lengths else ""
         entropy = f"Entropy{where} ({planar.certainty}): {planar.entropy:.6g}{root}"
         return [f"{entropy}; on {self.level.how}" if self.level else f"{entropy}{orbits}"]
-
-    def _lines_of_implicit_integrals(self) -> list[str]:
-        """Return a line on integrals: how many have formulas, and the degrees of the others."""
-        if not self.implicit:
-            return []
-        written, others = len(self.integrals), len(self.implicit)
-        degrees = ", ".join(str(integral.degree) for integral in self.implicit)
-        return [f"Integrals: {written} written, {others} of degree {degrees} by their bases."]
 
     def _lines_of_level_sets(self) -> list[str]:
         lines = []
@@ -270,49 +265,48 @@ def report(
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
     ((4*Omega1^2 + Omega2^2)/(4*eps^2*Omega1^2 + 4*eps^2*Omega1*Omega2 + eps^2*Omega2^2 + 256),)
     """
-    degree = integer("degree", degree, 1)
     if eps is not None and letters is not None:
         raise wrong("eps", "left out beside letters", eps)
     map, notes = _map_of(system, eps, letters)
     check_map(map)
     if isinstance(map, KahanMap) and not map.is_invertible:
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0 everywhere")
-    check_unknowns("degree", degree, map.dimension)
+    degree = checked_degree("degree", degree, map.dimension, least=1)
     if progress not in (None, True, False) and not callable(progress):
         expected = "True, for lines of text, or a function that is called as progress(done, parts)"
         raise wrong("progress", expected, kind_of(progress), TypeError)
-    found, facts = Report(map, degree, notes=notes), Search(map, degree)
-    watched = _Watched(facts, progress)
+    result, search = Report(map, degree, notes=notes), Search(map, degree)
+    watched = _Watched(search, progress)
     token = watch.set(watched)
     try:
-        for _ in facts.queue:
-            facts.fill(found)
-            watched.tell()
-        facts.fill(found)
-        notes += _special_values(system, facts)
-        if not facts.is_complete:
+        for _ in search.queue:
+            search.fill(result)
+            watched.call()
+        search.fill(result)
+        notes += _special_values(system, search)
+        if not search.is_complete:
             notes += watched.left_out
     except _Stopped:
-        return found
+        return result
     except (KeyboardInterrupt, Exception) as error:
-        error.report = found  # type: ignore[union-attr]
+        error.report = result  # type: ignore[union-attr]
         error.args = error.args or ("what was found is sys.last_value.report",)
         raise
     finally:
         watch.reset(token)
-    found.finished = True
-    return found
+    result.finished = True
+    return result
 
 
 class _Watched(Watch):
     """Calls `progress`, or prints a line for each kind of task; collects notes on omissions."""
 
-    def __init__(self, facts: Search, progress: Any) -> None:
-        self._facts, self._progress, self._start = facts, progress, perf_counter()
+    def __init__(self, search: Search, progress: Any) -> None:
+        self._search, self._progress, self._start = search, progress, perf_counter()
         self._left_out: dict[str, list[str]] = {}  # kinds of tasks by reason
-        letters, count = ", ".join(facts.map.letters) or "none", facts.unknowns(facts.degree)
-        self._print(f"letters {letters}; {count} monomials to degree {facts.degree}")
-        facts.queue.at_start = self._print
+        letters, count = ", ".join(search.map.letters) or "none", search.unknowns(search.degree)
+        self._print(f"letters {letters}; {count} monomials to degree {search.degree}")
+        search.queue.at_start = self._print
 
     def _print(self, what: Any) -> None:
         if self._progress is True:
@@ -320,11 +314,11 @@ class _Watched(Watch):
 
     def at_values(self, done: int) -> None:
         if done >= _SHOWN and done.bit_count() == 1:
-            self._print(f"{self._facts.queue.task}: {done} of at most {SEARCHES} sets of numbers")
-        self.tell()
+            self._print(f"{self._search.queue.task}: {done} of at most {SEARCHES} sets of numbers")
+        self.call()
 
     def gave_up(self, reason: str) -> None:
-        kinds, task = self._left_out.setdefault(reason, []), self._facts.queue.task
+        kinds, task = self._left_out.setdefault(reason, []), self._search.queue.task
         kinds += [task.kind] * (task.kind not in kinds)
 
     @property
@@ -333,10 +327,10 @@ class _Watched(Watch):
         left_out = self._left_out.items()
         return [f"Left out, because {why}: {', '.join(kinds)}." for why, kinds in left_out]
 
-    def tell(self) -> None:
+    def call(self) -> None:
         """Call ``progress(tasks done, tasks known)``; end the search if it returns False."""
-        done = self._facts.queue.done
-        parts = done + len(self._facts.queue.waiting)
+        done = self._search.queue.done
+        parts = done + len(self._search.queue.waiting)
         if callable(self._progress) and is_false(self._progress(done, parts)):
             raise _Stopped
 
@@ -345,44 +339,44 @@ class _Stopped(BaseException):
     """Raised to end a report, because `progress` returned False."""
 
 
-def _special_values(system: Any, facts: Search) -> list[str]:
-    """Return [a note] if the system's own parameters give more integrals than `facts`, or no map.
+def _special_values(system: Any, search: Search) -> list[str]:
+    """Return a note if the values that letters had in the system are special; else no note.
 
-    Else, and without letters that have values, return [].
+    They are if there is no map, or relations show more integrals than for general letters.
     """
-    map, degree = facts.map, facts.queue.finished().get("relations", 0)
+    map, degree = search.map, search.queue.finished().get("relations", 0)
     if not map.given:
         return []
     values = ", ".join(f"{name} = {float(a):g}" for name, a in map.given.items())
     try:
         is_field = isinstance(map, KahanMap)
-        own = exact_map(system, None, None) if is_field else map.subs(**map.given)
-        check_map(own)
+        special = exact_map(system, None, None) if is_field else map.subs(**map.given)
+        check_map(special)
     except (ArithmeticError, TypeError):
         return [f"At {values} there is no map: the results are those of general letters."]
-    special = count_relations(own, exponents_up_to(degree, map.dimension)).integrals
-    if special <= (facts.relations or 0):
+    count = count_relations(special, exponents_up_to(degree, map.dimension)).integrals
+    if count <= (search.relations or 0):
         return []
-    integrals = "1 independent integral" if special == 1 else f"{special} independent integrals"
+    integrals = "1 independent integral" if count == 1 else f"{count} independent integrals"
     return [
         f"At {values}, relations up to degree {degree} show {integrals}; for general letters they "
-        f"show {facts.relations or 0}."
+        f"show {search.relations or 0}."
     ]
 
 
-def _map_of(field: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:
+def _map_of(system: Any, eps: Any, letters: Any) -> tuple[RationalMap, list[str]]:
     """Return the exact map of a field, body or map with symbols `letters`, and notes on it."""
-    if isinstance(field, RationalMap | Map) and eps is not None:
+    is_map = isinstance(system, RationalMap | Map)
+    if is_map and eps is not None:
         raise wrong("eps", "left out, because a map has its own", eps)
-    if letters is None and isinstance(field, RationalMap):
-        return field, [] if field.inverse else [_NO_INVERSE]
-    if letters is not None or isinstance(field, Map):
-        no_inverse = [_NO_INVERSE] * isinstance(field, Map)
-        return exact_map(field, eps, letters), no_inverse
-    if callable(field) and not isinstance(field, Body):
+    if letters is None and callable(system) and not is_map and not isinstance(system, Body):
         how = "Field(f, names) of equations, or Map(f, names) of a map"
-        raise wrong("field", "a field, a body or a map", f"{kind_of(field)}: pass {how}", TypeError)
-    map, notes = exact_map(field, eps, None), []
-    if hasattr(field, "reduced") and (count := field.reduced()[0].dimension) < field.dimension:
+        received = f"{kind_of(system)}: pass {how}"
+        raise wrong("field", "a field, a body or a map", received, TypeError)
+    map = exact_map(system, eps, letters)
+    notes = [_NO_INVERSE] if is_map and not map.inverse else []
+    reduced = system.reduced()[0] if letters is None and hasattr(system, "reduced") else map
+    if reduced.dimension < map.dimension:
+        count = reduced.dimension
         notes.append(f"J has equal entries: SuslovND.reduced leaves {count} coordinates.")
     return map, notes

@@ -1,7 +1,7 @@
-"""The search of a report: facts about a map, each found by a task, in a fixed order.
+"""The search of a report: tasks, each of which finds one fact about a map, in a fixed order.
 
-Tasks share their results through `Search`: a new Darboux polynomial leads to tasks for the
-cofactors of its products with earlier ones, and to a task for its proof.
+Results lead to further tasks. A new Darboux polynomial, for example, leads to its proof, and to
+searches for polynomials with the cofactors of its products with earlier ones.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .birational_maps import LONGEST, RationalMap
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
-from .invariants import Invariants, NormalForms
+from .invariants import Invariants
 from .kahan_maps import KahanMap
-from .levels import Level, level_of
+from .levels import Level, on_level
 from .linear_relations import (
     ImplicitIntegral,
     count_relations,
@@ -48,14 +48,17 @@ from .rational_functions import (
 )
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
-_ENOUGH, _MOST = 10, 40  # iterates: enough if a recurrence holds, and at most
-_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees, of a map of few monomials
+_FEW = 80  # coefficients, at most, of polynomials of a higher degree than that of the report
+_ENOUGH = 10  # iterates whose degrees are enough if they satisfy a recurrence
+_MOST = 40  # iterates, at most
+_CHEAP = 100  # a degree up to which further iterates take little time
+_COSTLY = 3_000  # degree times length of a map: an iterate is computed only for a recurrence
+_TOO_COSTLY = 8_000  # degree of an iterate that is not computed
 _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
 _SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
-_HIGHEST = 8  # degree of maps whose contracted curves are followed: those of 18 take minutes
+_HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
 _MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
-# Kinds of tasks in the order in which they run; those of a group run by degree.
+# Kinds of tasks in the order in which they run; tasks of a group run in the order of their degrees.
 _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
     ("early proofs",), ("degrees",), ("factors",), ("known cofactors", "all cofactors"),
@@ -64,18 +67,16 @@ _GROUPS = (
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
-ONE = RationalFunction(())
 Tasks = Iterable["Task"]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The search for one fact: a degree, the polynomials of a cofactor, a proof.
+    """The search for one fact: a degree of an iterate, the polynomials of a cofactor, a proof.
 
     `run` does the work, and returns the tasks that follow from its result. When all tasks of a
-    `kind` for polynomials of a `degree` are done, the report lists this kind as searched up to this
-    degree. A task that is not `needed` may be left out when tasks of its degree are not expected to
-    find more. Tasks run in the order of `place`, and equal ones as they were added.
+    `kind` and a `degree` of polynomials are done, the report lists this kind as searched up to this
+    degree. A task that is not `needed` is left out if its degree is not expected to give more.
     """
 
     run: Callable[[], Tasks]
@@ -88,25 +89,25 @@ class Task:
 
     @property
     def place(self) -> tuple[int, int, bool]:
-        """The sort key of the task in the queue."""
+        """The sort key of the task in the queue; tasks with equal keys run as they were added."""
         return _ORDER[self.kind], self.degree, self.kind == "all cofactors"
 
 
 class Queue:
-    """Tasks that are `waiting`; iteration runs them in their order, and yields each when done.
+    """The tasks that are `waiting`. Iteration runs them in order, and yields each when it is done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True. Before tasks of a
-    kind and a degree run, `at_start` is called with the first one.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True for its degree. When the
+    kind or degree of tasks changes, `at_start` is called with the next task.
     """
 
-    def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
+    def __init__(self, tasks: Tasks, is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
-        self.task: Any = None  # that runs
+        self.task: Any = None  # the one that runs
         self.at_start: Callable[[Task], None] = lambda task: None
         self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
         self._add(tasks)
 
-    def _add(self, tasks: Iterable[Task]) -> None:
+    def _add(self, tasks: Tasks) -> None:
         for task in tasks:
             self.waiting.append(task)
             self._degrees[task.kind].add(task.degree)
@@ -128,18 +129,18 @@ class Queue:
 
     def finished(self) -> dict[str, int]:
         """Return, for each kind, the degree up to which all tasks are done."""
-        left = {(task.kind, task.degree) for task in self.waiting}
+        waiting = {(task.kind, task.degree) for task in self.waiting}
         highest: dict[str, int] = {}
         for kind, degrees in self._degrees.items():
             for degree in sorted(degrees):
-                if (kind, degree) in left:
+                if (kind, degree) in waiting:
                     break
                 highest[kind] = degree
         return highest
 
 
 class Written(tuple[RationalFunction, ...]):
-    """Integrals with a formula; `others` is the number of integrals without one."""
+    """The integrals that have a formula; `others` is the number of integrals without one."""
 
     others = 0
 
@@ -148,12 +149,12 @@ class Written(tuple[RationalFunction, ...]):
 
 
 class Known(NamedTuple):
-    """Integrals, measures and polynomials that follow from other facts of a `Search`."""
+    """Integrals, measures and Darboux polynomials that are known at some moment of a search."""
 
-    integrals: tuple[RationalFunction, ...] = ()  # independent
-    implicit: tuple[ImplicitIntegral, ...] = ()  # independent of those that are written out
-    measures: tuple[RationalFunction, ...] = ()  # densities
-    polynomials: tuple[RationalFunction, ...] = ()  # Darboux polynomials
+    integrals: tuple[RationalFunction, ...]  # independent
+    implicit: tuple[ImplicitIntegral, ...]  # independent of those with a formula
+    measures: tuple[RationalFunction, ...]  # densities
+    polynomials: tuple[RationalFunction, ...]
 
 
 class Search:
@@ -169,12 +170,9 @@ class Search:
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
         self.on_level: PlanarEntropy | None = None  # the entropy of the map there
-        self.version = 0  # of the polynomials, from which integrals and measures follow
-        self._normal_forms = NormalForms(self.invariants)
         self._searched_to: dict[int, int] = {}  # the degree of the latest task of each cofactor
-        self._waiting: list[Polynomials] = []  # spaces found before the factors of the map
-        self._of_relations: list[ImplicitIntegral] = []  # between few monomials
-        self._known, self._version_of_known = Known(), self.version
+        self._of_relations: list[ImplicitIntegral] = []  # of circuits
+        self._known: Known | None = None  # None after a change of `invariants`
         self.queue = Queue(self._first_tasks(), self._is_wanted)
 
     def fill(self, report: Any) -> None:
@@ -193,11 +191,11 @@ class Search:
     @property
     def known(self) -> Known:
         """The facts that follow from the polynomials and relations found so far."""
-        if self._version_of_known != self.version:
-            self._version_of_known, found = self.version, self.invariants
-            integrals = found.integrals
-            others = tuple(independent_of(integrals, self._of_relations, self.map.prime))
-            self._known = Known(integrals, others, found.measures, found.polynomials)
+        if self._known is None:
+            facts = self.invariants
+            integrals = facts.integrals
+            implicit = tuple(independent_of(integrals, self._of_relations, self.map.prime))
+            self._known = Known(integrals, implicit, facts.measures, facts.polynomials)
         return self._known
 
     @property
@@ -207,20 +205,20 @@ class Search:
         return bool(self.known.measures) and len(self.known.integrals) >= enough
 
     def _is_wanted(self, degree: int) -> bool:
-        """Return True if polynomials up to a degree may add integrals or replace known ones.
+        """Return True if polynomials of this degree may add integrals or replace known ones.
 
-        If enough integrals are known, polynomials of lower degree can still replace them. Above the
-        degree of the report, only norms are wanted: products of conjugate polynomials.
+        If enough integrals are known, integrals of lower degree can still replace them. Above the
+        degree of the report, only products of conjugate polynomials are sought.
         """
         is_small = self.unknowns(degree) <= _FEW
         if degree > self.degree:
             return is_small and len(self.known.integrals) < (self.relations or 0)
+        if not self.is_complete:
+            return True
+        if len(self.map.letters) > 1:  # replacements cost more than they are worth
+            return False
         highest = max((f.degree for f in self.known.integrals), default=0)
-        if self.is_complete:
-            if len(self.map.letters) > 1:  # replacements cost more than they are worth
-                return False
-            return highest > self.degree or (is_small and degree <= highest)
-        return True
+        return highest > self.degree or (is_small and degree <= highest)
 
     def unknowns(self, degree: int) -> int:
         """Return the number of coefficients of a polynomial of a degree."""
@@ -241,49 +239,43 @@ class Search:
         if not map.is_invertible:
             return
         if map.hamiltonian is not None:
-            yield Task(self._modified_energy, "Hamiltonian")
+            yield Task(self._add_modified_energy, "Hamiltonian")
         for k in range(1, self.degree + 1):
             yield Task(partial(self._count_relations, k), "relations", k)
-        for cofactor in (ONE, None):
+        for cofactor in (RationalFunction(()), None):
             for sign in (1, -1):
                 yield self._polynomials_of(cofactor, sign, 1, "usual cofactors")
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
-        """Return a task: take a degree from `following`, and add another such task if needed."""
+        """Return the task that takes a degree from `following`, and adds the next such task."""
 
         def run() -> Tasks:
             self.degrees = [*self.degrees, next(following)]
-            self._check_degrees()
             if not self._has_enough_degrees():
                 yield self._next_degree(following)
 
         return Task(run, "degrees")
 
+    @property
     def _expected_degree(self) -> float:
-        """Return the degree that is expected next, d_n**2 / d_(n - 1)."""
+        """The degree of the next iterate if degrees grow by a constant factor."""
         d: list[int] = [1, *self.degrees]
-        return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * self.map.degree)
+        return d[-1] ** 2 / max(1, d[-2])
 
     @property
     def _next_degree_is_too_long(self) -> bool:
-        """True if the next degree, including common factors, would take long."""
+        """True if the next degree would take long."""
         is_long = self.degrees[-1] * self.map.length > _TOO_LONG
-        return is_long or self._expected_degree() > _TOO_COSTLY
+        return is_long or self._expected_degree > _TOO_COSTLY
 
     def _has_enough_degrees(self) -> bool:
-        count, expected = len(self.degrees), self._expected_degree()
-        if self._next_degree_is_too_long or count == _MOST:
+        if self._next_degree_is_too_long or len(self.degrees) == _MOST:
             return True
-        may_end = count >= _ENOUGH and self.degrees[-1] > _CHEAP
-        may_end = may_end or expected * self.map.length > _COSTLY
+        may_end = len(self.degrees) >= _ENOUGH and self.degrees[-1] > _CHEAP
+        may_end = may_end or self._expected_degree * self.map.length > _COSTLY
         by_degrees = growth(self.degrees, planar=self.map.is_planar)
         return may_end and not math.isnan(by_degrees.entropy)
-
-    def _check_degrees(self) -> None:
-        """Raise an error if degrees and contracted curves contradict each other."""
-        if self.planar and (text := self.planar.contradiction(self.degrees)):
-            raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
 
     def _find_planar_entropy(self) -> Tasks:
         """Follow the contracted curves, unless that takes long and a proved integral suffices."""
@@ -297,7 +289,8 @@ class Search:
             self.planar = PlanarEntropy(reason=f"not followed: a map of degree {degree} takes long")
         else:
             self.planar = planar_entropy(self.map)
-        self._check_degrees()
+        if text := self.planar.contradiction(self.degrees):
+            raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
         return []
 
     def _find_entropy_on_level(self) -> Tasks:
@@ -305,7 +298,7 @@ class Search:
         integrals = self.known.integrals
         if len(integrals) == self.map.dimension - 2:
             try:
-                self.level = level_of(self.map, integrals)
+                self.level = on_level(self.map, integrals)
                 self.on_level = planar_entropy(self.level.map)
             except (ArithmeticError, ValueError) as error:
                 self.on_level = PlanarEntropy(reason=str(error))
@@ -315,67 +308,68 @@ class Search:
         self.symmetries = tuple(reversors(self.map))  # type: ignore[arg-type]
         return []
 
-    def _modified_energy(self) -> Tasks:
-        """Add the density 1 / det A, and the modified energy if there is one; return tasks."""
+    def _add_modified_energy(self) -> Tasks:
+        """Add the density 1 / det A and the modified energy, which follow from a Hamiltonian."""
         ring, modified = self.map.ring, self.map.modified_energy
         density = quotient_of(ring.constant(1), without_content(self.map.denominator), IDENTITY)
         self.invariants.densities.append(density)
-        self.version += 1
+        self._known = None
         return self._add_space(modified.as_quotient(ring)) if modified else []
 
     def _count_relations(self, k: int) -> Tasks:
         """Count the integrals that relations up to degree k show; yield tasks for formulas."""
-        exponents = exponents_up_to(k, self.map.dimension)
-        independent = count_relations(self.map, exponents).integrals
+        independent = count_relations(self.map, exponents_up_to(k, self.map.dimension)).integrals
         if independent > (self.relations or 0):
-            yield Task(partial(self.integrals_between_few_monomials, k), "few monomials", k)
+            yield Task(partial(self._find_integrals_of_circuits, k), "few monomials", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
-            yield Task(partial(self.quotients_of_relations, k), "quotients", k)
+            yield Task(partial(self._find_quotients_of_relations, k), "quotients", k)
 
-    def quotients_of_relations(self, k: int) -> Tasks:
-        """Add integrals by relations of all monomials to degree k, if any lack; return tasks."""
+    def _find_quotients_of_relations(self, k: int) -> Tasks:
+        """Find integrals that are quotients of relations up to degree k, if formulas lack."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
         return self._add_space(integrals_of_relations(self.map, exponents))
 
-    def integrals_between_few_monomials(self, k: int) -> Tasks:
-        """Find missing integrals by relations of few monomials to degree k; yield tasks."""
+    def _find_integrals_of_circuits(self, k: int) -> Tasks:
+        """Find missing integrals from circuits of monomials up to degree k."""
         missing = (self.relations or 0) - len(self.known.integrals)
-        exponents = exponents_up_to(k, self.map.dimension)
         if missing <= len(self.known.implicit):
             return
-        candidates = implicit_integrals(self.map, exponents)
+        candidates = implicit_integrals(self.map, exponents_up_to(k, self.map.dimension))
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
-        self.version += 1
+        self._known = None
         # Darboux polynomials, which come before, give nicer formulas.
         for integral in filter(is_short, self._of_relations):
             yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
-        """Write out the formula of an integral of a relation, if still needed; return tasks."""
+        """Write out the formula of an integral of a circuit, if none was found since."""
         formula = written_out(integral) if integral in self.known.implicit else None
         return [] if formula is None else self._add_space(formula.as_quotient(self.map.ring))
 
     def _find_factors(self) -> Tasks:
+        """Factor det DPhi, look up the cofactors of polynomials found so far, and try others."""
+        polynomial = self.invariants.polynomial
+        spaces = [tuple(map(polynomial, functions)) for functions in self.invariants.spaces]
         if self.map.factors is None:
-            for space in self._waiting:
+            for space in spaces:
                 yield from self._proof_of_quotients(space)
             return
         self.invariants.has_factors = True
-        self.version += 1
+        self._known = None
         self.invariants.spaces.clear()
         self.invariants.early_densities.clear()
-        for space in self._waiting:
+        for space in spaces:
             yield from self._add_space(space)
         for k in range(1, 2 * self.degree + 1):
             if k <= self.degree or self.unknowns(k) <= _FEW:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
-        """Return a task: try the next of `candidates`, cofactors of degree k; add a like task."""
+        """Return the task that tries the next of `candidates`, cofactors of degree k."""
 
         def run() -> Tasks:
             for candidate in candidates:
@@ -389,9 +383,10 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return a task of this `kind`: find P with P(Phi) = sign * cofactor * P up to degree k.
+        """Return the task that finds P up to degree k with P(Phi) = sign * cofactor * P.
 
-        Tasks to `last`, by default the search's degree, follow. The cofactor None is det DPhi.
+        Tasks for higher degrees follow, up to `last`, by default the degree of the search. The
+        cofactor None stands for det DPhi.
         """
 
         def run() -> Tasks:
@@ -402,7 +397,7 @@ class Search:
         return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
-        """Add P to degree k, P(Phi) = sign * cofactor (None: det DPhi) * P; return tasks."""
+        """Find the polynomials of `_polynomials_of`, unless they are known; return tasks."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
         known: list[Any] = []
@@ -425,19 +420,17 @@ class Search:
         if cofactor is None and sign == 1 and space:
             densities = (factored(P) ** -1 for P in sorted(space, key=sort_key))
             self.invariants.early_densities += [replace(f, basis=MODULAR) for f in densities]
-            self.version += 1
         return self._add_space(space, cofactor)
 
     # Polynomials that were found.
 
     def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add `space`, polynomials with one cofactor (None: unknown); return tasks that follow."""
+        """Add polynomials with the same cofactor, None if it is unknown; return tasks."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=sort_key))
-        self.version += 1
+        self._known = None
         if not self.invariants.has_factors:
-            self._waiting.append(space)
             self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
             return self._proof_of_quotients(space, "early proofs", _SHORT)
         tasks: list[Task] = []
@@ -455,22 +448,22 @@ class Search:
         return tasks
 
     def _normal_form(self, value: int) -> Tasks:
-        """Replace P of the cofactor that `value` identifies by a simpler basis; yield tasks."""
-        new = self._normal_forms.update(value)
-        self.version += 1
+        """Replace polynomials of a cofactor by those of a simpler basis; yield tasks."""
+        new = self.invariants.normalize(value)
+        self._known = None
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
             if (cofactor := self.map.cofactor(P)) is not None:  # then the product is left out
                 yield from self._add_generator(P, cofactor)
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
-        """Add a Darboux polynomial, unless products of others give it; yield tasks that follow."""
+        """Add a Darboux polynomial, unless it is a combination of products of others."""
         known = self.invariants
         if known.is_known(P, cofactor):
             return
         g = replace(factored(P), basis=MODULAR, cofactor=cofactor)
         added = known.add(g)
-        self.version += 1
+        self._known = None
         if not self._only_integrals:
             yield self._proof(g)
             values = {known.value(generator.cofactor) for generator in known.generators}
@@ -487,7 +480,7 @@ class Search:
                     )
 
     def _proof(self, g: RationalFunction) -> Task:
-        """Return the task that proves P(Phi) = C P for a Darboux polynomial g, as an identity."""
+        """Return the task that proves P(Phi) = C P as an identity, for a Darboux polynomial g."""
         map, P = self.map, self.invariants.polynomial(g)
         cost = map.cost_of_pullback(P, g.degree)
 
@@ -499,7 +492,7 @@ class Search:
                     raise ArithmeticError(f"{g} has not the cofactor {g.cofactor}")
                 number = self.invariants.generators.index(g)
                 self.invariants.generators[number] = replace(g, basis=IDENTITY)
-                self.version += 1
+                self._known = None
             return []
 
         return Task(run, "proofs")
@@ -507,7 +500,7 @@ class Search:
     def _proof_of_quotients(
         self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
     ) -> Tasks:
-        """Yield a task, `kind`: prove that quotients of `space` are integrals, in `longest` s."""
+        """Yield the task that proves that quotients of `space` are integrals, in `longest` s."""
         cost = self.map.cost_of_pullbacks(space)
 
         def run() -> Tasks:
@@ -517,16 +510,15 @@ class Search:
                 if any(image * space[0] != images[0] * P for image, P in pairs):
                     raise ArithmeticError(f"{space} have different cofactors")
                 proved = [replace(factored(P), basis=IDENTITY) for P in space]
-                for number, known in enumerate(self.invariants.spaces):
-                    if str(known) == str(proved):
-                        self.invariants.spaces[number] = proved
-                self.version += 1
+                spaces = self.invariants.spaces
+                spaces[:] = [proved if str(each) == str(proved) else each for each in spaces]
+                self._known = None
             return []
 
         yield Task(run, kind)
 
     def _searched(self) -> Iterator[str]:
-        """Yield texts for the report: what was searched, and up to which degree."""
+        """Yield texts for the report: which polynomials were searched, and up to which degree."""
         degrees = self.queue.finished()
         if self.degrees:
             is_unclear = math.isnan(growth(self.degrees, planar=self.map.is_planar).entropy)

@@ -2,8 +2,8 @@
 
 R(x) = S x + b transforms the Kahan map of a field f to the Kahan map of S f(R^-1 x). So R takes the
 map to its inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S
-and b. An involution adds the equations S S = 1 and S b = -b. Linear algebra modulo a prime solves
-them: products of equations and monomials up to some degree are linear in the monomials.
+and b. An involution also satisfies S S = 1 and S b = -b. Products of these equations and monomials
+up to some degree are linear equations in monomials, which are solved modulo a prime.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
-DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension
-_AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
+DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, for each dimension
+_AFFINE = 2  # the largest dimension in which b is sought; in three dimensions b = 0
 _LARGEST = 10**6  # numerators and denominators of entries
 
 
 @dataclass(frozen=True)
 class Reversor:
-    """A reversing symmetry x to S x + b: it takes the map to its inverse, and is an involution.
+    """A reversing symmetry x -> S x + b: an involution that takes the map to its inverse.
 
     It can be called with a point, D rational numbers.
     """
@@ -60,7 +60,7 @@ class Reversor:
 def reversors(map: KahanMap) -> list[Reversor]:
     """Return the isolated involutions with rational entries that reverse the field of a map.
 
-    With letters in the field, they are those of all values of the letters.
+    If the field has letters, entries are numbers, for all values of the letters.
     """
     numbers = dict(zip(map.letters, EPS, strict=False))
     at_numbers = map._with({n: Fraction(a) for n, a in numbers.items()}) if map.in_letters else map
@@ -90,7 +90,7 @@ def reverses(reversor: Reversor, map: KahanMap) -> bool:
 
 
 def _identities(terms: Any, S: Any, b: Any, x: Any) -> list[Any]:
-    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b, which are 0 for a symmetry.
+    """Return f(R(x)) + S f(x) and R(R(x)) - x for R(x) = S x + b; they are 0 for a symmetry.
 
     `terms` are pairs ((i, j, k), c) for c x_j x_k in f_i, up to a common factor.
     """
@@ -111,7 +111,7 @@ def _identities(terms: Any, S: Any, b: Any, x: Any) -> list[Any]:
 
 
 def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
-    """Return equations in the ring `unknowns` for S and b: S x + b reverses a field of `terms`."""
+    """Return the equations for S and b, in the ring `unknowns`, for a field with these terms."""
     n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
@@ -123,14 +123,6 @@ def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
             by_monomial[e[n:]][e[:n]] = int(c)
         equations += map(unknowns.from_dict, by_monomial.values())
     return [equation for equation in equations if equation != 0]
-
-
-def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
-    """Return isolated solutions of equations in a ring `unknowns`, by products to degree `most`."""
-    for degree in range(2, most + 1):
-        if (solutions := _solutions(equations, unknowns, degree)) is not None:
-            return [*solutions]
-    return []
 
 
 def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
@@ -149,50 +141,50 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
     return flint.nmod_mat(rows, len(column), entries, unknowns.modulus())
 
 
-def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
-    """Return solutions modulo a prime by products of equations up to `degree`; None if too low.
+def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Iterator[list[Any]]:
+    """Yield isolated solutions modulo a prime, by products of equations up to degree `most`.
 
     Vectors in the null space of all products are combinations of the values of all monomials at the
     solutions. Multiplication by a variable acts on the values of monomials of lower degree.
     """
     n, p = unknowns.nvars(), int(unknowns.modulus())
-    space = arithmetic.null_space(_products(equations, unknowns, degree))
-    # In monomials of low degree solutions at infinity are 0. There the rank is the number of the
-    # others, and stays the same from one degree to the next.
-    counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
-    parts = [[row[:count] for row in space] or [[0]] for count in counts]
-    ranks = [flint.nmod_mat(part, p).rank() for part in parts]
-    stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
-    if not stable:
-        return None
-    if ranks[stable[-1]] == 0:
-        return iter(())
-    values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T  # by monomial
-    return _by_multiplication(values, counts[stable[-1] - 1], n, degree, p)
+    for degree in range(2, most + 1):
+        space = arithmetic.null_space(_products(equations, unknowns, degree))
+        # Solutions at infinity are 0 in monomials of low degree. There the rank is the number of
+        # other solutions, and stays the same from one degree to the next.
+        counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
+        parts = [[row[:count] for row in space] or [[0]] for count in counts]
+        ranks = [flint.nmod_mat(part, p).rank() for part in parts]
+        stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
+        if stable:
+            if ranks[stable[-1]]:
+                values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T
+                yield from _by_multiplication(values, counts[stable[-1] - 1], n, degree, p)
+            return
 
 
-def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield the solutions; `values` has a row for each monomial in the n unknowns, to some degree.
+def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
+    """Yield solutions; `values` has a row for each monomial in n unknowns up to some degree.
 
-    Its columns combine the values of the monomials at solutions. These are eigenvectors of the
-    multiplication of the first `low` monomials by a random linear form.
+    Its columns are combinations of the values of the monomials at the solutions. The solutions are
+    eigenvectors of the multiplication of the first `count` monomials by a random linear form.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}
     units = [tuple(unit) for unit in np.eye(n, dtype=int).tolist()]
-    count, rng = values.shape[1], random.Random(0)
+    solutions, rng = values.shape[1], random.Random(0)
     linear_form = np.array([rng.randrange(p) for _ in range(n)], object)
     products = []
-    for e in monomials[:low]:
+    for e in monomials[:count]:
         times_variables = [row[tuple(map(add, e, unit))] for unit in units]
         products.append(linear_form @ values[times_variables] % p)
     # As many random combinations of the monomials as solutions.
-    draws = [rng.randrange(p) for _ in range(count * low)]
-    mix = flint.nmod_mat(count, low, draws, p)
+    draws = [rng.randrange(p) for _ in range(solutions * count)]
+    mix = flint.nmod_mat(solutions, count, draws, p)
     before, after = (
-        mix * flint.nmod_mat(np.array(rows).tolist(), p) for rows in (values[:low], products)
+        mix * flint.nmod_mat(np.array(rows).tolist(), p) for rows in (values[:count], products)
     )
-    if before.rank() < count:
+    if before.rank() < solutions:
         return
     for eigenvector in _simple_eigenvectors(before.solve(after)):
         solution = values @ np.array(eigenvector, object) % p
@@ -202,10 +194,9 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int, p: int) -> It
 
 
 def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
-    """Yield the eigenvectors of a matrix modulo a prime with one-dimensional eigenspaces."""
+    """Yield an eigenvector of a matrix modulo a prime for each eigenspace of dimension 1."""
     identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
-    for factor, _ in matrix.charpoly().factor()[1]:
-        if factor.degree() == 1:
-            kernel = arithmetic.null_space(matrix + identity * (factor[0] / factor[1]))
-            if len(kernel) == 1:
-                yield kernel[0]
+    for eigenvalue, _ in matrix.charpoly().roots():
+        kernel = arithmetic.null_space(matrix - identity * eigenvalue)
+        if len(kernel) == 1:
+            yield kernel[0]

@@ -13,7 +13,7 @@ from ..fields.field import Field
 from ..fields.map import Map
 from ..keywords import public
 from .birational_maps import RationalMap
-from .rational_maps import rational_map
+from .exact_maps import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = Field) -> Any:

@@ -1,24 +1,30 @@
-"""Rational maps of users: a `Map` as quotients of polynomials, with an inverse and letters."""
+"""Exact maps of systems: a `Map` as a rational map, and Kahan maps of fields and bodies.
+
+Letters are eps and named parameters that stay symbols.
+"""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..bodies.n_dimensions import SuslovND
 from ..bodies.rigid import Suslov3D
 from ..checks import kind_of, wrong
+from ..fields import coefficients
 from ..fields.base import Body
+from ..fields.field import Field
 from ..fields.map import Map
-from ..fields.names import labels
+from ..fields.terms import Terms
 from ..keywords import public
-from . import arithmetic
-from .arithmetic import EPS, as_written, constant
-from .birational_maps import RationalMap
+from .arithmetic import EPS, constant, random_point
+from .birational_maps import RationalMap, check_map
 from .composed_maps import composed
 from .interpolation import MOST
+from .kahan_maps import InLetters, KahanMap, exact_body, kahan
 from .polynomials import ring_with_letters
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
 
@@ -80,17 +86,77 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     (2, a + 2)
     """
     names = () if letters is None else checked_letters(map, letters)
-    own = map.names if map.names != labels(map.dimension) else None
     forward = _stages("map", map, names)
     given = {name: constant(name, map.parameters[name]) for name in names}
     if inverse is None:
-        return composed(forward, None, names, own, given)
+        return composed(forward, None, names, map.names, given)
     backward = _stages("inverse", inverse, names)
-    back = composed(backward, composed(forward, None, names, own), names, own)
-    found = composed(forward, back, names, own, given)
-    if back.dimension != found.dimension or not _takes_images_back(found):
+    back = composed(backward, composed(forward, None, names, map.names), names, map.names)
+    checked = composed(forward, back, names, map.names, given)
+    if back.dimension != checked.dimension or not has_inverse(checked):
         raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
-    return found
+    return checked
+
+
+def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
+    """Return `map` as a checked `RationalMap`; of a field or body, the Kahan map with symbolic eps.
+
+    The parameters `letters` stay symbols.
+    """
+    is_given = letters is None and not isinstance(map, Body)
+    checked: Any = map if is_given else exact_map(map, None, letters)
+    check_map(checked)
+    return checked
+
+
+def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
+    """Return a `Map` as a rational map, or the Kahan map of a field or body.
+
+    The parameters `letters` stay symbols, and eps too if it is None. A `RationalMap` is unchanged.
+    """
+    if isinstance(system, Map):
+        return rational_map(system, letters=letters)
+    if letters is None:
+        return system if isinstance(system, RationalMap) else kahan(system, eps)
+    names = checked_letters(system, letters)
+    ring = ring_with_letters(system.dimension, ["eps", *names])
+    symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
+    places = places_of_letters(system)
+    given = {name: places[name][-1] for name in names}
+    in_letters = InLetters(given, *_coefficients(system, symbols))
+    return KahanMap(system._field, None, in_letters=in_letters)
+
+
+def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return {(i, j, k): coefficient} of f, and of H or None, with `symbols` for parameters."""
+    if not isinstance(system, Field):
+        body, places = exact_body(system), places_of_letters(system)
+        parts = {name: np.array(a, object) for name, a in body._parts.items()}
+        for name, symbol in symbols.items():
+            part, indices, _ = places[name]
+            parts.setdefault(part, np.array(0, object))[indices] = symbol
+        body = system._of({name: a[()] for name, a in parts.items()})
+        terms = Terms(*body._terms) if isinstance(body, SuslovND) else body._field._own_terms
+        return {place: as_function(c) for place, c in terms.members() if c}, None
+    equations = system._equations
+
+    def number(a: Any) -> RationalFunction:
+        return as_function(a if isinstance(a, RationalFunction) else equations.ratios.get(a, a))
+
+    values = [symbols.get(name, a) for name, a in system.parameters.items()]
+
+    def read(results: Sequence[Any], degree: int) -> Any:
+        entries = coefficients.coefficients_by(number, equations, results, degree, values)
+        return {place: c for place, c in entries.items() if c}
+
+    try:
+        energy = None if equations.H is None else read([equations.H], 3)
+        return read(equations.results, 2), energy
+    except coefficients.NotQuadratic as error:
+        raise TypeError(f"system: {error}, so it has no Kahan map") from None
+    except TypeError as error:
+        text = "must enter by + - * / and powers with integers"
+        raise TypeError(f"letters: {', '.join(symbols)} {text}: {error}") from None
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
@@ -99,13 +165,15 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
         raise wrong("letters", "left out for a map, which has its own", letters, TypeError)
     if system.shape:
         raise wrong("system", "a single one", f"a batch of shape {system.shape}: pass system[i]")
-    has = places_of_letters(system)
+    places = places_of_letters(system)
     if letters is True:
-        return tuple(n for n, (parameter, *_) in has.items() if parameter in system.parameters)
+        return tuple(n for n, (parameter, *_) in places.items() if parameter in system.parameters)
     names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
     names = [*names] if isinstance(names, Sequence) else []
-    if not names or {*names} - {*has} or len({*names}) < len(names):
-        known = f"names of its parameters {', '.join(has)}" if has else "left out: it has none"
+    if not names or {*names} - {*places} or len({*names}) < len(names):
+        known = (
+            f"names of its parameters {', '.join(places)}" if places else "left out: it has none"
+        )
         raise wrong("letters", known, repr(letters))
     if "eps" in names and not isinstance(system, Map):
         raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
@@ -116,28 +184,29 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
 
 
 def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
-    """Return {letter: (parameter, indices of entries, value)} for all letters a system may have.
+    """Return {letter: (parameter, indices of entries, value)} for the letters a system may have.
 
-    Of a body in n dimensions J1 stands for all J_i that equal the first one, and I1 for I_1.
+    For the arrays J and I of a body in n dimensions, J1 stands for all J_i that equal the first
+    entry, and I1 for the first entry alone.
     """
-    found: dict[str, tuple[str, Any, Any]] = {}
+    places: dict[str, tuple[str, Any, Any]] = {}
     parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # k = 0 is no parameter
     for name, a in (parameters | system.parameters).items():
         if not np.ndim(a):
-            found[name] = name, (), a
+            places[name] = name, (), a
             continue
         for i, value in enumerate(a):
             indices = np.flatnonzero(a == value) if name == "J" else np.array([i])
             if indices[0] == i:
-                found[f"{name}{i + 1}"] = name, indices, value
-    return found
+                places[f"{name}{i + 1}"] = name, indices, value
+    return places
 
 
 def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
-    """Return polynomials F_1, ..., F_D, F_0 of a map F_i / F_0, from its expression program.
+    """Return the stages of a map, each as polynomials F_1, ..., F_D, F_0, from its program.
 
-    If D values of the program determine all that follows, it is divided there into two stages. A
-    float stands for the number that was written, see `as_written`. Errors begin with `name`.
+    Where all later operations depend on D values alone, one stage ends and the next begins. A float
+    stands for the number that was typed, see `as_written`. Errors begin with `name`.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"
@@ -150,18 +219,16 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
     x = symbols[len(letters) :]
     values: dict[Any, Any] = dict(enumerate(x))
     for k, (parameter, a) in enumerate(map.parameters.items(), D):
-        known = named.get(parameter)
-        values[k] = as_function(constant(parameter, a)) if known is None else known
+        values[k] = as_function(named.get(parameter, a))
     equations, stages, starts = map._equations, list[list[Any]](), [*range(D)]
     operations, results = equations.values.operations, equations.results
+    # The last operation that needs a value.
     last = {a: k for k, (_, _, operands) in enumerate(operations) for a in _places(operands)}
     last |= dict.fromkeys(_places(results), len(operations))
     varying: dict[int, Any] = dict.fromkeys(starts)  # the operations that depend on x, by place
 
     def value(a: Any) -> Any:
-        if type(a) is not float:
-            return values[a]
-        return as_function(equations.ratios.get(a) or as_written(a))
+        return as_function(equations.ratios.get(a, a)) if type(a) is float else values[a]
 
     def computed(rule: str, place: int, operands: Any) -> Any:
         try:
@@ -178,18 +245,18 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
         if not varying.keys() & _places(operands):
             continue
         varying[place] = rule, place, operands
-        left = {a for a in varying if last.get(a, -1) > k}
-        again = [
+        needed = {a for a in varying if last.get(a, -1) > k}
+        derived = [  # operations on other values that are needed
             a
             for a in varying
-            if a in left - {*starts} and _places(varying[a][2]) & varying.keys() <= left
+            if a in needed - {*starts} and _places(varying[a][2]) & varying.keys() <= needed
         ]
-        cut = [a for a in varying if a in left.difference(again)]
+        cut = [a for a in varying if a in needed.difference(derived)]
         if len(cut) == D and cut != starts and {*cut} != _places(results):
             stages.append(over_common_denominator([values[a] for a in cut], ring))
             starts = cut
             values |= dict(zip(cut, x, strict=True))
-            for a in again:
+            for a in derived:
                 values[a] = computed(*varying[a])
     return [*stages, over_common_denominator([value(a) for a in results], ring)]
 
@@ -199,13 +266,11 @@ def _places(operands: Sequence[Any]) -> set[int]:
     return {a for a in operands if type(a) is not float}
 
 
-def _takes_images_back(map: RationalMap) -> bool:
-    """Return True if the inverse of a map takes back the images of random points modulo a prime."""
-    rng, at_number, returned = map.generator(), map.at_eps(EPS), []
-    for _ in range(_POINTS):
-        x = arithmetic.random_point(map.dimension, map.prime, rng)
-        try:
-            returned.append(at_number.inverse.image(at_number.image(x)) == x)
-        except ZeroDivisionError:
-            returned.append(False)
-    return all(returned)
+def has_inverse(map: RationalMap) -> bool:
+    """Return True if `map.inverse` maps images of random points modulo a prime to these points."""
+    rng, at_number = map.generator(), map.at_eps(EPS)
+    points = (random_point(map.dimension, map.prime, rng) for _ in range(_POINTS))
+    try:
+        return all(at_number.inverse.image(at_number.image(x)) == x for x in points)
+    except ZeroDivisionError:
+        return False

@@ -191,6 +191,7 @@ TABLE = [
      lambda: Field.from_terms([[[1]]], [[Fraction(1, 10**61)]]),
      lambda: Field.from_terms(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1)))),
     (KeyError, "lorenz", lambda: sf.integrability.zoo()["lorenz"]),
+    (TypeError, "map", lambda: sf.integrability.rational_map(len)),
     (ValueError, "mass", lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3})),
     (ValueError, "max_step", motion(max_step=0.0)),
     (TypeError, "method", orbit(method="order8"), exponents(time=1.0, method="order4")),

@@ -58,11 +58,6 @@ class Branches(NamedTuple):
         """How many parameters hold the branches at which f jumps."""
         return sum(surface.parameters for surface in self.surfaces if surface.jumps)
 
-    @property
-    def kinks(self):
-        """How many parameters hold the branches at kinks."""
-        return sum(surface.parameters for surface in self.surfaces) - self.jumps
-
 
 def watch_of(f, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
@@ -143,9 +138,10 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     of_events = [emitted(values, surface)[0] for surface in of_events]
     events_on_surfaces = [Surface("event", k) for k in range(len(of_events))]
     operations = needed_for(values.operations, [*results, *of_events])
-    of_clocks = set() if twice or by else _of_clocks(operations, values.fixed, offsets)
+    clocks = () if twice or by else offsets
+    of_states = depending(operations, {*range(D)}.difference(clocks))
     moving = depending(operations, [i for i, rate in enumerate(results) if not same(rate, 0.0)])
-    jumps, kinks = _choosing(values, operations, of_clocks, moving)
+    jumps, kinks = _choosing(values, operations, of_states, moving)
     given, surfaces = D + P, {}
     for number, kind in (jumps | kinks).items():
         surfaces[number] = Surface(kind, given, number in jumps)
@@ -263,13 +259,13 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
     )
 
 
-def _choosing(values, operations, of_clocks, moving):
+def _choosing(values, operations, of_states, moving):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
     A kind is that of a `Surface`. `operations` are all that f needs of the `Expressions` `values`.
-    `of_clocks` are the values that depend on clocks alone: their tables that jump count as kinks,
-    because no motion slides along knots. Values that are not `moving` change only by events, as
-    modes do: f decides them each time.
+    Tables that jump count as kinks if they are not `of_states`, but depend on clocks alone: no
+    motion slides along their knots. Values that are not `moving` change only by events, as modes
+    do: f decides them each time.
     """
     jumps, kinks = {}, {}
     for name, number, operands in operations:
@@ -277,7 +273,7 @@ def _choosing(values, operations, of_clocks, moving):
         if of <= values.fixed or not (is_table(name) or of & moving):
             continue
         if is_table(name):
-            is_kink = name.is_continuous or number in of_clocks
+            is_kink = name.is_continuous or number not in of_states
             (kinks if is_kink else jumps)[number] = name
         elif name == "floor" or (name in _COMPARISONS and not same(*operands)):  # a == a: no NaN
             jumps[number] = name
@@ -334,15 +330,6 @@ def _choices(tests, surfaces, branches):
 def _finite(values, argument):
     """Add to `values` a table's `argument`, clipped to finite numbers; return it. NaN stays."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
-
-
-def _of_clocks(operations, of_parameters, clocks):
-    """Return the numbers of values that depend on the values `clocks` and `of_parameters` alone."""
-    found = {*clocks, *of_parameters}
-    for _, number, operands in operations:
-        if all(isinstance(a, float) or a in found for a in operands):
-            found.add(number)
-    return found
 
 
 def _is_0_times(values, operand):

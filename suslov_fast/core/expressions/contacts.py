@@ -119,7 +119,7 @@ class Contacts:
         values, number, time, x = self.values, self.values.number, self.time, [*x]
         terms = values.at(x, [a for c in self.contacts.values() for a in (c.s, c.rate)])[1]
         heights = [LOW * (a + b * time) for a, b in zip(terms[::2], terms[1::2], strict=True)]
-        low = reduce(larger, heights)
+        low = reduce(larger, heights)  # up to here values of s are rounding
         for k, c in self.contacts.items():
             rests = c.constraint.holds
             (s, rate, bend, square), _ = values.at(x, (c.s, c.rate, c.bend, c.square))

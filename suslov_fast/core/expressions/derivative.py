@@ -20,7 +20,7 @@ def gradients(values, operations, results, D, by=()):
             is_own = instruction == ENTRY and (by or number not in values.fixed)
             rows[number] = {number: 1.0} if is_own else {}
         elif (by or number not in values.fixed) and instruction not in OF_TRUTH_VALUES:
-            rows[number] = _row_of(values, instruction, number, operands, rows)
+            rows[number] = _row(values, instruction, number, operands, rows)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
 
 
@@ -37,27 +37,16 @@ def gradients_along(values, results, D, v):
     return rows[count:], along(values.emit, products, rows[:count], v)[1]
 
 
-def _row_of(values, instruction, number, operands, rows):
-    """Return the row {component: operand of its derivative} of value `number`.
-
-    The value is `instruction` on `operands`; `rows` is {number of a value: its row}. If a user
-    wrote it as a**c with a constant c, the derivative is c a**(c - 1) a'.
-    """
-    name, of, *_ = values.written.get(number, ("", ()))
-    if name == "power" and isinstance(of[1], float) and not isinstance(of[0], float):
-        base, exponent = of
-        factor = values.emit(
-            "fmul", exponent, FUNCTIONS["power"].rule(values, base, exponent - 1.0)
-        )
-        return _sum(values.emit, [(factor, rows.get(base, {}))])
-    return _row(values.emit, instruction, number, operands, rows)
-
-
-def _row(emit, instruction, number, operands, rows):
+def _row(values, instruction, number, operands, rows):
     """Return the row {component: operand of its derivative} of value `number`, by the chain rule.
 
     The value is `instruction` on `operands`; `rows` is {number of a value: its row}.
     """
+    emit, (name, written, *_) = values.emit, values.written.get(number, ("", ()))
+    if name == "power" and isinstance(written[1], float) and not isinstance(written[0], float):
+        a, c = written  # a**c has the derivative c a**(c - 1) a'
+        factor = emit("fmul", c, FUNCTIONS["power"].rule(values, a, c - 1.0))
+        return _sum(emit, [(factor, rows.get(a, {}))])
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
     if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
         truth = operands[0]
@@ -66,10 +55,11 @@ def _row(emit, instruction, number, operands, rows):
                 return {}
             truth = emit("ogt" if instruction == "max" else "olt", *operands)
         first, second = of[-2:]
-        return {
-            j: _chosen(emit, truth, first.get(j, 0.0), second.get(j, 0.0))
-            for j in sorted({*first, *second})
-        }
+        row = {}
+        for j in sorted({*first, *second}):
+            a, b = first.get(j, 0.0), second.get(j, 0.0)
+            row[j] = a if same(a, b) else emit("select", truth, a, b)
+        return row
     if not any(of):
         return {}
     if instruction in ("fadd", "fsub"):
@@ -78,7 +68,7 @@ def _row(emit, instruction, number, operands, rows):
         a, b = operands
         return _sum(emit, [(b, of[0]), (a, of[1])])
     if instruction == "fdiv":  # (a' - (a / b) b') / b
-        row = _sum(emit, [(1.0, of[0]), (_negative(emit, number), of[1])])
+        row = _sum(emit, [(1.0, of[0]), (emit("fmul", -1.0, number), of[1])])
         return {j: emit("fdiv", slope, operands[1]) for j, slope in row.items()}
     if instruction == "fabs":
         (a,) = operands
@@ -89,14 +79,6 @@ def _row(emit, instruction, number, operands, rows):
     else:
         partials = RECORDS[instruction].partials(emit, *operands, number)
     return _sum(emit, zip(partials, of, strict=True))
-
-
-def _chosen(emit, truth, a, b):
-    return a if same(a, b) else emit("select", truth, a, b)
-
-
-def _negative(emit, a):
-    return emit("fmul", -1.0, a)
 
 
 def _sum(emit, pairs):
@@ -114,5 +96,5 @@ def _sum(emit, pairs):
             if j in total:
                 total[j] = emit("fsub" if sign == -1.0 else "fadd", total[j], part)
             else:
-                total[j] = _negative(emit, part) if sign == -1.0 else part
+                total[j] = emit("fmul", -1.0, part) if sign == -1.0 else part
     return total

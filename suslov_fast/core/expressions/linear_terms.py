@@ -37,7 +37,7 @@ def coefficients(f, table):
         elif name == "fsub":
             minus = np.array([[-1.0], [1.0]])
             terms[number] = _sum([parts[0], {key: c * minus for key, c in parts[1].items()}])
-        elif name == "fmul" and _may_expand(*parts):
+        elif name == "fmul" and _are_short(*parts):
             terms[number] = _product(*parts)
         elif name == "fdiv" and parts[1].keys() == {()}:
             terms[number] = {key: c / parts[1][()] for key, c in parts[0].items()}
@@ -58,11 +58,11 @@ def _sum(parts):
     terms = {}
     for part in parts:
         for key, c in part.items():
-            terms[key] = terms[key] + c if key in terms else c
+            terms[key] = terms.get(key, 0.0) + c
     return terms
 
 
-def _may_expand(a, b):
+def _are_short(a, b):
     degree = sum(max(map(len, part), default=0) for part in (a, b))
     return len(a) * len(b) <= _MOST_TERMS and degree <= _MOST_FACTORS
 
@@ -72,5 +72,5 @@ def _product(a, b):
     for first, c in a.items():
         for second, d in b.items():
             key = (*sorted((*first, *second), key=str),)
-            terms[key] = terms[key] + c * d if key in terms else c * d
+            terms[key] = terms.get(key, 0.0) + c * d
     return terms

@@ -89,12 +89,8 @@ def _below_and_above(sets):
 
     sets[k] contains the rows with entries in column k, as bits.
     """
-    columns, rows = [], []
-    for k, rows_of_column in enumerate(sets):
-        rows_here = [*bits_of(rows_of_column)]
-        columns += [k] * len(rows_here)
-        rows += rows_here
-    columns, rows = np.array(columns, np.int64), np.array(rows, np.int64)
+    places = [(k, i) for k, rows in enumerate(sets) for i in bits_of(rows)]
+    columns, rows = np.array(places, np.int64).reshape(-1, 2).T
     return [(columns[part], rows[part]) for part in (rows > columns, rows < columns)]
 
 

@@ -11,7 +11,7 @@ class Surface(NamedTuple):
     kind    the condition of the branch that changes there: a comparison, with the difference of the
             compared numbers; or "floor" or a `Table`, with its argument; "event" for events
     number  the number of the first parameter that holds the branch; for events their number
-    jumps   True if f jumps there: at kinks f only bends, and at events it is the same
+    jumps   True if f jumps there; False at kinks, where f only bends, and for events
     """
 
     kind: str

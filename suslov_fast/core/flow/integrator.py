@@ -121,8 +121,7 @@ class Integrator:
     def _add_branches(self):
         """Add functions that find branches of f, and what depends on them, to `functions`."""
         f, branches = self.f.of, self.f.branches
-        given = branches.P + branches.jumps + branches.kinks
-        places = {f.D + p: p for p in range(given)}
+        places = {f.D + p: p for p in range(f.P)}
         self.functions["branches"] = ProgramFunction(f.branch_program, f.D, places)
         if f.derived.results:
             self.functions["derived"] = ProgramFunction(f.derived, 0, places)

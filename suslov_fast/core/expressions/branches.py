@@ -17,7 +17,7 @@ from .double_crossings import double_crossings_of
 from .event_formulas import GAP, event_set_of
 from .explicit_time import ElapsedTime
 from .function_records import same
-from .programs import Expressions, Program, Values, depending, emitted, needed_for, renamed
+from .programs import Expressions, Values, depending, emitted, needed_for, program_of, renamed
 from .right_hand_side import RightHandSide
 from .step_to_surface import aim_of
 from .surfaces import Surface
@@ -114,7 +114,7 @@ def watch_of(f, surfaces):
 
     at_jumps = [change for change, surface in zip(changes, surfaces, strict=True) if surface.jumps]
     results = [operand_of(part), some(changes), some(at_jumps), *of_kinks]
-    return Program(needed_for(values.operations, results), results)
+    return program_of(values.operations, results)
 
 
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
@@ -285,7 +285,7 @@ def _choosing(values, operations, of_states, moving):
 def _watch(f, surfaces):
     """Set the programs of f that find crossings of `surfaces`."""
     results = f.surfaces.results[: len(surfaces)]
-    f.watched = Program(needed_for(f.surfaces.operations, results), results)
+    f.watched = program_of(f.surfaces.operations, results)
     f.watch = watch_of(f, surfaces)
     f.double_crossings = double_crossings_of(f, surfaces)
     f.aim = tuple(aim_of(f, surfaces, is_implicit) for is_implicit in (False, True))
@@ -297,8 +297,7 @@ def _derived(f, choices):
     f's table has functions of parameters alone; `choices` are the parameters that hold branches.
     """
     of = depending(f.fixed, choices).difference(choices)
-    results = [a for a in f.table if a in of]
-    return Program(needed_for(f.fixed, results), results)
+    return program_of(f.fixed, [a for a in f.table if a in of])
 
 
 def _choices(tests, surfaces, branches):
@@ -324,7 +323,7 @@ def _choices(tests, surfaces, branches):
         some = differs.select(1.0, some)
         place = differs.select(float(k), place) if surface.jumps else place
     results = [operand_of(place), operand_of(some), *reversed(results)]
-    return Program(needed_for(tests.operations, results), results)
+    return program_of(tests.operations, results)
 
 
 def _finite(values, argument):

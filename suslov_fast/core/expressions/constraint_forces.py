@@ -13,7 +13,7 @@ from typing import NamedTuple
 from .derivative import gradients
 from .double_crossings import sizes_of
 from .function_records import same
-from .programs import Expressions, Program, dot, emitted, needed_for
+from .programs import Expressions, dot, emitted, needed_for, program_of
 from .values import Number, operand_of
 
 
@@ -59,7 +59,7 @@ class ExtendedState(Expressions):
         """Return `Number`s of `wanted` at another state x, and the sizes of their terms."""
         wanted = [*map(operand_of, wanted)]
         copy = dict(enumerate(x)) | {p: p for p in self.parameters}
-        program = Program(needed_for(self.operations, wanted), wanted)
+        program = program_of(self.operations, wanted)
         results = emitted(self, program, copy)
         sizes = sizes_of(self, program.operations, copy)
         sizes |= {a: self.number(abs(a)) for a in wanted if isinstance(a, float)}

@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 from .dense_product import ENTRY, DenseMatrix, is_matrix
 from .derivative import gradients_along
-from .programs import Expressions, Program, Values, depending, emitted, needed_for
+from .programs import Expressions, Program, Values, depending, emitted, needed_for, program_of
 from .tables import LARGEST
 from .values import larger, operand_of, smaller
 
@@ -99,7 +99,7 @@ def double_crossings_of(f, surfaces):
         return DoubleCrossings()
     operations = needed_for(f.watched.operations, [a for _, a, _ in tested])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
-    phases = Program(needed_for(operations, arguments), arguments) if arguments else None
+    phases = program_of(operations, arguments) if arguments else None
     humps = _humps(f, operations)
     humps = [*dict.fromkeys(a for _, a, _ in tested if a in humps)]
     is_of_states = [a in by_states for _, a, _ in tested]
@@ -136,7 +136,7 @@ def _rates_of(f, humps):
     D = f.D
     values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
-    surfaces = emitted(values, Program(needed_for(f.watched.operations, humps), humps), new)
+    surfaces = emitted(values, program_of(f.watched.operations, humps), new)
     results, of_states = [], values.number(2 * D) + OF_STATES
     rows, v = gradients_along(values, surfaces, D, {j: D + j for j in range(D)})
     for row in rows:
@@ -146,7 +146,7 @@ def _rates_of(f, humps):
             rate, zero = rate + term, zero + abs(term) * OF_TERMS
             zero = zero + abs(values.number(slope) * values.number(j)) * of_states
         results += [operand_of(rate), operand_of(zero)]
-    return Program(needed_for(values.operations, results), results)
+    return program_of(values.operations, results)
 
 
 def _decision_of(f, tested, by_states, humps, inside):
@@ -193,8 +193,7 @@ def _decision_of(f, tested, by_states, humps, inside):
         for each in both:
             own_ratio, own_twice = _decided(*each, rounding, error)
             ratio, twice = larger(own_ratio, ratio), larger(own_twice, twice)
-    results = [*map(operand_of, (ratio, twice, waves))]
-    return Program(needed_for(values.operations, results), results)
+    return program_of(values.operations, [*map(operand_of, (ratio, twice, waves))])
 
 
 def _turns(operations, arguments):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from ..cached import cached_property
 from .derivative import gradients
 from .double_crossings import sizes_of
-from .programs import Expressions, Program, dot, emitted, needed_for, renumbered
+from .programs import Expressions, Program, dot, emitted, needed_for, program_of, renumbered
 from .tables import is_table
 from .values import operand_of
 
@@ -191,8 +191,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
     parts, components = {}, tuple(map(components_of, actions))
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
         if of:
-            results = [action.to.results[i] for i in of]
-            to = Program(needed_for(action.to.operations, results), results)
+            to = program_of(action.to.operations, [action.to.results[i] for i in of])
             parts[f"to{k}"] = EventProgram(to, D)
         for q in (None, *range(len(by))) if with_columns else ():
             parts |= _of_columns(k, action, D, P, by, q)
@@ -236,7 +235,7 @@ def _toward(actions, D, P):
         ]
     places = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
     places |= {a: D + j for j, a in f.items()}
-    program = Program(needed_for(values.operations, results), results)
+    program = program_of(values.operations, results)
     return EventProgram(renumbered(program, places), 2 * D)
 
 
@@ -266,7 +265,7 @@ def _of_columns(k, action, D, P, by, q):
         columns.append(emit("fadd", _product(emit, row, v), emit("fmul", jump, tau)))
     results["column"], parts = columns, {}
     for name, operands in results.items():
-        program = renumbered(Program(needed_for(values.operations, operands), operands), places)
+        program = renumbered(program_of(values.operations, operands), places)
         parts[f"{name}{k}" if q is None else f"{name}{k}_{q}"] = EventProgram(program, 4 * D + 1)
     return parts
 

@@ -10,10 +10,10 @@ removed from large phases q.
 import math
 from typing import NamedTuple
 
-from .event_formulas import components_of
+from .event_formulas import EventAction, components_of
 from .function_records import same
 from .numpy_evaluation import OF_TRUTH_VALUES
-from .programs import Expressions, Program, emitted, needed_for
+from .programs import Expressions, emitted, needed_for, program_of
 from .tables import is_table
 
 _LARGE = 2.0**20  # whole turns are removed from larger phases
@@ -68,10 +68,8 @@ class ElapsedTime:
         to = to and [
             a if a == i and i in self.offsets else self._whole(a) for i, a in enumerate(to)
         ]
-        surface, to = (
-            of and Program(needed_for(self.values.operations, of), of) for of in (surface, to)
-        )
-        return action._replace(surface=surface, to=to)
+        new = (of and program_of(self.values.operations, of) for of in (surface, to))
+        return EventAction(*new, *action[2:])
 
     def _shift(self, operations, clocks):
         """Replace `self.values` by new expressions in which the components `clocks` count from 0.

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from .dense_product import ENTRY, is_matrix
 from .numpy_evaluation import OF_LISTS
-from .programs import Program, needed_for
+from .programs import needed_for, program_of
 from .symbolic_elimination import bits_of
 
 _FUNCTION = 40  # operations that take the time of an elementary function
@@ -54,7 +54,7 @@ def part_of(program, numbers):
     """Return the `Program` of the results at places `numbers` alone; other results are None."""
     of = {*numbers}
     results = [a if k in of else None for k, a in enumerate(program.results)]
-    return Program(needed_for(program.operations, results), results)
+    return program_of(program.operations, results)
 
 
 def _colours(reads):

@@ -233,6 +233,11 @@ def needed_for(operations, results):
     return found[::-1]
 
 
+def program_of(operations, results):
+    """Return the `Program` of the operands `results`, with the operations that they depend on."""
+    return Program(needed_for(operations, results), results)
+
+
 def depending(operations, given):
     """Return the set of `given` numbers of values, and of all values that depend on these."""
     numbers = {*given}

@@ -20,7 +20,7 @@ from .contacts import FAR, LEAST, Contact, Contacts, may_be_contact
 from .event_formulas import WITH_GAPS, EventAction
 from .function_records import same
 from .numpy_evaluation import results_at
-from .programs import Program, emitted, folded, needed_for, renamed
+from .programs import emitted, folded, program_of, renamed
 from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
@@ -90,7 +90,7 @@ class _Rates:
     def depends(self, g, h):
         """Return True if the jump of f at surface g depends on the side of surface h."""
         results = [a for is_above in (True, False) for a in self._jumps(g, {h: is_above})]
-        program = Program(needed_for(self.values.operations, results), results)
+        program = program_of(self.values.operations, results)
         x = np.random.default_rng(0).uniform(0.5, 1.5, (self.values.parameters.stop, 16))
         above, below = np.split(results_at(program, dict(enumerate(x)), (16,)), 2)
         return bool((abs(above - below) > 1e-9 * (abs(above) + abs(below))).any())
@@ -148,7 +148,7 @@ class SlidingEquations(_Rates):
     """
 
     def __init__(self, values, results, D, P, actions=(), sign=1):
-        f, self.size = Program(needed_for(values.operations, results), results), 0
+        f, self.size = program_of(values.operations, results), 0
         self.sign = sign = float(sign)
         comparisons = _comparisons_in(values, f)
         pairs = [*dict.fromkeys(pair for pair, _ in comparisons.values())]

@@ -4,7 +4,7 @@
 finite, or to an error of the step, which is then rejected.
 """
 
-from .programs import Program, Values, dot, needed_for, renumbered
+from .programs import Program, Values, dot, program_of, renumbered
 from .symbolic_elimination import Factors
 
 
@@ -25,7 +25,7 @@ class Elimination:
         values, first = _Products(s + 1 + D, ()), s + 1
         factors = Factors(_Scaled(values, pattern), order, fill)
         numbers = [*factors.inverse.values(), *factors.lower.values(), *factors.upper.values()]
-        self.factors = Program(needed_for(values.operations, numbers), numbers)
+        self.factors = program_of(values.operations, numbers)
         self.pivots = len(factors.inverse)
         values.operations, v = [], {}
         for k in order:

@@ -10,7 +10,7 @@ from math import inf
 from .derivative import gradients_along
 from .double_crossings import sizes_of
 from .event_formulas import GAP, NOISE
-from .programs import Expressions, Program, emitted, needed_for
+from .programs import Expressions, emitted, program_of
 from .values import larger, operand_of, smaller
 
 SOONER = 2.0**-22  # factor of the time to a surface on which a state is, except for its errors
@@ -67,5 +67,4 @@ def aim_of(f, surfaces, is_implicit):
                 left = (abs(value) <= NOISE * sizes[old]).select(SOONER * left, left)
                 left_of_events = smaller(leads.select(left, inf), left_of_events)
             since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
-    results = [*map(operand_of, (aim, since, left_of_events))]
-    return Program(needed_for(values.operations, results), results)
+    return program_of(values.operations, [*map(operand_of, (aim, since, left_of_events))])

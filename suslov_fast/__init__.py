@@ -30,8 +30,8 @@ from types import ModuleType
 
 __version__ = "2.1.0"
 
-# The imports in `__init__.pyi` are the list of public names; by the loader, because the package may
-# be in an archive.
+# The imports in `__init__.pyi` list the public names. The loader reads this file, because the
+# package may be in an archive.
 _LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()
 MODULE_OF = {
     alias.name: f".{node.module}"
@@ -65,7 +65,7 @@ def __dir__() -> list[str]:
     return [*__all__, *_MODULES, "__version__"]
 
 
-# Whether this is a forked child without its parent's threads: OpenMP and TBB would hang or abort.
+# True in a forked child, which lacks the threads of its parent: OpenMP and TBB would hang or abort.
 _threads_are_gone = False
 
 
@@ -73,7 +73,7 @@ def _after_fork() -> None:
     """Compute on one thread in a forked child of a process that had threads, or has torch."""
     global _threads_are_gone
     _threads_are_gone |= "torch" in sys.modules
-    with suppress(KeyError, ValueError, AttributeError):  # no Numba, or none of its threads
+    with suppress(KeyError, ValueError, AttributeError):  # no Numba, or Numba without threads
         sys.modules["numba"].threading_layer()
         _threads_are_gone = True
 

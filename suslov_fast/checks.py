@@ -178,7 +178,7 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
 def without_fractions(value: Any) -> tuple[Any, Any]:
     """Return numbers with floats in place of fractions, and the exact numbers or None."""
     if isinstance(value, Fraction | list | tuple | np.ndarray):
-        with suppress(Exception):  # for other values an error follows
+        with suppress(Exception):  # the caller raises the error of other values
             exact = np.asarray(value)
             if exact.dtype.kind == "O" and any(isinstance(a, Fraction) for a in exact.flat):
                 return np.vectorize(float, [object])(exact)[()], exact
@@ -204,7 +204,7 @@ def float_array(name: str, value: Any) -> FloatArray:
         expected = "numbers in the range of float64, with rows of equal length"
         expected += ", short ones filled with nan" * (name == "times")
         raise wrong(name, expected, short(value)) from error
-    except Exception as error:  # of the class of the value, such as a tensor with a gradient
+    except Exception as error:  # raised by the value, such as a tensor with a gradient
         received = f"{kind_of(value)}, which is no array: {error}"
         raise wrong(name, "hold real numbers", received, TypeError) from error
     if array.dtype.kind not in "iuf":

@@ -134,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
         common |= {"steps": options.steps or 1000, "on_singular": "ignore"}
         compute = partial(sf.iterate, system, states, eps, **common)
     seconds, result = _timed(compute)
-    if seconds < 30.0:  # the first call compiles
+    if seconds < 30.0:  # again, because the first call compiles
         seconds = min(seconds, _timed(compute)[0])
     if options.output is not None:
         result.save(options.output, overwrite=options.force)

@@ -124,7 +124,7 @@ def ensemble(
     checks.instance("system", system, Body)
     checks.instance("store", store, (str, os.PathLike, zarr.abc.store.Store))
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
-        store = os.path.abspath(os.path.expanduser(store))  # which workers find
+        store = os.path.abspath(os.path.expanduser(store))  # the same folder for workers
     function: Any = iterate if time is None else flow
     refuse_unknown("ensemble", options, ensemble, function)
     of_function = _checked(system, eps, steps, time, options)
@@ -250,7 +250,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     for name, each in data.variables.items():
         if _AXIS not in each.dims:
             variables[name] = each
-        elif name != "time":  # n eps, as large as the states
+        elif name != "time":  # n eps would be as large as the states
             sizes = each.sizes | {_AXIS: N}
             pieces = tuple((sizes | {_AXIS: length}).values())
             encoding[name] = {"chunks": pieces, "compressors": (codec,)}
@@ -306,7 +306,7 @@ def _make(store: Any, whole: Any, encoding: Any) -> None:
         if is_folder:
             os.rename(new, store)
     except OSError:
-        if _opened(store) is None:  # else another process has made it
+        if _opened(store) is None:  # else another process has made the store
             raise
     finally:
         for folder in glob.glob(f"{glob.escape(store)}.*.new") if is_folder else ():

@@ -43,10 +43,10 @@ def missing_in(module: str, name: str) -> Exception:
 
     ``from package import name`` hides the text of an AttributeError, so it gets an ImportError.
     """
-    if find_spec(f"{module}.{name}"):  # which is being imported
+    if find_spec(f"{module}.{name}"):  # a module that is being imported
         return AttributeError(name)
     error = lacking(sys.modules[module], name)
-    if sys._getframe(2).f_code.co_name == "_handle_fromlist":  # of importlib
+    if sys._getframe(2).f_code.co_name == "_handle_fromlist":  # for `from ... import`
         return ImportError(f"cannot import name {name!r}: {error}")
     return error
 

@@ -3,8 +3,8 @@
 from collections.abc import Collection
 from difflib import get_close_matches
 
-# Words, which are compared without underscores and capitals; names here, of which a function or an
-# object may have one; and what to use where it has none.
+# Words, which are compared without underscores and capitals; the names to use, if the function or
+# object has one of them; and what to use if it has none.
 TABLE = (
   ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition",
    "x0 omega0 near states[0] state", ""),
@@ -200,7 +200,7 @@ TABLE = (
   ("checkintegral isintegral isconserved verify", "",
    "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
 )  # fmt: skip
-# The same for what takes steps or has times; others have no use for these words.
+# The same, only for functions and objects with steps or times.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
   ("dt h step stepsize deltat firststep initialstep", "eps",
@@ -231,9 +231,9 @@ OF_STEPS = (
   ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
    "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
-# An array of values, looked up by where t lies among knots.
+# An array of values, from which the knots before and after t select one.
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
-# Functions of arrays that have no record, and how to write them by those that have one.
+# Functions that f cannot call, and how to write them with functions that it can call.
 OF_ARRAYS = {
     "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
     "logaddexp2": "np.logaddexp(x*np.log(2), y*np.log(2))/np.log(2)",

@@ -30,9 +30,10 @@ _INSTRUCTIONS = {
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-_LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999  # of constants, which are ratios beyond the first
+# A constant with more characters is written as a ratio if one with such a denominator equals it.
+_LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999
 _NONE: dict[float, Fraction] = {}
-# How tightly signs bind, as in Python.
+# How tightly signs bind, in the order of Python.
 _CALL, _UNARY = 10, 8
 _LEVELS = {
     "power": 9, "multiply": 7, "divide": 7, "floor_divide": 7, "remainder": 7, "add": 6,

@@ -126,7 +126,7 @@ class Field(Traced):
         mass: Any = None,
         **parameters: Any,
     ) -> None:
-        check_callable("f", f)  # before its names, because texts have them
+        check_callable("f", f)  # before names, which a text in place of f would contain
         names = variables(names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None
@@ -490,7 +490,7 @@ def system_of(system: Any, x0: Any) -> Any:
     if isinstance(system, Body):
         return system
     if isinstance(system, type) or not callable(system):
-        checks.instance("system", system, Body)  # which raises
+        checks.instance("system", system, Body)  # raises
     if isinstance(x0, Mapping):
         return Field(system, [*x0])
     D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]

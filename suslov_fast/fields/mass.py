@@ -21,8 +21,8 @@ from .symbolic import Symbol, Tracer
 from .trace import check_function, operands_of_function, taken, taking
 
 _LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
-# A difference is 0 for all states if, at this part of so many random states, it is at most this
-# part of the sum of its terms: at other states elimination may amplify rounding errors.
+# A difference counts as 0 if at most random states, _MOST of _SAMPLES, it is below _CANCELLED times
+# the sum of its terms: at the other states elimination may amplify rounding errors.
 _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
 MOST = 4  # equations that Cramer's rule solves: n of them have 2**n minors
 

@@ -25,7 +25,7 @@ from .terms import Terms
 
 _ONE = np.arange(1)
 _MOST_EVENTS = 16  # lists of events for which a field keeps its right-hand sides
-_MOST_FORMS = 64  # forms of equations that are kept
+_MOST_FORMS = 64  # forms of equations that are remembered
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 # A program is compiled after so many calls in NumPy, if it has at most so many operations: so it
 # takes no longer to compile than these calls took.
@@ -179,7 +179,7 @@ def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembe
     patterns, which = exists[:1], np.zeros(len(rows), np.int64)
     if not exists.all():
         patterns, which = np.unique(exists, axis=0, return_inverse=True)
-    for k, pattern in enumerate(patterns):  # what a step tests depends on the terms
+    for k, pattern in enumerate(patterns):  # the tests in a step depend on which terms there are
         members = np.flatnonzero(which.reshape(-1) == k)
         places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
         if is_full(places, D) and wrt is None and not actions:

@@ -152,7 +152,7 @@ def applied(name: str, *values: Any) -> Any:
         if isinstance(value, Symbol):
             tracer = value.tracer
             break
-    else:  # entries of arrays may be numbers
+    else:  # numbers, such as some entries of arrays
         return _of_numbers(name, values)
     if name == "where":
         condition, *rest = values
@@ -234,8 +234,8 @@ def _carried_out(
     is_product = called is np.matmul and method == "__call__"
     if is_product and (product := _product(*inputs)) is not None:
         return product
-    is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # by np.vectorize
-    if called.signature is not None or is_of_user:  # NumPy computes with objects
+    is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # from np.vectorize
+    if called.signature is not None or is_of_user:  # NumPy itself calls methods of objects
         return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
     function, _ = _function(name)
     if method == "__call__" and not options and not any(map(_is_array, inputs)):
@@ -304,7 +304,9 @@ def _wrapped(value: Any) -> Any:
 _MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
 _as_array = np.asarray  # as NumPy has it, also while f is called
 _ONE_CALL = threading.RLock()
-if hasattr(os, "register_at_fork"):  # a child has no thread that would end the call
+if hasattr(
+    os, "register_at_fork"
+):  # a fork waits, because the child lacks the thread that ends the call
     _release = _ONE_CALL.release
     os.register_at_fork(before=_ONE_CALL.acquire, after_in_parent=_release, after_in_child=_release)
 
@@ -378,7 +380,7 @@ def interpolated(
 
     if not _is_array(x):
         return of_one(x)
-    if isinstance(x, np.ndarray) and x.dtype != object:  # of a formula along a map
+    if isinstance(x, np.ndarray) and x.dtype != object:  # all entries are numbers
         return np.interp(x, knots, heights, before, after)
     return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
 
@@ -461,7 +463,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
         if isinstance(kwargs.get("out", (None,))[0], Symbol):
-            del kwargs["out"]  # of x += y, which gives x another value
+            del kwargs["out"]  # for x += y, which makes x another symbol
         return _carried_out(ufunc, method, inputs, kwargs)
 
     def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:

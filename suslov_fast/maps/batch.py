@@ -258,7 +258,7 @@ class BatchRun:
         axial = self.problem.map.attitude == "axial"
         for start in range(0, max(stop, 1), length):  # once even if stop = 0
             path[0], until = self.final.reshape(size, D), min(start + length, stop)
-            # From state 0 on, that state is saved, too.
+            # The first part of the path includes state 0.
             self._step_to(until, 1, path[1:] if start else path, None)
             states, first = path[: until - start + 1], row
             if every:

@@ -77,7 +77,7 @@ def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
     of_problem = problem.body, problem.eps, problem.batch
     if method.kernel is field_steps and method.divide is None:
         yield ALL, method.arguments(*of_problem)
-    else:  # steps of a field; of a body, of its field
+    else:  # of a field, or of the field of a body
         yield from by_zeros(by_scheme(*of_problem, problem.map.stages))
 
 
@@ -99,7 +99,7 @@ class TangentGrowth(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
     by_sign: NDArray[np.bool_]  # (B,), True if a change of sign showed a pole
-    steps: int  # over which the sums are; fewer than asked for if `report` ended the run
+    steps: int  # in the sums: fewer than asked for if `report` ended the run
 
 
 class _Part:
@@ -109,7 +109,7 @@ class _Part:
         B, self.D = x.shape
         self.where, self.n = where, 0
         extended = scheme.step.with_columns()
-        self.by_numpy = not extended.usual  # there is no program
+        self.by_numpy = not extended.usual  # too long for a program
         of_step = scheme if self.by_numpy else Scheme(extended, scheme.stages)
         self.arguments, self.notes = (of_step, values, eps), _no_notes(B)
         # The state, orthonormal columns, and the sums of logarithms of their lengths.

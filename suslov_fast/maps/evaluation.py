@@ -10,7 +10,7 @@ from ..checks import FloatArray, first_index, spell, warn
 from ..status import IntegrationWarning
 from .problem import Problem, check, part_of
 
-# Numbers of a part of a batch, which stays in the caches: D**2 for each state, as of a matrix.
+# The size of a part of a batch, which fits into the caches: D**2 for each state.
 PART = 2**16
 
 

@@ -52,7 +52,7 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
-# The functions of `kahan` for any field; those of bodies have formulas of their own.
+# For the functions of `kahan` of any field; bodies have formulas of their own.
 KAHAN = {
     "matrix": Formula(_matrix),
     "jacobian": Formula(jacobian),

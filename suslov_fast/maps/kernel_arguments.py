@@ -57,7 +57,7 @@ ALL = slice(None)  # the indices of a group of all trajectories
 def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:
     """Return the kernel arguments of fields: a `Scheme`, values of terms, and eps."""
     indices, values = body._terms
-    # Values of a single field, for speed in small calls.
+    # A single field has one row, which takes less time in small calls.
     rows = flat_parameter(values, batch, 1) if body.shape else values[np.newaxis]
     return scheme_of(indices, body.dimension, stages), rows, flat_parameter(eps, batch)
 

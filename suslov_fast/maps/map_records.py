@@ -30,7 +30,7 @@ class Discretization:
     A class may have several maps: the argument `method` of public functions chooses one of them.
     """
 
-    name: str  # which files contain
+    name: str  # a unique name, which files contain
     title: str  # in plots and datasets
     body: type[Any]  # the class of the bodies
     methods: Mapping[str, StepMethod]  # by the argument `method`; the default is first
@@ -48,7 +48,7 @@ class Discretization:
         return named, (self.name,)
 
 
-MAPS: dict[str, Discretization] = {}  # by name
+MAPS: dict[str, Discretization] = {}  # all maps, by their names
 
 
 def map_of(body: Any, method: str = "auto") -> Discretization:

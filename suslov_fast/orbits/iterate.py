@@ -71,7 +71,7 @@ def step(
         return after
     batch_run.to(1)
     batch_run.status[batch_run.status > 0] = 0  # `step` reports no passed poles
-    # Not at step 0, where the given states are NaN.
+    # A failure at step 0 is a given state with NaN, which needs no warning.
     report_failures(batch_run, batch_run, "warn", since=1)
     return batch_run.final
 

@@ -109,7 +109,7 @@ class Trajectories(States):
         if self.map.stages is not WHOLE:
             how = "use energy, which varies along orbits of higher order"
             raise wrong("method", "'auto'", f"{self.method!r}: {how}", TypeError)
-        body: Any = self.body  # a `Map` raises
+        body: Any = self.body  # for a `Map` the call raises
         return kahan.modified_energy(body, self.states, self.eps)
 
     def __repr__(self) -> str:

@@ -17,21 +17,21 @@ from .values import Number, operand_of
 class Function(NamedTuple):
     """A function of numbers that f may contain.
 
-    name        NumPy's name for it, which is also its name in equations
-    operands    how many operands it takes
-    instruction its name in expression programs; "" if it is made of others
-    formula     if it is made of others: takes a `Number` for each operand, returns the value
-    derivative  takes the operands and the value; returns one partial derivative or several
-    is_0_at_0   True if it is 0 at 0, and smooth there
-    sign        its sign in equations
+    name         NumPy's name for it, which is also its name in equations
+    operands     how many operands it takes
+    derivative   takes the operands and the value; returns one partial derivative or several
+    is_0_at_0    True if it is 0 at 0, and smooth there
+    instruction  its name in expression programs; "" if it is made of others
+    formula      if it is made of others: takes a `Number` for each operand, returns the value
+    sign         its sign in equations
     """
 
     name: str
     operands: int
-    instruction: str = ""
-    formula: Callable | None = None
     derivative: Callable | None = None
     is_0_at_0: bool = False
+    instruction: str = ""
+    formula: Callable | None = None
     sign: str = ""
 
     def rule(self, values, *operands):
@@ -44,14 +44,6 @@ class Function(NamedTuple):
         """Add partial derivatives by `emit`; return operands. The value is the last argument."""
         found = self.derivative(*[Number(emit, a) for a in operands_and_value])
         return [*map(operand_of, found if isinstance(found, tuple) else (found,))]
-
-
-def _listed(name, operands, derivative, is_0_at_0=False, instruction=""):
-    """Return the `Function` of one instruction of programs: `instruction`, or `name` if it is "".
-
-    It has `operands` operands. `derivative` takes them and the value. It is 0 at 0 if `is_0_at_0`.
-    """
-    return Function(name, operands, instruction or name, None, derivative, is_0_at_0)
 
 
 def _per_roots(a, b):
@@ -83,36 +75,37 @@ def _of_logaddexp(a, b, y):
 
 
 _OF_LISTS = [
-    _listed("exp", 1, lambda a, y: y),
-    _listed("expm1", 1, lambda a, y: a.then("exp"), True),
-    _listed("log", 1, lambda a, y: 1.0 / a),
-    _listed("log2", 1, lambda a, y: (1 / math.log(2.0)) / a),
-    _listed("log10", 1, lambda a, y: (1 / math.log(10.0)) / a),
-    _listed("log1p", 1, lambda a, y: 1.0 / (1.0 + a), True),
-    _listed("sqrt", 1, lambda a, y: 0.5 / y),
-    _listed("cbrt", 1, lambda a, y: (1.0 / 3.0) / (y * y)),
-    _listed("sin", 1, lambda a, y: a.then("cos"), True),
-    _listed("cos", 1, lambda a, y: -a.then("sin")),
-    _listed("tan", 1, lambda a, y: 1.0 + y * y, True),
-    _listed("sinh", 1, lambda a, y: a.then("cosh"), True),
-    _listed("cosh", 1, lambda a, y: a.then("sinh")),
+    Function("exp", 1, lambda a, y: y),
+    Function("expm1", 1, lambda a, y: a.then("exp"), True),
+    Function("log", 1, lambda a, y: 1.0 / a),
+    Function("log2", 1, lambda a, y: (1 / math.log(2.0)) / a),
+    Function("log10", 1, lambda a, y: (1 / math.log(10.0)) / a),
+    Function("log1p", 1, lambda a, y: 1.0 / (1.0 + a), True),
+    Function("sqrt", 1, lambda a, y: 0.5 / y),
+    Function("cbrt", 1, lambda a, y: (1.0 / 3.0) / (y * y)),
+    Function("sin", 1, lambda a, y: a.then("cos"), True),
+    Function("cos", 1, lambda a, y: -a.then("sin")),
+    Function("tan", 1, lambda a, y: 1.0 + y * y, True),
+    Function("sinh", 1, lambda a, y: a.then("cosh"), True),
+    Function("cosh", 1, lambda a, y: a.then("sinh")),
     # It has more digits than 1 - y**2.
-    _listed("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True),
-    _listed("arcsin", 1, lambda a, y: _per_roots(1.0 - a, 1.0 + a), True, "asin"),
-    _listed("arccos", 1, lambda a, y: -_per_roots(1.0 - a, 1.0 + a), False, "acos"),
-    _listed("arctan", 1, lambda a, y: 1.0 / (1.0 + a * a), True, "atan"),
-    _listed("arcsinh", 1, lambda a, y: 1.0 / a.then("hypot", 1.0), True, "asinh"),
-    _listed("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
-    _listed("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
-    _listed("erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True),
+    Function("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True),
+    Function("arcsin", 1, lambda a, y: _per_roots(1.0 - a, 1.0 + a), True, "asin"),
+    Function("arccos", 1, lambda a, y: -_per_roots(1.0 - a, 1.0 + a), False, "acos"),
+    Function("arctan", 1, lambda a, y: 1.0 / (1.0 + a * a), True, "atan"),
+    Function("arcsinh", 1, lambda a, y: 1.0 / a.then("hypot", 1.0), True, "asinh"),
+    Function("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
+    Function("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
+    Function("erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True),
     # 1 - y is the value at -a, which has all digits.
-    _listed("expit", 1, lambda a, y: y * (-a).then("expit")),
-    _listed("floor", 1, lambda a, y: 0.0),
-    _listed("arctan2", 2, _of_angle, False, "atan2"),
-    _listed("hypot", 2, _of_hypot),
-    _listed("logaddexp", 2, _of_logaddexp),
+    Function("expit", 1, lambda a, y: y * (-a).then("expit")),
+    Function("floor", 1, lambda a, y: 0.0),
+    Function("arctan2", 2, _of_angle, False, "atan2"),
+    Function("hypot", 2, _of_hypot),
+    Function("logaddexp", 2, _of_logaddexp),
 ]
-_POWER = _listed("power", 2, _of_power, False, "pow")
+_OF_LISTS = [each._replace(instruction=each.instruction or each.name) for each in _OF_LISTS]
+_POWER = Function("power", 2, _of_power, False, "pow")
 RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
 
 
@@ -196,37 +189,37 @@ def _product(a, b):
 
 
 _MADE = [
-    Function("add", 2, "", _sum, sign="+"),
-    Function("subtract", 2, "", lambda a, b: a if _is_0(b) else a - b, sign="-"),
-    Function("multiply", 2, "", _product, sign="*"),
-    Function("divide", 2, "fdiv", sign="/"),
-    Function("power", 2, "", _power, sign="**"),
-    Function("exp2", 1, "", lambda a: Number(a.emit, 2.0).then("pow", a)),
-    Function("floor_divide", 2, "", lambda a, b: (a / b).then("floor"), sign="//"),
-    Function("remainder", 2, "", lambda a, b: a - b * (a / b).then("floor"), sign="%"),
-    Function("positive", 1, "", lambda a: a),
-    Function("negative", 1, "", lambda a: -a),
-    Function("absolute", 1, "fabs"),
-    Function("deg2rad", 1, "", lambda a: math.pi / 180.0 * a),
-    Function("rad2deg", 1, "", lambda a: 180.0 / math.pi * a),
-    Function("sign", 1, "", _sign),
-    Function("heaviside", 2, "", _heaviside),
-    Function("minimum", 2, "", _minimum),
-    Function("maximum", 2, "", _maximum),
-    Function("clip", 3, "", lambda a, least, most: _minimum(_maximum(a, least), most)),
-    Function("ceil", 1, "", _ceil),
-    Function("trunc", 1, "", lambda a: (a < 0.0).select(_ceil(a), a.then("floor"))),
-    Function("where", 3, "select"),
-    Function("less", 2, "olt", sign="<"),
-    Function("greater", 2, "ogt", sign=">"),
-    Function("less_equal", 2, "", lambda a, b: b >= a, sign="<="),
-    Function("greater_equal", 2, "oge", sign=">="),
-    Function("equal", 2, "oeq", sign="=="),
-    Function("not_equal", 2, "", lambda a, b: ~a.equals(b), sign="!="),
-    Function("logical_and", 2, "and", sign="&"),
-    Function("logical_or", 2, "or", sign="|"),
-    Function("logical_xor", 2, "xor", sign="^"),
-    Function("logical_not", 1, "", lambda a: ~a, sign="~"),
+    Function("add", 2, formula=_sum, sign="+"),
+    Function("subtract", 2, formula=lambda a, b: a if _is_0(b) else a - b, sign="-"),
+    Function("multiply", 2, formula=_product, sign="*"),
+    Function("divide", 2, instruction="fdiv", sign="/"),
+    Function("power", 2, formula=_power, sign="**"),
+    Function("exp2", 1, formula=lambda a: Number(a.emit, 2.0).then("pow", a)),
+    Function("floor_divide", 2, formula=lambda a, b: (a / b).then("floor"), sign="//"),
+    Function("remainder", 2, formula=lambda a, b: a - b * (a / b).then("floor"), sign="%"),
+    Function("positive", 1, formula=lambda a: a),
+    Function("negative", 1, formula=lambda a: -a),
+    Function("absolute", 1, instruction="fabs"),
+    Function("deg2rad", 1, formula=lambda a: math.pi / 180.0 * a),
+    Function("rad2deg", 1, formula=lambda a: 180.0 / math.pi * a),
+    Function("sign", 1, formula=_sign),
+    Function("heaviside", 2, formula=_heaviside),
+    Function("minimum", 2, formula=_minimum),
+    Function("maximum", 2, formula=_maximum),
+    Function("clip", 3, formula=lambda a, least, most: _minimum(_maximum(a, least), most)),
+    Function("ceil", 1, formula=_ceil),
+    Function("trunc", 1, formula=lambda a: (a < 0.0).select(_ceil(a), a.then("floor"))),
+    Function("where", 3, instruction="select"),
+    Function("less", 2, instruction="olt", sign="<"),
+    Function("greater", 2, instruction="ogt", sign=">"),
+    Function("less_equal", 2, formula=lambda a, b: b >= a, sign="<="),
+    Function("greater_equal", 2, instruction="oge", sign=">="),
+    Function("equal", 2, instruction="oeq", sign="=="),
+    Function("not_equal", 2, formula=lambda a, b: ~a.equals(b), sign="!="),
+    Function("logical_and", 2, instruction="and", sign="&"),
+    Function("logical_or", 2, instruction="or", sign="|"),
+    Function("logical_xor", 2, instruction="xor", sign="^"),
+    Function("logical_not", 1, formula=lambda a: ~a, sign="~"),
 ]
 FUNCTIONS = {record.name: record for record in [*_OF_LISTS, *_MADE]}
 # Other names of NumPy for the same functions.
